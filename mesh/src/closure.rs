@@ -1,0 +1,100 @@
+//! Split requests: which older vertices must come first, and in what order.
+
+use crate::delta::{MeshDelta, VertexId};
+use crate::error::MeshError;
+use crate::forest::BisectionForest;
+use crate::kuhn::Point;
+use crate::lattice::Lattice;
+
+impl BisectionForest {
+    /// The vertices that a split at `p` needs, oldest first, `p` last; empty if `p` is active.
+    ///
+    /// Splitting them in this order keeps the mesh conforming at every moment, so that a caller
+    /// with little time may take them one by one. At most 28k − 42 of them for p of generation
+    /// 3k ≥ 9, 2 to 4 on average in random refinement.
+    pub fn closure(&self, p: Point) -> Vec<Point> {
+        let mut found = Vec::new();
+        if self.vertex_at(p).is_none() {
+            self.collect(p, &mut found);
+        }
+        found.sort_by_key(|&q| (self.domain().lattice().generation(q), Lattice::key(q)));
+        found
+    }
+
+    fn collect(&self, p: Point, found: &mut Vec<Point>) {
+        if found.contains(&p) {
+            return;
+        }
+        found.push(p);
+        let missing: Vec<Point> = self.missing(p).collect();
+        for q in missing {
+            self.collect(q, found);
+        }
+    }
+
+    /// Splits at `p` with its closure, calling `visit` after each vertex.
+    ///
+    /// # Errors
+    /// [`MeshError::NotSplittable`] if `p` is no midpoint of a tetrahedron above `max_level`;
+    /// then nothing was split.
+    pub fn split_with_closure(
+        &mut self,
+        p: Point,
+        delta: &mut MeshDelta,
+        mut visit: impl FnMut(&Self, &MeshDelta),
+    ) -> Result<VertexId, MeshError> {
+        let lattice = *self.domain().lattice();
+        let allowed = lattice.contains(p)
+            && lattice.generation(p) <= self.max_level()
+            && self.vertex_at(p).is_none()
+            && self.domain().contains(p);
+        let mut last = Err(MeshError::NotSplittable { point: p });
+        if !allowed {
+            return last;
+        }
+        for q in self.closure(p) {
+            last = self.split(q, delta);
+            if last.is_err() {
+                return last;
+            }
+            visit(self, delta);
+        }
+        last
+    }
+
+    /// Splits until every leaf has at least `level`.
+    ///
+    /// # Errors
+    /// [`MeshError::Level`] if `level` is beyond `max_level`.
+    pub fn refine_uniformly(&mut self, level: u8) -> Result<(), MeshError> {
+        if level > self.max_level() {
+            let limit = self.max_level();
+            return Err(MeshError::Level { what: "uniform level", level, limit });
+        }
+        let mut delta = MeshDelta::empty();
+        for generation in 1..=level {
+            for p in self.candidates() {
+                if self.domain().lattice().generation(p) == generation {
+                    self.split(p, &mut delta)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Merges all that may be merged, down to the start mesh.
+    ///
+    /// # Errors
+    /// None on a valid forest: the errors of [`Self::merge`] are passed on.
+    pub fn merge_all(&mut self) -> Result<(), MeshError> {
+        let mut delta = MeshDelta::empty();
+        for generation in (self.start_level() + 1..=self.max_level()).rev() {
+            let young: Vec<VertexId> =
+                self.vertices().filter(|&v| self.generation(v) == generation).collect();
+            for v in young {
+                self.merge(v, &mut delta)?;
+            }
+        }
+        Ok(())
+    }
+}

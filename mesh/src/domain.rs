@@ -1,0 +1,101 @@
+//! Which root cubes belong to the body.
+
+use std::collections::VecDeque;
+
+use crate::kuhn::Point;
+use crate::label_tree::LabelTree;
+use crate::lattice::Lattice;
+
+/// A set of root cubes, fixed for the life of a forest.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Domain {
+    lattice: Lattice,
+    inside: Vec<bool>,
+}
+
+impl Domain {
+    /// All cubes of a box.
+    pub fn full(lattice: Lattice) -> Self {
+        Self { inside: vec![true; lattice.cell_count()], lattice }
+    }
+
+    /// The cubes that hold anything but background.
+    pub fn of_labels(lattice: Lattice, tree: &LabelTree) -> Self {
+        let inside = (0..lattice.cell_count()).map(|cell| tree.cell_is_solid(cell)).collect();
+        Self { lattice, inside }
+    }
+
+    /// The lattice it lies on.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// The cubes inside, ascending linear numbers.
+    pub fn cells(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.inside.len()).filter(|&cell| self.inside[cell])
+    }
+
+    /// True where `p` lies in the closure of the body.
+    pub fn contains(&self, p: Point) -> bool {
+        self.lattice.cells_around(p).any(|cell| self.inside[cell])
+    }
+
+    /// Face-connected groups of cubes, each ascending, in the order of their first cube. Cubes
+    /// joined only by an edge or a vertex are different groups: such a joint is a mechanism.
+    pub fn components(&self) -> Vec<Vec<usize>> {
+        let mut seen = vec![false; self.inside.len()];
+        let mut groups = Vec::new();
+        for start in self.cells() {
+            if seen[start] {
+                continue;
+            }
+            seen[start] = true;
+            let mut group = vec![start];
+            let mut queue = VecDeque::from([start]);
+            while let Some(cell) = queue.pop_front() {
+                for next in self.face_neighbours(cell) {
+                    if self.inside[next] && !seen[next] {
+                        seen[next] = true;
+                        group.push(next);
+                        queue.push_back(next);
+                    }
+                }
+            }
+            group.sort_unstable();
+            groups.push(group);
+        }
+        groups
+    }
+
+    fn face_neighbours(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
+        let c = self.lattice.cell_coordinates(cell);
+        let [nx, ny, _] = self.lattice.cells;
+        let strides = [1, nx, nx * ny];
+        (0..3).flat_map(move |axis| {
+            let below = (c[axis] > 0).then(|| cell - strides[axis]);
+            let above = (c[axis] + 1 < self.lattice.cells[axis]).then(|| cell + strides[axis]);
+            below.into_iter().chain(above)
+        })
+    }
+
+    /// Takes cubes out of the body.
+    pub fn exclude(&mut self, cells: &[usize]) {
+        for &cell in cells {
+            self.inside[cell] = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubes_that_touch_in_an_edge_are_two_components() {
+        let mut domain = Domain::full(Lattice::new([2, 2, 1], 3));
+        domain.exclude(&[1, 2]);
+        assert_eq!(domain.components(), vec![vec![0], vec![3]]);
+        assert!(domain.contains([2, 2, 1]), "the shared edge belongs to both");
+        assert!(!domain.contains([4, 0, 0]));
+    }
+}

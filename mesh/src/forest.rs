@@ -1,0 +1,490 @@
+//! The bisection forest at run time: a closed set of active vertices, refined and merged one
+//! vertex at a time (Oishi et al., section 3.1.2 and their reference [4]).
+//!
+//! Every lattice point that is a vertex or could become the next one has a *diamond*: the ring
+//! of tetrahedra around the edge whose midpoint it is. Splitting and merging touch that ring
+//! and at most four counters; nothing is searched.
+
+use std::sync::Arc;
+
+use crate::delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
+use crate::domain::Domain;
+use crate::error::MeshError;
+use crate::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint, root_corners};
+use crate::label_tree::{LabelTree, NodeRef};
+use crate::lattice::{ABSENT, Lattice, MAX_LEVEL, PointMap};
+
+const NONE: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct VertexRecord {
+    point: Point,
+    generation: u8,
+    active_dependents: u8,
+    diamond: u32,
+    alive: bool,
+}
+
+/// The ring around an edge, known by the edge's midpoint.
+#[derive(Clone, Copy, Debug)]
+struct Diamond {
+    ring: [u32; 8],
+    len: u8,
+    vertex: u32,
+    point: Point,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct TetRecord {
+    vertices: [VertexId; 4],
+    node: NodeRef,
+    level: u8,
+    alive: bool,
+    /// First of two children, or NONE for a leaf.
+    child: u32,
+    diamond: u32,
+    /// Root number and the path of child choices: a name that does not depend on history.
+    root: u32,
+    path: u64,
+}
+
+/// A conforming tetrahedral mesh of a voxel-shaped domain that refines and merges online.
+#[derive(Clone, Debug)]
+pub struct BisectionForest {
+    domain: Domain,
+    tree: Arc<LabelTree>,
+    start_level: u8,
+    max_level: u8,
+    vertices: Vec<VertexRecord>,
+    free_vertices: Vec<u32>,
+    tets: Vec<TetRecord>,
+    free_pairs: Vec<u32>,
+    diamonds: Vec<Diamond>,
+    free_diamonds: Vec<u32>,
+    by_point: PointMap,
+    vertex_count: usize,
+    leaf_count: usize,
+}
+
+impl BisectionForest {
+    /// The uniform mesh at `start_level`, which is also the floor of merging.
+    ///
+    /// `domain` lies on a lattice of at least `max_level`; `tree` has the same cells.
+    ///
+    /// # Errors
+    /// [`MeshError::Level`] if start_level > max_level or the lattice does not reach max_level;
+    /// [`MeshError::NothingInside`] if the domain is empty.
+    pub fn new(
+        domain: Domain,
+        tree: Arc<LabelTree>,
+        start_level: u8,
+        max_level: u8,
+    ) -> Result<Self, MeshError> {
+        let lattice = *domain.lattice();
+        if max_level > MAX_LEVEL || Lattice::new(lattice.cells, max_level) != lattice {
+            return Err(MeshError::Level { what: "max_level", level: max_level, limit: MAX_LEVEL });
+        }
+        if start_level > max_level {
+            let what = "start_level";
+            return Err(MeshError::Level { what, level: start_level, limit: max_level });
+        }
+        let mut forest = Self {
+            by_point: PointMap::new(&lattice),
+            domain,
+            tree,
+            start_level,
+            max_level,
+            vertices: Vec::new(),
+            free_vertices: Vec::new(),
+            tets: Vec::new(),
+            free_pairs: Vec::new(),
+            diamonds: Vec::new(),
+            free_diamonds: Vec::new(),
+            vertex_count: 0,
+            leaf_count: 0,
+        };
+        forest.plant_roots();
+        if forest.leaf_count == 0 {
+            return Err(MeshError::NothingInside);
+        }
+        forest.refine_uniformly(start_level)?;
+        Ok(forest)
+    }
+
+    fn plant_roots(&mut self) {
+        let lattice = *self.domain.lattice();
+        let cells: Vec<usize> = self.domain.cells().collect();
+        for cell in cells {
+            let coordinates = lattice.cell_coordinates(cell);
+            for order in 0..ROOTS_PER_CELL {
+                let corners = root_corners(coordinates, order, lattice.units);
+                let vertices = corners.map(|p| self.root_vertex(p));
+                let root = (cell * ROOTS_PER_CELL + order) as u32;
+                self.tets.push(TetRecord {
+                    vertices,
+                    node: self.tree.root(cell, order),
+                    level: 0,
+                    alive: true,
+                    child: NONE,
+                    diamond: NONE,
+                    root,
+                    path: 1,
+                });
+                self.leaf_count += 1;
+                self.join_diamond(self.tets.len() - 1);
+            }
+        }
+    }
+
+    fn root_vertex(&mut self, p: Point) -> VertexId {
+        let known = self.by_point.get(p);
+        if known != ABSENT {
+            return VertexId(self.diamonds[known as usize].vertex);
+        }
+        let diamond = self.new_diamond(p);
+        self.new_vertex(p, 0, diamond)
+    }
+
+    fn new_vertex(&mut self, point: Point, generation: u8, diamond: u32) -> VertexId {
+        let record = VertexRecord { point, generation, active_dependents: 0, diamond, alive: true };
+        let id = match self.free_vertices.pop() {
+            Some(id) => {
+                self.vertices[id as usize] = record;
+                id
+            }
+            None => {
+                self.vertices.push(record);
+                self.vertices.len() as u32 - 1
+            }
+        };
+        self.diamonds[diamond as usize].vertex = id;
+        self.vertex_count += 1;
+        VertexId(id)
+    }
+
+    fn new_diamond(&mut self, point: Point) -> u32 {
+        let diamond = Diamond { ring: [NONE; 8], len: 0, vertex: NONE, point };
+        let id = match self.free_diamonds.pop() {
+            Some(id) => {
+                self.diamonds[id as usize] = diamond;
+                id
+            }
+            None => {
+                self.diamonds.push(diamond);
+                self.diamonds.len() as u32 - 1
+            }
+        };
+        self.by_point.set(point, id);
+        id
+    }
+
+    fn join_diamond(&mut self, tet: usize) {
+        let record = self.tets[tet];
+        if record.level >= self.max_level {
+            return;
+        }
+        let corners = record.vertices.map(|v| self.vertices[v.index()].point);
+        let point = midpoint(&corners, record.level);
+        let id = match self.by_point.get(point) {
+            ABSENT => self.new_diamond(point),
+            known => known,
+        };
+        let diamond = &mut self.diamonds[id as usize];
+        diamond.ring[usize::from(diamond.len)] = tet as u32;
+        diamond.len += 1;
+        self.tets[tet].diamond = id;
+    }
+
+    fn leave_diamond(&mut self, tet: usize) {
+        let id = self.tets[tet].diamond;
+        if id == NONE {
+            return;
+        }
+        let diamond = &mut self.diamonds[id as usize];
+        let len = usize::from(diamond.len);
+        if let Some(at) = diamond.ring[..len].iter().position(|&t| t == tet as u32) {
+            diamond.ring.copy_within(at + 1..len, at);
+            diamond.len -= 1;
+        }
+        if diamond.len == 0 && diamond.vertex == NONE {
+            self.by_point.set(diamond.point, ABSENT);
+            self.free_diamonds.push(id);
+        }
+    }
+
+    /// Activates the vertex at `p` by bisecting its ring; fills `delta`.
+    ///
+    /// Cost: O(1), the ring of at most 8 tetrahedra.
+    ///
+    /// # Errors
+    /// [`MeshError::NotSplittable`] if `p` is active, no leaf above `max_level` has it as its
+    /// midpoint, or an older vertex that it depends on is missing (see [`Self::closure`]).
+    pub fn split(&mut self, p: Point, delta: &mut MeshDelta) -> Result<VertexId, MeshError> {
+        let id = self.by_point_checked(p);
+        if id == ABSENT || self.diamonds[id as usize].vertex != NONE || !self.is_ready(p) {
+            return Err(MeshError::NotSplittable { point: p });
+        }
+        let generation = self.domain.lattice().generation(p);
+        let vertex = self.new_vertex(p, generation, id);
+        for i in 0..usize::from(self.diamonds[id as usize].len) {
+            let parent = self.diamonds[id as usize].ring[i] as usize;
+            self.bisect_tet(parent, vertex);
+        }
+        self.count_dependents(p, 1);
+        self.describe(Change::Split, vertex, id, delta);
+        Ok(vertex)
+    }
+
+    fn bisect_tet(&mut self, parent: usize, midpoint: VertexId) {
+        let record = self.tets[parent];
+        let halves = bisect(&record.vertices, record.level, midpoint);
+        let nodes = self.tree.children(record.node);
+        let first = match self.free_pairs.pop() {
+            Some(first) => first as usize,
+            None => {
+                let first = self.tets.len();
+                self.tets.extend([record; 2]);
+                first
+            }
+        };
+        for side in 0..2 {
+            self.tets[first + side] = TetRecord {
+                vertices: halves[side],
+                node: nodes[side],
+                level: record.level + 1,
+                alive: true,
+                child: NONE,
+                diamond: NONE,
+                root: record.root,
+                path: record.path << 1 | side as u64,
+            };
+            self.join_diamond(first + side);
+        }
+        self.tets[parent].child = first as u32;
+        self.leaf_count += 1;
+    }
+
+    fn count_dependents(&mut self, p: Point, step: i8) {
+        for &q in self.domain.lattice().dependencies(p).as_slice() {
+            if let Some(v) = self.vertex_at(q) {
+                let counter = &mut self.vertices[v.index()].active_dependents;
+                *counter = counter.wrapping_add_signed(step);
+            }
+        }
+    }
+
+    /// Takes `vertex` out again; fills `delta` with the ring as it was.
+    ///
+    /// Cost: O(1), the ring of at most 8 tetrahedra.
+    ///
+    /// # Errors
+    /// [`MeshError::NotMergeable`] if it is not active, belongs to the start mesh, or a younger
+    /// vertex depends on it.
+    pub fn merge(&mut self, vertex: VertexId, delta: &mut MeshDelta) -> Result<(), MeshError> {
+        if !self.is_mergeable(vertex) {
+            return Err(MeshError::NotMergeable { vertex: vertex.0 });
+        }
+        let VertexRecord { point, diamond, .. } = self.vertices[vertex.index()];
+        self.describe(Change::Merge, vertex, diamond, delta);
+        for i in 0..usize::from(self.diamonds[diamond as usize].len) {
+            let parent = self.diamonds[diamond as usize].ring[i] as usize;
+            let first = self.tets[parent].child as usize;
+            for child in [first, first + 1] {
+                self.leave_diamond(child);
+                self.tets[child].alive = false;
+            }
+            self.free_pairs.push(first as u32);
+            self.tets[parent].child = NONE;
+            self.leaf_count -= 1;
+        }
+        self.diamonds[diamond as usize].vertex = NONE;
+        self.count_dependents(point, -1);
+        self.vertices[vertex.index()].alive = false;
+        self.free_vertices.push(vertex.0);
+        self.vertex_count -= 1;
+        Ok(())
+    }
+
+    fn describe(&self, change: Change, vertex: VertexId, diamond: u32, delta: &mut MeshDelta) {
+        delta.change = change;
+        delta.vertex = vertex;
+        self.ring_of(diamond, &mut delta.ring, |first| {
+            [self.tet_at(first as usize), self.tet_at(first as usize + 1)]
+        });
+        let parent = &delta.ring[0].parent;
+        delta.edge = [parent.vertices[0], parent.vertices[bisected_corner(parent.level)]];
+        delta.edge.sort_unstable();
+    }
+
+    /// Fills `ring` with the tetrahedra of a diamond in the order of their names.
+    fn ring_of(&self, diamond: u32, ring: &mut Vec<RingTet>, children: impl Fn(u32) -> [Tet; 2]) {
+        let Diamond { ring: mut members, len, .. } = self.diamonds[diamond as usize];
+        let members = &mut members[..usize::from(len)];
+        members.sort_unstable_by_key(|&t| {
+            let record = &self.tets[t as usize];
+            (record.root, record.path)
+        });
+        ring.clear();
+        ring.extend(members.iter().map(|&t| RingTet {
+            parent: self.tet_at(t as usize),
+            children: children(self.tets[t as usize].child),
+        }));
+    }
+
+    fn by_point_checked(&self, p: Point) -> u32 {
+        if self.domain.lattice().contains(p) { self.by_point.get(p) } else { ABSENT }
+    }
+
+    fn tet_at(&self, index: usize) -> Tet {
+        let record = &self.tets[index];
+        Tet {
+            id: TetId(index as u32),
+            vertices: record.vertices,
+            level: record.level,
+            node: record.node,
+        }
+    }
+}
+
+/// Questions.
+impl BisectionForest {
+    /// True where every older vertex that `p` depends on is active.
+    pub fn is_ready(&self, p: Point) -> bool {
+        self.missing(p).next().is_none()
+    }
+
+    /// The direct dependencies of `p` that are inside the domain and not active.
+    pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
+        let dependencies = self.domain.lattice().dependencies(p);
+        (0..dependencies.as_slice().len())
+            .map(move |i| dependencies.as_slice()[i])
+            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
+    }
+
+    /// True where `vertex` may be merged: active, above the start mesh, without dependents.
+    pub fn is_mergeable(&self, vertex: VertexId) -> bool {
+        self.vertices.get(vertex.index()).is_some_and(|record| {
+            record.alive && record.generation > self.start_level && record.active_dependents == 0
+        })
+    }
+
+    /// The active vertex at a lattice point.
+    pub fn vertex_at(&self, p: Point) -> Option<VertexId> {
+        let id = self.by_point_checked(p);
+        (id != ABSENT)
+            .then(|| self.diamonds[id as usize].vertex)
+            .filter(|&v| v != NONE)
+            .map(VertexId)
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The labels inside.
+    pub fn tree(&self) -> &Arc<LabelTree> {
+        &self.tree
+    }
+
+    /// The floor of merging.
+    pub fn start_level(&self) -> u8 {
+        self.start_level
+    }
+
+    /// The finest level that splits reach.
+    pub fn max_level(&self) -> u8 {
+        self.max_level
+    }
+
+    /// Number of active vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of leaf tetrahedra.
+    pub fn leaf_count(&self) -> usize {
+        self.leaf_count
+    }
+
+    /// One more than the largest vertex number ever in use: the length of arrays by vertex.
+    pub fn vertex_capacity(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// One more than the largest tetrahedron number ever in use.
+    pub fn tet_capacity(&self) -> usize {
+        self.tets.len()
+    }
+
+    /// Active vertices, ascending numbers.
+    pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        (0..self.vertices.len()).filter(|&i| self.vertices[i].alive).map(|i| VertexId(i as u32))
+    }
+
+    /// Leaf tetrahedra: the current mesh, ascending numbers.
+    pub fn leaves(&self) -> impl Iterator<Item = Tet> + '_ {
+        (0..self.tets.len())
+            .filter(|&i| self.tets[i].alive && self.tets[i].child == NONE)
+            .map(|i| self.tet_at(i))
+    }
+
+    /// Lattice point of an active vertex.
+    pub fn point(&self, vertex: VertexId) -> Point {
+        self.vertices[vertex.index()].point
+    }
+
+    /// Generation of an active vertex.
+    pub fn generation(&self, vertex: VertexId) -> u8 {
+        self.vertices[vertex.index()].generation
+    }
+
+    /// The point whose activation would bisect `tet`; none at the finest level.
+    pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
+        let diamond = self.tets[tet.index()].diamond;
+        (diamond != NONE).then(|| self.diamonds[diamond as usize].point)
+    }
+
+    /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
+    /// are given with the number of their parent. Returns false otherwise.
+    pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
+        let id = self.by_point_checked(p);
+        if id == ABSENT || self.diamonds[id as usize].vertex != NONE || !self.is_ready(p) {
+            return false;
+        }
+        self.parents_of(id, ring);
+        true
+    }
+
+    /// Fills `ring` with the coarse tetrahedra that a merge of `vertex` would restore, if it may
+    /// happen now. Returns false otherwise.
+    pub fn merge_ring(&self, vertex: VertexId, ring: &mut Vec<Tet>) -> bool {
+        if !self.is_mergeable(vertex) {
+            return false;
+        }
+        self.parents_of(self.vertices[vertex.index()].diamond, ring);
+        true
+    }
+
+    fn parents_of(&self, diamond: u32, ring: &mut Vec<Tet>) {
+        let Diamond { ring: members, len, .. } = self.diamonds[diamond as usize];
+        ring.clear();
+        ring.extend(members[..usize::from(len)].iter().map(|&t| self.tet_at(t as usize)));
+        ring.sort_unstable_by_key(|t| {
+            let record = &self.tets[t.id.index()];
+            (record.root, record.path)
+        });
+    }
+
+    /// Points at which a split may happen now, ascending keys.
+    pub fn candidates(&self) -> Vec<Point> {
+        let mut points: Vec<Point> = self
+            .diamonds
+            .iter()
+            .filter(|d| d.vertex == NONE && d.len > 0 && self.is_ready(d.point))
+            .map(|d| d.point)
+            .collect();
+        points.sort_unstable_by_key(|&p| Lattice::key(p));
+        points
+    }
+}

@@ -1,0 +1,266 @@
+//! The integer lattice of a bisection forest: which vertices exist, and which need which.
+//!
+//! Root cubes are `units` = N = 2^⌈Lmax/3⌉ lattice units wide. The generation of a vertex (the
+//! level of the tetrahedra that its split creates) and the older vertices it depends on follow
+//! from the bits of its coordinates alone; the mesh is a set of vertices closed under these
+//! dependencies (a diamond hierarchy: Weiss and De Floriani, Computer Graphics Forum 30(8), 2011).
+
+use crate::kuhn::Point;
+
+/// Which of three kinds of older vertices a split needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Site {
+    /// A corner of a root cube: always there.
+    Root,
+    /// The centre of a cube: bisects the body diagonal of six TYPE0 tetrahedra.
+    CubeCentre,
+    /// The centre of a face: bisects the face diagonal of four TYPE1 tetrahedra.
+    FaceCentre,
+    /// The midpoint of a cube's edge: bisects it in eight TYPE2 tetrahedra.
+    EdgeMidpoint,
+}
+
+/// Up to N points without an allocation.
+#[derive(Clone, Copy, Debug)]
+pub struct Points<const N: usize> {
+    points: [Point; N],
+    len: usize,
+}
+
+impl<const N: usize> Points<N> {
+    fn new() -> Self {
+        Self { points: [[0; 3]; N], len: 0 }
+    }
+
+    fn push(&mut self, p: Point) {
+        self.points[self.len] = p;
+        self.len += 1;
+    }
+
+    /// The points as a slice.
+    pub fn as_slice(&self) -> &[Point] {
+        &self.points[..self.len]
+    }
+}
+
+/// The finest level whose lattice fits the 21 bits per coordinate of [`Lattice::key`].
+pub const MAX_LEVEL: u8 = 30;
+
+/// Root cubes and lattice units: sizes only, no state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lattice {
+    /// Root cubes along x, y, z.
+    pub cells: [usize; 3],
+    /// Lattice units per root cube, a power of two.
+    pub units: i32,
+}
+
+impl Lattice {
+    /// The lattice on which tetrahedra down to `max_level` have integer corners.
+    pub fn new(cells: [usize; 3], max_level: u8) -> Self {
+        Self { cells, units: 1 << max_level.div_ceil(3) }
+    }
+
+    /// Coordinates packed 3 × 21 bits, x lowest: a canonical order of vertices.
+    pub fn key(p: Point) -> u64 {
+        p[0] as u64 | (p[1] as u64) << 21 | (p[2] as u64) << 42
+    }
+
+    /// True where `p` lies in the closed box of all root cubes.
+    pub fn contains(&self, p: Point) -> bool {
+        (0..3).all(|i| p[i] >= 0 && p[i] <= self.cells[i] as i32 * self.units)
+    }
+
+    /// The kind of `p` and its spacing s, the lowest set bit of x|y|z.
+    pub fn site(&self, p: Point) -> (Site, i32) {
+        let bits = p[0] | p[1] | p[2];
+        let s = bits & bits.wrapping_neg();
+        if s == 0 || s >= self.units {
+            return (Site::Root, self.units);
+        }
+        let odd = p.iter().filter(|&&c| c & s != 0).count();
+        (
+            match odd {
+                3 => Site::CubeCentre,
+                2 => Site::FaceCentre,
+                _ => Site::EdgeMidpoint,
+            },
+            s,
+        )
+    }
+
+    /// Level of the tetrahedra that the split at `p` creates; 0 for root vertices.
+    pub fn generation(&self, p: Point) -> u8 {
+        let (site, s) = self.site(p);
+        let doublings = (self.units / (2 * s)).trailing_zeros() as u8;
+        match site {
+            Site::Root => 0,
+            Site::CubeCentre => 3 * doublings + 1,
+            Site::FaceCentre => 3 * doublings + 2,
+            Site::EdgeMidpoint => 3 * doublings + 3,
+        }
+    }
+
+    /// The older vertices that must be active before `p` may be: 3, 2 or 4, those inside the
+    /// lattice's box (the caller drops those outside its domain).
+    pub fn dependencies(&self, p: Point) -> Points<4> {
+        let (site, s) = self.site(p);
+        let mut result = Points::new();
+        let mut push = |q: Point| {
+            if self.contains(q) {
+                result.push(q);
+            }
+        };
+        match site {
+            Site::Root => {}
+            Site::CubeCentre => {
+                if 2 * s < self.units {
+                    // The corner ≡ 0 mod 4s of the cube around p: where diagonals start.
+                    let corner = p.map(|c| (c + s) & !(4 * s - 1));
+                    for axis in 0..3 {
+                        let mut q = corner;
+                        q[axis] += if p[axis] > corner[axis] { 2 * s } else { -2 * s };
+                        push(q);
+                    }
+                }
+            }
+            Site::FaceCentre | Site::EdgeMidpoint => {
+                for axis in (0..3).filter(|&i| p[i] & s == 0) {
+                    for step in [-s, s] {
+                        let mut q = p;
+                        q[axis] += step;
+                        push(q);
+                    }
+                }
+            }
+        }
+        result
+    }
+
+    /// The root cubes whose closure holds `p` (1, 2, 4 or 8), as linear cell numbers.
+    pub fn cells_around(&self, p: Point) -> impl Iterator<Item = usize> + use<> {
+        let (cells, units) = (self.cells, self.units);
+        let low = p.map(|c| (c - 1).div_euclid(units));
+        let high = p.map(|c| c.div_euclid(units));
+        (low[2]..=high[2]).flat_map(move |z| {
+            (low[1]..=high[1]).flat_map(move |y| {
+                (low[0]..=high[0]).filter_map(move |x| {
+                    let inside =
+                        [x, y, z].iter().zip(cells).all(|(&c, n)| c >= 0 && (c as usize) < n);
+                    inside.then(|| x as usize + cells[0] * (y as usize + cells[1] * z as usize))
+                })
+            })
+        })
+    }
+
+    /// Coordinates of a linear cell number.
+    pub fn cell_coordinates(&self, cell: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.cells;
+        [cell % nx, cell / nx % ny, cell / (nx * ny)]
+    }
+
+    /// Number of root cubes.
+    pub fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+}
+
+/// A map from lattice points to `u32` without hashing: one lazily filled page per root cube.
+#[derive(Clone, Debug)]
+pub struct PointMap {
+    pages: Vec<Option<Box<[u32]>>>,
+    page_counts: [usize; 3],
+    shift: u32,
+}
+
+/// The value of a point that is not in a [`PointMap`].
+pub const ABSENT: u32 = u32::MAX;
+
+impl PointMap {
+    /// An empty map over `lattice`.
+    pub fn new(lattice: &Lattice) -> Self {
+        let page_counts = lattice.cells.map(|n| n + 1);
+        Self {
+            pages: vec![None; page_counts.iter().product()],
+            page_counts,
+            shift: lattice.units.trailing_zeros(),
+        }
+    }
+
+    fn address(&self, p: Point) -> (usize, usize) {
+        let mask = (1i32 << self.shift) - 1;
+        let page = p.map(|c| (c >> self.shift) as usize);
+        let local = p.map(|c| (c & mask) as usize);
+        let [nx, ny, _] = self.page_counts;
+        (
+            page[0] + nx * (page[1] + ny * page[2]),
+            local[0] | local[1] << self.shift | local[2] << (2 * self.shift),
+        )
+    }
+
+    /// The value at `p`, or [`ABSENT`].
+    pub fn get(&self, p: Point) -> u32 {
+        let (page, local) = self.address(p);
+        self.pages[page].as_ref().map_or(ABSENT, |values| values[local])
+    }
+
+    /// Sets the value at `p`; [`ABSENT`] removes it.
+    pub fn set(&mut self, p: Point, value: u32) {
+        let (page, local) = self.address(p);
+        let size = 1usize << (3 * self.shift);
+        self.pages[page].get_or_insert_with(|| vec![ABSENT; size].into())[local] = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generations_follow_the_bits() {
+        let lattice = Lattice::new([2, 2, 2], 9);
+        assert_eq!(lattice.units, 8);
+        assert_eq!(lattice.generation([8, 0, 16]), 0);
+        assert_eq!(lattice.generation([4, 4, 12]), 1);
+        assert_eq!(lattice.generation([4, 4, 8]), 2);
+        assert_eq!(lattice.generation([4, 8, 8]), 3);
+        assert_eq!(lattice.generation([2, 6, 10]), 4);
+        assert_eq!(lattice.generation([1, 2, 4]), 9);
+    }
+
+    #[test]
+    fn dependencies_are_older_and_as_many_as_the_kind_says() {
+        let lattice = Lattice::new([3, 3, 3], 9);
+        for x in 8..=16 {
+            for y in 8..=16 {
+                for z in 8..=16 {
+                    let p = [x, y, z];
+                    let (site, s) = lattice.site(p);
+                    let deps = lattice.dependencies(p);
+                    let want = match site {
+                        Site::Root => 0,
+                        Site::CubeCentre if 2 * s == lattice.units => 0,
+                        Site::CubeCentre => 3,
+                        Site::FaceCentre => 2,
+                        Site::EdgeMidpoint => 4,
+                    };
+                    assert_eq!(deps.as_slice().len(), want, "{p:?}");
+                    for &q in deps.as_slice() {
+                        assert_eq!(lattice.generation(q) + 1, lattice.generation(p), "{p:?} {q:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn point_map_holds_what_was_set() {
+        let lattice = Lattice::new([2, 1, 1], 3);
+        let mut map = PointMap::new(&lattice);
+        map.set([4, 2, 2], 7);
+        map.set([3, 1, 0], 9);
+        assert_eq!((map.get([4, 2, 2]), map.get([3, 1, 0]), map.get([0, 0, 0])), (7, 9, ABSENT));
+        map.set([3, 1, 0], ABSENT);
+        assert_eq!(map.get([3, 1, 0]), ABSENT);
+    }
+}

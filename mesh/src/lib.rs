@@ -1,0 +1,27 @@
+//! Volume images, the tetrahedral bisection forest with online split and merge, and label trees.
+//!
+//! This crate knows geometry and labels, no materials and no forces.
+#![forbid(unsafe_code)]
+
+mod closure;
+mod delta;
+mod domain;
+mod error;
+mod forest;
+pub mod geometry;
+pub mod kuhn;
+mod label_tree;
+pub mod lattice;
+#[cfg(feature = "nifti")]
+mod nifti_reader;
+pub mod phantom;
+pub mod volume;
+
+pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
+pub use domain::Domain;
+pub use error::MeshError;
+pub use forest::BisectionForest;
+pub use geometry::{Placement, Quality};
+pub use kuhn::Point;
+pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
+pub use lattice::Lattice;
