@@ -1,0 +1,171 @@
+//! `anderson`: a fixed-point iteration with the warped inverse, accelerated by mixing.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
+
+/// x ← x + T C Tᵀ(f_ext − f_int(x)) with Anderson mixing over the last `depth` iterates: the
+/// combination of past steps whose preconditioned residual is least.
+///
+/// Source: Walker and Ni, SIAM J. Numer. Anal. 49(4), 2011; the preconditioner T C Tᵀ is the
+/// warped inverse of Oishi et al., eq. (2). A residual that grows beyond `growth` × the best
+/// returns to the best iterate with half the step and an empty memory.
+#[derive(Clone, Debug)]
+pub struct Anderson {
+    /// Iterates mixed.
+    pub depth: usize,
+    /// How far the residual may grow above the best before a restart.
+    pub growth: f64,
+}
+
+impl Default for Anderson {
+    fn default() -> Self {
+        Self { depth: 8, growth: 20.0 }
+    }
+}
+
+/// Columns whose part orthogonal to the newer ones is shorter than this fraction are dropped.
+const DEPENDENT: f64 = 1e-10;
+
+/// The shortest damped step tried before giving up.
+const MIN_DAMPING: f64 = 1.0 / 64.0;
+
+impl Equilibrium for Anderson {
+    fn name(&self) -> &'static str {
+        "anderson"
+    }
+
+    fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+    ) -> Outcome {
+        let n = 3 * positions.len();
+        let mut residual = vec![0.0; n];
+        let (mut scratch, mut step) = (vec![0.0; n], vec![0.0; n]);
+        let mut memory = Memory::new(self.depth);
+        let mut damping = 1.0;
+        let mut iterations = 0;
+        let mut best = (problem.evaluate(positions, internal, &mut residual), positions.to_vec());
+        let mut size = best.0;
+        while !(size <= tolerance.residual) && iterations < tolerance.max_iterations {
+            if !(size <= self.growth * best.0) {
+                damping *= 0.5;
+                if damping < MIN_DAMPING {
+                    break;
+                }
+                positions.copy_from_slice(&best.1);
+                problem.evaluate(positions, internal, &mut residual);
+                memory.clear();
+            }
+            problem.precondition(&residual, &mut scratch, &mut step);
+            iterations += 1;
+            memory.mix(&mut step, damping);
+            for (x, d) in positions.iter_mut().zip(step.chunks_exact(3)) {
+                *x += Vector3::from_column_slice(d);
+            }
+            size = problem.evaluate(positions, internal, &mut residual);
+            if size < best.0 {
+                best.0 = size;
+                best.1.copy_from_slice(positions);
+            }
+        }
+        if !(size <= best.0) {
+            positions.copy_from_slice(&best.1);
+            size = problem.evaluate(positions, internal, &mut residual);
+        }
+        Outcome { iterations, residual: size, converged: size <= tolerance.residual }
+    }
+}
+
+/// Differences of successive steps f_k and of the iterates, newest first.
+struct Memory {
+    depth: usize,
+    /// (Δf, Δx) pairs.
+    pairs: VecDeque<(Vec<f64>, Vec<f64>)>,
+    last: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Memory {
+    fn new(depth: usize) -> Self {
+        Self { depth, pairs: VecDeque::with_capacity(depth + 1), last: None }
+    }
+
+    fn clear(&mut self) {
+        self.pairs.clear();
+        self.last = None;
+    }
+
+    /// Replaces the plain step f by the mixed one, f − (ΔX + ΔF)γ with γ = argmin ‖f − ΔF γ‖.
+    fn mix(&mut self, step: &mut [f64], damping: f64) {
+        let f = step.to_vec();
+        if let Some((last_f, last_dx)) = self.last.take() {
+            let df = f.iter().zip(&last_f).map(|(a, b)| a - b).collect();
+            self.pairs.push_front((df, last_dx));
+            self.pairs.truncate(self.depth);
+        }
+        let gamma = self.least_squares(&f);
+        for value in step.iter_mut() {
+            *value *= damping;
+        }
+        for (g, (df, dx)) in gamma.iter().zip(&self.pairs) {
+            for i in 0..step.len() {
+                step[i] -= g * (dx[i] + damping * df[i]);
+            }
+        }
+        self.last = Some((f, step.to_vec()));
+    }
+
+    /// γ by modified Gram-Schmidt, newest column first; nearly dependent (older) ones get 0.
+    fn least_squares(&self, f: &[f64]) -> Vec<f64> {
+        let mut q: Vec<Vec<f64>> = Vec::new();
+        let mut r: Vec<Vec<f64>> = Vec::new();
+        let mut kept = Vec::new();
+        for (j, (df, _)) in self.pairs.iter().enumerate() {
+            let mut column = df.clone();
+            let original = dot(df, df).sqrt();
+            let mut entries = Vec::with_capacity(q.len() + 1);
+            for base in &q {
+                let h = dot(base, &column);
+                axpy(-h, base, &mut column);
+                entries.push(h);
+            }
+            let length = dot(&column, &column).sqrt();
+            if length <= DEPENDENT * original || length == 0.0 {
+                continue;
+            }
+            column.iter_mut().for_each(|v| *v /= length);
+            entries.push(length);
+            q.push(column);
+            r.push(entries);
+            kept.push(j);
+        }
+        let mut rest = f.to_vec();
+        let mut rhs = Vec::with_capacity(q.len());
+        for base in &q {
+            let h = dot(base, &rest);
+            axpy(-h, base, &mut rest);
+            rhs.push(h);
+        }
+        let mut gamma = vec![0.0; self.pairs.len()];
+        for j in (0..q.len()).rev() {
+            let known: f64 = (j + 1..q.len()).map(|k| r[k][j] * gamma[kept[k]]).sum();
+            gamma[kept[j]] = (rhs[j] - known) / r[j][j];
+        }
+        gamma
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += alpha * x;
+    }
+}

@@ -1,0 +1,99 @@
+//! The equilibrium problem and what a solver reports.
+
+use nalgebra::Vector3;
+
+use crate::Corotation;
+use crate::body::Body;
+
+/// Find x with f_int(x) = f_ext on the free vertices.
+pub struct Problem<'a> {
+    /// Elements and rotations, renewed with every force evaluation.
+    pub body: &'a mut Body,
+    /// How forces follow from positions.
+    pub corotation: &'a dyn Corotation,
+    /// Loads by vertex number, N.
+    pub external: &'a [Vector3<f64>],
+    /// Which vertices may move; the others stay where `positions` has them.
+    pub free: &'a [bool],
+    /// y = C f: the inverse stiffness of the unrotated body with all but the free vertices
+    /// fixed, both by vertex number (3 entries each), zero on the others. m/N.
+    pub inverse: &'a dyn Fn(&[f64], &mut [f64]),
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Relative residual ‖f_ext − f_int‖ / max(‖f_ext‖, √Σ‖f_e‖², 100 ε ‖K‖‖x‖) over the free
+    /// vertices (loads over all).
+    pub residual: f64,
+    /// Force evaluations at most.
+    pub max_iterations: usize,
+}
+
+/// How a solve ended. Positions and rotations are those of the smallest residual seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Applications of the inverse.
+    pub iterations: usize,
+    /// The relative residual reached.
+    pub residual: f64,
+    /// Whether the tolerance was reached.
+    pub converged: bool,
+}
+
+/// Finds equilibrium positions.
+pub trait Equilibrium: Send {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// Moves the free vertices of `positions` (m, by vertex number) into equilibrium. On return
+    /// `internal` holds the internal forces there (N): at vertices that are not free,
+    /// internal − external is the reaction.
+    fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+    ) -> Outcome;
+}
+
+impl Problem<'_> {
+    /// Evaluates internal forces and writes f_ext − f_int of the free vertices to `residual`
+    /// (3 entries a vertex, 0 elsewhere). Returns its relative size.
+    pub fn evaluate(
+        &mut self,
+        positions: &[Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        residual: &mut [f64],
+    ) -> f64 {
+        let elements = self.corotation.internal_forces(self.body, positions, internal);
+        let mut squares = 0.0;
+        for v in 0..positions.len() {
+            let r = if self.free[v] { self.external[v] - internal[v] } else { Vector3::zeros() };
+            squares += r.norm_squared();
+            residual[3 * v..3 * v + 3].copy_from_slice(r.as_slice());
+        }
+        let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
+        let rounding = 100.0 * f64::EPSILON * self.body.stiffness_scale() * norm(positions);
+        let scale = norm(self.external).max(elements).max(rounding);
+        if squares == 0.0 { 0.0 } else { squares.sqrt() / scale }
+    }
+
+    /// step = T C Tᵀ residual with T the vertices' rotations of the last evaluation: the warped
+    /// inverse of Oishi et al., eq. (2), here the preconditioner.
+    pub fn precondition(&self, residual: &[f64], scratch: &mut [f64], step: &mut [f64]) {
+        let rotations = self.body.vertex_rotations();
+        for (v, r) in rotations.iter().enumerate() {
+            let at = 3 * v..3 * v + 3;
+            let local = r.transpose() * Vector3::from_column_slice(&residual[at.clone()]);
+            scratch[at].copy_from_slice(local.as_slice());
+        }
+        (self.inverse)(scratch, step);
+        for (v, r) in rotations.iter().enumerate() {
+            let at = 3 * v..3 * v + 3;
+            let world = r * Vector3::from_column_slice(&step[at.clone()]);
+            step[at].copy_from_slice(world.as_slice());
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! `laminate`: traction is continuous across the cut between the halves.
+
+use nalgebra::SMatrix;
+
+use super::{ChildPair, Excess, Homogenisation, ParentMaterial, relaxed};
+
+/// Keeps the parent's mean strain and lets the halves' strains differ by ±N d,
+/// N = ½(G(g₁)−G(g₂)), so that energy is least and traction continuous across their interface:
+///
+/// X = −(Nᵀ(D₁+D₂)N)⁻¹ Nᵀ(D₁−D₂),
+/// D_p = ½(D₁+D₂) − ½(D₁−D₂) N (Nᵀ(D₁+D₂)N)⁻¹ Nᵀ(D₁−D₂).
+///
+/// Symmetric positive definite, between the Reuss and Voigt bounds, exact for homogeneous
+/// bodies and for layers parallel to the cut. Source: Milton, The Theory of Composites,
+/// chapter 9.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Laminate;
+
+impl Homogenisation for Laminate {
+    fn name(&self) -> &str {
+        "laminate"
+    }
+
+    fn combine(&self, pair: &ChildPair) -> ParentMaterial {
+        if pair.is_homogeneous() {
+            return ParentMaterial {
+                elasticity: pair.elasticity[0],
+                midpoint: SMatrix::zeros(),
+                excess: Excess::Zero,
+            };
+        }
+        let [g1, g2] = pair.strain_operators();
+        let jump = 0.5 * (g1 - g2);
+        let [d1, d2] = pair.elasticity;
+        relaxed(pair, jump.transpose() * (d1 + d2) * jump, (d1 - d2) * jump)
+    }
+}

@@ -1,0 +1,319 @@
+//! What can be wrong with meshes and volumes.
+
+use std::path::PathBuf;
+
+/// Why an image, a mesh or a change of a mesh was refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// A file could not be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A path names a directory, a device or a pipe.
+    #[error("{}: is {found}, want a .nii or .nii.gz file", path.display())]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+        /// What stands there instead.
+        found: &'static str,
+    },
+    /// A file of zero bytes.
+    #[error("{}: the file is empty, want a .nii or .nii.gz image", path.display())]
+    EmptyFile {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The first bytes are not those of a single-file NIfTI-1 image.
+    #[error("{}: not a NIfTI-1 image: {field} is {value}, want {want}", path.display())]
+    NotNifti {
+        /// The file.
+        path: PathBuf,
+        /// The header field that says so.
+        field: &'static str,
+        /// What it holds.
+        value: String,
+        /// What it should hold.
+        want: &'static str,
+    },
+    /// A header of a .hdr/.img pair.
+    #[error(
+        "{}: magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file",
+        path.display()
+    )]
+    HeaderPair {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A gzip stream that does not inflate.
+    #[error("{}: damaged gzip stream: {source}", path.display())]
+    Gzip {
+        /// The file.
+        path: PathBuf,
+        /// What the inflater said.
+        source: std::io::Error,
+    },
+    /// Fewer bytes, or more, than the header announces.
+    #[error(
+        "{}: {part} takes {want} bytes by the header, the file holds {}{found}; \
+         it is cut short or its header is damaged",
+        path.display(),
+        if *more { "more than " } else { "" }
+    )]
+    Length {
+        /// The file.
+        path: PathBuf,
+        /// `header`, `extensions before vox_offset` or `voxel data`.
+        part: &'static str,
+        /// Bytes that are there (inflated, for a .nii.gz).
+        found: u64,
+        /// Whether there are more than `found`.
+        more: bool,
+        /// Bytes that should be there.
+        want: u64,
+    },
+    /// A header field out of its range.
+    #[error("{}: header field {field} is {value}, want {want}", path.display())]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// The field's name in the NIfTI-1 standard.
+        field: &'static str,
+        /// What it holds.
+        value: f64,
+        /// What it should hold.
+        want: &'static str,
+    },
+    /// A voxel type that is no real number.
+    #[error(
+        "{}: datatype {code} ({name}) is not supported; want a real integer or float type \
+         of 8 to 64 bits",
+        path.display()
+    )]
+    Datatype {
+        /// The file.
+        path: PathBuf,
+        /// The NIfTI code.
+        code: i16,
+        /// The standard's name of the code.
+        name: &'static str,
+    },
+    /// A time series or a multi-channel image.
+    #[error(
+        "{}: holds {count} volumes (dim[0] = {rank}), want one; extract a single 3-D volume first",
+        path.display()
+    )]
+    NotThreeDimensional {
+        /// The file.
+        path: PathBuf,
+        /// Number of dimensions.
+        rank: i16,
+        /// Number of volumes, dim\[4\] · … · dim\[7\].
+        count: u64,
+    },
+    /// More voxels than can be handled.
+    #[error(
+        "{}: dim says {}×{}×{} = {voxels} voxels, the limit is {limit}",
+        path.display(), dims[0], dims[1], dims[2]
+    )]
+    TooManyVoxels {
+        /// The file.
+        path: PathBuf,
+        /// Voxels along each axis.
+        dims: [u64; 3],
+        /// Their product.
+        voxels: u64,
+        /// The most that is accepted.
+        limit: u64,
+    },
+    /// A voxel-to-scanner matrix that can't be inverted.
+    #[error("{}: the {form} is singular: unit columns span {determinant:.3e}, want ±1", path.display())]
+    SingularAffine {
+        /// The file.
+        path: PathBuf,
+        /// `sform` or `qform`.
+        form: &'static str,
+        /// Determinant of the matrix with its columns normalised.
+        determinant: f64,
+    },
+    /// A voxel-to-scanner matrix whose axes are not at right angles.
+    #[error(
+        "{}: the {form} is sheared: axes {} and {} have cosine {cosine:.3e}, \
+         limit {limit:.0e}; resample to a rectangular grid",
+        path.display(), axes[0], axes[1]
+    )]
+    ShearedAffine {
+        /// The file.
+        path: PathBuf,
+        /// `sform` or `qform`.
+        form: &'static str,
+        /// The two voxel axes, 0 to 2.
+        axes: [usize; 2],
+        /// Cosine of the angle between them.
+        cosine: f64,
+        /// Largest accepted absolute cosine.
+        limit: f64,
+    },
+    /// Voxels that are no cubes.
+    #[error(
+        "{}: spacing {:.4} × {:.4} × {:.4} mm has ratio {:.3}, limit {limit}; \
+         resample to isotropic voxels",
+        path.display(), spacing_mm[0], spacing_mm[1], spacing_mm[2],
+        spacing_mm.iter().copied().fold(f64::MIN, f64::max)
+            / spacing_mm.iter().copied().fold(f64::MAX, f64::min)
+    )]
+    Anisotropic {
+        /// The file.
+        path: PathBuf,
+        /// The spacings along the file's axes, mm.
+        spacing_mm: [f64; 3],
+        /// Largest accepted ratio.
+        limit: f64,
+    },
+    /// A voxel of a label map whose value is no label.
+    #[error(
+        "{}: voxel ({}, {}, {}) has the value {value}, but a label must be an integer \
+         (of at most 2^53 where it is a float or scaled, 2^63 - 1 else)",
+        path.display(), voxel[0], voxel[1], voxel[2]
+    )]
+    LabelValue {
+        /// The file.
+        path: PathBuf,
+        /// The voxel, counted from 0 along the file's axes.
+        voxel: [usize; 3],
+        /// Its value, scaled.
+        value: f64,
+    },
+    /// A voxel of an intensity image that is no finite f32.
+    #[error(
+        "{}: voxel ({}, {}, {}) has the value {value}, want a finite number of magnitude below 3.4e38",
+        path.display(), voxel[0], voxel[1], voxel[2]
+    )]
+    IntensityValue {
+        /// The file.
+        path: PathBuf,
+        /// The voxel, counted from 0 along the file's axes.
+        voxel: [usize; 3],
+        /// Its value, scaled.
+        value: f64,
+    },
+    /// The decoder refused data that had passed the checks of the header.
+    #[cfg(feature = "nifti")]
+    #[error("{}: voxel data: {source}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder said.
+        source: nifti::NiftiError,
+    },
+    /// More labels than a dense u16 id can tell apart.
+    #[error("the volume has at least {found} different labels besides 0, the limit is {limit}")]
+    TooManyLabels {
+        /// Labels found before counting stopped, without the background.
+        found: usize,
+        /// The most that is accepted.
+        limit: usize,
+    },
+    /// A list of voxels that does not fill its grid.
+    #[error(
+        "{found} voxel values for a grid of {}×{}×{}, want exactly one per voxel",
+        dims[0], dims[1], dims[2]
+    )]
+    VoxelCount {
+        /// Values given.
+        found: usize,
+        /// The grid.
+        dims: [usize; 3],
+    },
+    /// A voxel with a dense id that stands for no label.
+    #[error("voxel {index} has dense id {id}, but only ids below {count} stand for a label")]
+    UnknownId {
+        /// Position in the list, x fastest.
+        index: usize,
+        /// Its id.
+        id: u16,
+        /// Number of ids.
+        count: usize,
+    },
+    /// A table of labels that is not 0 followed by ascending others.
+    #[error(
+        "label table entry {index} is {value}, want 0 first, then the others ascending, each once"
+    )]
+    LabelTable {
+        /// Position in the table (its length if an entry is missing).
+        index: usize,
+        /// What stands there (0 if missing).
+        value: i64,
+    },
+    /// A voxel value that is NaN or infinite.
+    #[error("voxel {index} has the value {value}, want a finite number")]
+    NotFinite {
+        /// Position in the list, x fastest.
+        index: usize,
+        /// Its value.
+        value: f32,
+    },
+    /// A grid that places no voxels in space.
+    #[error("grid: {field} is {value}, want {want}")]
+    Grid {
+        /// The field.
+        field: &'static str,
+        /// What it holds, or its deviation.
+        value: f64,
+        /// What it should hold.
+        want: &'static str,
+    },
+    /// A parameter of a procedural organ out of its range.
+    #[error("phantom: {field} is {value}, want {want}")]
+    Phantom {
+        /// The parameter.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is accepted.
+        want: &'static str,
+    },
+    /// The volume has no voxel that belongs to the body.
+    #[error("nothing but background: the body has no voxel")]
+    NothingInside,
+    /// A level beyond what the lattice or the scene allows.
+    #[error("{what} is {level}, want at most {limit}")]
+    Level {
+        /// Which level.
+        what: &'static str,
+        /// Its value.
+        level: u8,
+        /// The limit.
+        limit: u8,
+    },
+    /// A vertex that can't come in now.
+    #[error(
+        "no split at lattice point {point:?}: not the midpoint of a leaf's bisected edge, \
+         or an older vertex is missing"
+    )]
+    NotSplittable {
+        /// The lattice point.
+        point: [i32; 3],
+    },
+    /// A vertex that can't go out now.
+    #[error(
+        "no merge of vertex {vertex}: not active, part of the start mesh, \
+         or a younger vertex depends on it"
+    )]
+    NotMergeable {
+        /// The vertex number.
+        vertex: u32,
+    },
+    /// More heterogeneous tetrahedra than numbers for them.
+    #[error("{count} heterogeneous tetrahedra, want fewer than {limit}: choose larger voxels")]
+    TooManyNodes {
+        /// How many there are.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+}
