@@ -50,7 +50,8 @@ impl Equilibrium for Anderson {
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
         let mut iterations = 0;
-        let mut best = (problem.evaluate(positions, internal, &mut residual), positions.to_vec());
+        let mut best =
+            (problem.evaluate(positions, internal, &mut residual, tolerance), positions.to_vec());
         let mut size = best.0;
         while !(size <= tolerance.residual) && iterations < tolerance.max_iterations {
             if !(size <= self.growth * best.0) {
@@ -59,7 +60,7 @@ impl Equilibrium for Anderson {
                     break;
                 }
                 positions.copy_from_slice(&best.1);
-                problem.evaluate(positions, internal, &mut residual);
+                problem.evaluate(positions, internal, &mut residual, tolerance);
                 memory.clear();
             }
             problem.precondition(&residual, &mut scratch, &mut step);
@@ -68,7 +69,7 @@ impl Equilibrium for Anderson {
             for (x, d) in positions.iter_mut().zip(step.chunks_exact(3)) {
                 *x += Vector3::from_column_slice(d);
             }
-            size = problem.evaluate(positions, internal, &mut residual);
+            size = problem.evaluate(positions, internal, &mut residual, tolerance);
             if size < best.0 {
                 best.0 = size;
                 best.1.copy_from_slice(positions);
@@ -76,7 +77,7 @@ impl Equilibrium for Anderson {
         }
         if !(size <= best.0) {
             positions.copy_from_slice(&best.1);
-            size = problem.evaluate(positions, internal, &mut residual);
+            size = problem.evaluate(positions, internal, &mut residual, tolerance);
         }
         Outcome { iterations, residual: size, converged: size <= tolerance.residual }
     }

@@ -135,4 +135,3 @@ impl Body {
             .fold(0.0, f64::max)
     }
 }
-

@@ -23,8 +23,8 @@ pub struct Problem<'a> {
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Relative residual ‖f_ext − f_int‖ / max(‖f_ext‖, √Σ‖f_e‖², 100 ε ‖K‖‖x‖) over the free
-    /// vertices (loads over all).
+    /// Relative residual τ: ‖f_ext − f_int‖ over the free vertices must not exceed
+    /// τ · max(‖f_ext‖, √Σ‖f_e‖²), nor need it fall below rounding, ε ‖K‖‖x‖.
     pub residual: f64,
     /// Force evaluations at most.
     pub max_iterations: usize,
@@ -60,12 +60,15 @@ pub trait Equilibrium: Send {
 
 impl Problem<'_> {
     /// Evaluates internal forces and writes f_ext − f_int of the free vertices to `residual`
-    /// (3 entries a vertex, 0 elsewhere). Returns its relative size.
+    /// (3 entries a vertex, 0 elsewhere). Returns its relative size,
+    /// ‖f_ext − f_int‖ / max(‖f_ext‖, √Σ‖f_e‖², ε ‖K‖‖x‖ / τ): the last term lets a body that has
+    /// come back to rest, where all forces are rounding, count as solved.
     pub fn evaluate(
         &mut self,
         positions: &[Vector3<f64>],
         internal: &mut [Vector3<f64>],
         residual: &mut [f64],
+        tolerance: &Tolerance,
     ) -> f64 {
         let elements = self.corotation.internal_forces(self.body, positions, internal);
         let mut squares = 0.0;
@@ -75,8 +78,8 @@ impl Problem<'_> {
             residual[3 * v..3 * v + 3].copy_from_slice(r.as_slice());
         }
         let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
-        let rounding = 100.0 * f64::EPSILON * self.body.stiffness_scale() * norm(positions);
-        let scale = norm(self.external).max(elements).max(rounding);
+        let rounding = f64::EPSILON * self.body.stiffness_scale() * norm(positions);
+        let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
         if squares == 0.0 { 0.0 } else { squares.sqrt() / scale }
     }
 

@@ -10,8 +10,8 @@
 mod anderson;
 mod body;
 mod element_corotation;
-mod error;
 mod equilibrium;
+mod error;
 pub mod rotation;
 
 pub use anderson::Anderson;

@@ -1,0 +1,210 @@
+//! What can be wrong with a scene or a run.
+
+use std::path::PathBuf;
+
+use yawara_corot::CorotError;
+use yawara_embed::EmbedError;
+use yawara_inverse_update::InverseError;
+use yawara_mesh::MeshError;
+
+/// Why a scene was refused or a run ended.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimError {
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A value of a scene outside its range.
+    #[error("{place}: {key} is {value}, want {want}")]
+    Value {
+        /// The scene (a file or a built-in name).
+        place: String,
+        /// The key, e.g. `materials[2].poisson_ratio`.
+        key: String,
+        /// Its value.
+        value: String,
+        /// The admissible range.
+        want: String,
+    },
+    /// A scene file that is no TOML.
+    #[error("{place}: {reason}")]
+    Syntax {
+        /// The file (or built-in name), line and column.
+        place: String,
+        /// What the parser wants.
+        reason: String,
+    },
+    /// A key that scenes do not have.
+    #[error("{place}: unknown key `{key}`; {hint}")]
+    UnknownKey {
+        /// The scene and its line, or the override.
+        place: String,
+        /// The key, e.g. `materials[2].youngs_modulus`.
+        key: String,
+        /// The nearest valid key, or all of them.
+        hint: String,
+    },
+    /// A key that scenes must have.
+    #[error("{place}: {key} is missing, want {want}")]
+    MissingKey {
+        /// The scene.
+        place: String,
+        /// The key.
+        key: String,
+        /// What it should hold.
+        want: String,
+    },
+    /// A scene name that is neither built in nor a file.
+    #[error("scene \"{name}\" is neither a built-in scene ({choices}) nor a file")]
+    UnknownScene {
+        /// What was asked for.
+        name: String,
+        /// The built-in scenes.
+        choices: String,
+    },
+    /// An override that can't be applied.
+    #[error("--set {argument}: {reason}")]
+    Override {
+        /// The override as given.
+        argument: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A run directory that holds something already.
+    #[error(
+        "{}: the directory is not empty; choose another with --out, or replace an earlier run \
+         there with --force",
+        path.display()
+    )]
+    NotEmpty {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// Something else where a run directory should be.
+    #[error("{}: not a directory; choose another place with --out", path.display())]
+    NotADirectory {
+        /// The path.
+        path: PathBuf,
+    },
+    /// A frame whose fields do not fit together.
+    #[error("frame: {field}[{index}] is {value}, want {want}")]
+    Frame {
+        /// The field.
+        field: &'static str,
+        /// Position in it (its length if that is wrong).
+        index: usize,
+        /// What stands there.
+        value: String,
+        /// What should.
+        want: String,
+    },
+    /// The VTU writer refused.
+    #[error("{}: writing VTU: {reason}", path.display())]
+    Vtk {
+        /// The file.
+        path: PathBuf,
+        /// What the writer said.
+        reason: String,
+    },
+    /// A scene without an image.
+    #[error(
+        "{scene}: the scene names no image; give the label map with --set image.path=FILE.nii.gz"
+    )]
+    NoImage {
+        /// The scene.
+        scene: String,
+    },
+    /// An image without any voxel of the body.
+    #[error("{image}: nothing but background, want at least one voxel with a label other than 0")]
+    Empty {
+        /// The image.
+        image: String,
+    },
+    /// A label of the image that the scene says nothing about.
+    #[error(
+        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it"
+    )]
+    LabelWithoutMaterial {
+        /// The label as in the image.
+        label: i64,
+        /// The image.
+        image: String,
+        /// How many voxels have it.
+        voxels: u64,
+    },
+    /// Nothing holds the body.
+    #[error(
+        "nothing of {image} is fixed: no region in [[fixed]] holds three vertices off one line, \
+         so the body could float away; enlarge a region (fractions of the organ's box)"
+    )]
+    NothingFixed {
+        /// The image.
+        image: String,
+    },
+    /// A start mesh beyond the budget.
+    #[error("the start mesh has {count} vertices, want at most mesh.max_vertices = {limit}")]
+    TooManyVertices {
+        /// How many there are.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A tool that reaches nothing.
+    #[error(
+        "{key} lies outside the body of {image}: the nearest vertex that can be held is \
+         {distance_mm:.1} mm from its centre, want one inside it or within {limit_mm:.1} mm"
+    )]
+    ToolOutside {
+        /// The key of the region.
+        key: String,
+        /// The image.
+        image: String,
+        /// Distance to the nearest vertex in the organ, mm.
+        distance_mm: f64,
+        /// The limit, mm.
+        limit_mm: f64,
+    },
+    /// The compliance of held vertices is not positive definite: the inverse is damaged.
+    #[error("the compliance of {vertices} held vertices is not positive definite")]
+    ComplianceNotPositive {
+        /// How many are held.
+        vertices: usize,
+    },
+    /// An unknown name.
+    #[error("no indicator `{name}`; there are {}", choices.join(", "))]
+    UnknownIndicator {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        choices: &'static [&'static str],
+    },
+    /// Something this build leaves out.
+    #[error("{what} needs the feature `{feature}`, which this build leaves out")]
+    FeatureMissing {
+        /// What was asked for.
+        what: String,
+        /// The cargo feature.
+        feature: &'static str,
+    },
+    /// The mesh refused.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The embedding refused.
+    #[error(transparent)]
+    Embed(#[from] EmbedError),
+    /// A co-rotational stage refused.
+    #[error(transparent)]
+    Corot(#[from] CorotError),
+    /// The inverse refused.
+    #[error(transparent)]
+    Inverse(#[from] InverseError),
+    /// No graphics adapter.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] yawara_gpu::GpuError),
+}

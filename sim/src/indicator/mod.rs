@@ -1,0 +1,69 @@
+//! What asks for refinement: the swappable stage.
+
+mod energy;
+mod volume;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gradient};
+
+use crate::error::SimError;
+
+pub use energy::Energy;
+pub use volume::{Volume, child_volume_ratios};
+
+/// A tetrahedron of a ring in its current state.
+#[derive(Clone, Copy, Debug)]
+pub struct RingMember {
+    /// Rest geometry.
+    pub geometry: LinearTet,
+    /// Its halves' materials and the midpoint's gradients.
+    pub halves: ChildPair,
+    /// What the homogenisation makes of them.
+    pub parent: ParentMaterial,
+    /// Deformation gradient.
+    pub deformation_gradient: Matrix3<f64>,
+    /// Rotation nearest to it.
+    pub rotation: Matrix3<f64>,
+    /// True where it holds void only.
+    pub is_void: bool,
+}
+
+impl RingMember {
+    /// Strain of the co-rotated displacement.
+    pub fn strain(&self) -> Strain {
+        let local = self.rotation.transpose() * self.deformation_gradient;
+        strain_from_gradient(&(local - Matrix3::identity()))
+    }
+
+    /// Where the homogenisation puts the midpoint, off the middle of its edge: R X ε, m.
+    pub fn midpoint_offset(&self) -> Vector3<f64> {
+        self.rotation * (self.parent.midpoint * self.strain())
+    }
+}
+
+/// Measures how much a ring asks for its midpoint.
+pub trait Indicator: Send {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// The unit of its values.
+    fn unit(&self) -> &'static str;
+
+    /// The indicator of a complete ring; compared with `refinement.split_above`.
+    fn measure(&self, ring: &[RingMember]) -> f64;
+}
+
+/// Scene names of the built-in indicators.
+pub const CHOICES: &[&str] = &["energy", "volume"];
+
+/// A built-in indicator.
+///
+/// # Errors
+/// [`SimError::UnknownIndicator`] listing the choices.
+pub fn by_name(name: &str) -> Result<Box<dyn Indicator>, SimError> {
+    match name {
+        "energy" => Ok(Box::new(Energy)),
+        "volume" => Ok(Box::new(Volume)),
+        _ => Err(SimError::UnknownIndicator { name: name.into(), choices: CHOICES }),
+    }
+}

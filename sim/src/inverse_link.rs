@@ -1,0 +1,286 @@
+//! Between the mesh's vertices and the inverse's slots.
+
+use std::time::Instant;
+
+use faer::Mat;
+use faer::linalg::solvers::{Llt, Solve};
+use nalgebra::Vector3;
+use yawara_corot::Body;
+use yawara_embed::RingStiffness;
+use yawara_inverse_update::{
+    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, drift,
+};
+use yawara_mesh::{Change, VertexId};
+
+use crate::error::SimError;
+
+/// Makes a maintainer of the inverse of a stiffness matrix.
+pub type InverseFactory =
+    Box<dyn Fn(SparseStiffness) -> Result<Box<dyn InverseMaintainer>, InverseError>>;
+
+const NO_SLOT: usize = usize::MAX;
+
+/// The inverse with the map from vertices to its slots; fixed vertices have none.
+pub(crate) struct InverseLink {
+    maintainer: Box<dyn InverseMaintainer>,
+    slot_of: Vec<usize>,
+    vertex_of: Vec<VertexId>,
+    pub update_ms: Vec<f64>,
+    pub updates: usize,
+    pub drift_max: f64,
+}
+
+impl InverseLink {
+    /// Assembles the stiffness of `body` on the vertices that are not fixed and inverts it.
+    pub fn new(
+        body: &Body,
+        free_vertices: Vec<VertexId>,
+        vertex_capacity: usize,
+        factory: &InverseFactory,
+    ) -> Result<Self, SimError> {
+        let mut slot_of = vec![NO_SLOT; vertex_capacity];
+        for (slot, v) in free_vertices.iter().enumerate() {
+            slot_of[v.index()] = slot;
+        }
+        let mut stiffness = SparseStiffness::zeros(free_vertices.len(), 3)?;
+        for element in body.elements() {
+            let slots = element.vertices.map(|v| slot_of[v]);
+            let kept: Vec<usize> = (0..4).filter(|&i| slots[i] != NO_SLOT).collect();
+            let k = element.geometry.stiffness(&element.elasticity);
+            let rows = 3 * kept.len();
+            let dense = Mat::from_fn(rows, rows, |i, j| {
+                k[(3 * kept[i / 3] + i % 3, 3 * kept[j / 3] + j % 3)]
+            });
+            let slots: Vec<usize> = kept.iter().map(|&i| slots[i]).collect();
+            stiffness.add(&slots, dense.as_ref())?;
+        }
+        Ok(Self {
+            maintainer: factory(stiffness)?,
+            slot_of,
+            vertex_of: free_vertices,
+            update_ms: Vec::new(),
+            updates: 0,
+            drift_max: 0.0,
+        })
+    }
+
+    /// The maintainer.
+    pub fn maintainer(&self) -> &dyn InverseMaintainer {
+        self.maintainer.as_ref()
+    }
+
+    /// Slot of a vertex, if it is not fixed.
+    pub fn slot(&self, vertex: usize) -> Option<usize> {
+        self.slot_of.get(vertex).copied().filter(|&s| s != NO_SLOT)
+    }
+
+    /// Takes a split or merge; `vertex_is_fixed` tells whether the vertex has no slot.
+    pub fn apply(
+        &mut self,
+        change: Change,
+        vertex: VertexId,
+        vertex_is_fixed: bool,
+        ring: &RingStiffness,
+    ) -> Result<(), SimError> {
+        let begin = Instant::now();
+        let reduced = ReducedRing::new(ring, |v| self.slot(v.index()));
+        match (vertex_is_fixed, change) {
+            (true, Change::Split) => self.change(&reduced, &reduced.positive, &reduced.negative)?,
+            (true, Change::Merge) => self.change(&reduced, &reduced.negative, &reduced.positive)?,
+            (false, Change::Split) => self.split(vertex, reduced)?,
+            (false, Change::Merge) => self.merge(vertex, reduced)?,
+        }
+        self.updates += 1;
+        self.update_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        Ok(())
+    }
+
+    fn change(
+        &mut self,
+        ring: &ReducedRing,
+        added: &Mat<f64>,
+        removed: &Mat<f64>,
+    ) -> Result<(), SimError> {
+        if ring.slots.is_empty() || added.ncols() + removed.ncols() == 0 {
+            return Ok(());
+        }
+        let (slots, added, removed) = (ring.slots.clone(), added.clone(), removed.clone());
+        Ok(self.maintainer.change(&StiffnessChange { slots, added, removed })?)
+    }
+
+    fn split(&mut self, vertex: VertexId, mut ring: ReducedRing) -> Result<(), SimError> {
+        if ring.negative.ncols() > 0 {
+            self.change(&ring, &ring.positive, &ring.negative)?;
+            ring.absorb_excess();
+        }
+        let slot = self.maintainer.split(&ring.into_change())?;
+        if self.slot_of.len() <= vertex.index() {
+            self.slot_of.resize(vertex.index() + 1, NO_SLOT);
+        }
+        self.slot_of[vertex.index()] = slot;
+        self.vertex_of.push(vertex);
+        Ok(())
+    }
+
+    fn merge(&mut self, vertex: VertexId, ring: ReducedRing) -> Result<(), SimError> {
+        let slot = self.slot_of[vertex.index()];
+        if ring.negative.ncols() > 0 {
+            let mut conforming = ring.clone();
+            conforming.absorb_excess();
+            self.remove(slot, vertex, &conforming.into_change())?;
+            let moved = ReducedRing { slots: self.slots_again(&ring), ..ring };
+            return self.change(&moved, &moved.negative, &moved.positive);
+        }
+        self.remove(slot, vertex, &ring.into_change())
+    }
+
+    fn remove(
+        &mut self,
+        slot: usize,
+        vertex: VertexId,
+        change: &RingChange,
+    ) -> Result<(), SimError> {
+        self.maintainer.merge(slot, change)?;
+        self.vertex_of.swap_remove(slot);
+        if let Some(moved) = self.vertex_of.get(slot) {
+            self.slot_of[moved.index()] = slot;
+        }
+        self.slot_of[vertex.index()] = NO_SLOT;
+        Ok(())
+    }
+
+    fn slots_again(&self, ring: &ReducedRing) -> Vec<usize> {
+        ring.vertices.iter().map(|v| self.slot_of[v.index()]).collect()
+    }
+
+    /// Renews the largest drift seen, from a few random columns.
+    pub fn watch_drift(&mut self, seed: u64) {
+        const COLUMNS: usize = 8;
+        self.drift_max = self.drift_max.max(drift(self.maintainer.as_ref(), seed, COLUMNS));
+    }
+
+    /// The inverse with `held` vertices (not fixed ones) fixed as well.
+    pub fn constrained(&self, held: &[usize]) -> Result<Constrained<'_>, SimError> {
+        let slots: Vec<usize> = held.iter().filter_map(|&v| self.slot(v)).collect();
+        let columns = self.maintainer.columns(&slots)?;
+        let rows = |i: usize| 3 * slots[i / 3] + i % 3;
+        let block = Mat::from_fn(3 * slots.len(), 3 * slots.len(), |i, j| columns[(rows(i), j)]);
+        let factor = Llt::new(block.as_ref(), faer::Side::Lower)
+            .map_err(|_| SimError::ComplianceNotPositive { vertices: slots.len() })?;
+        Ok(Constrained { link: self, slots, columns, factor })
+    }
+}
+
+/// K⁻¹ with some vertices held: C − C_:p C_pp⁻¹ C_p:.
+pub(crate) struct Constrained<'a> {
+    link: &'a InverseLink,
+    slots: Vec<usize>,
+    columns: Mat<f64>,
+    factor: Llt<f64>,
+}
+
+impl Constrained<'_> {
+    /// y = C f by vertex number (3 entries each), zero on held and fixed vertices.
+    pub fn apply(&self, f: &[f64], y: &mut [f64]) -> Result<(), SimError> {
+        let n = 3 * self.link.vertex_of.len();
+        let mut local = vec![0.0; n];
+        for (slot, v) in self.link.vertex_of.iter().enumerate() {
+            local[3 * slot..3 * slot + 3].copy_from_slice(&f[3 * v.index()..3 * v.index() + 3]);
+        }
+        let mut solution = vec![0.0; n];
+        self.link.maintainer.solve(&local, &mut solution)?;
+        if !self.slots.is_empty() {
+            let at_held = Mat::from_fn(3 * self.slots.len(), 1, |i, _| {
+                solution[3 * self.slots[i / 3] + i % 3]
+            });
+            self.subtract_columns(&self.factor.solve(&at_held), &mut solution);
+            for &slot in &self.slots {
+                solution[3 * slot..3 * slot + 3].fill(0.0);
+            }
+        }
+        self.scatter(&solution, y);
+        Ok(())
+    }
+
+    /// The displacements that moving the held vertices by `moves` (in the order of `held`)
+    /// drags along in the unrotated linear body: C_:p C_pp⁻¹ moves, by vertex number.
+    pub fn drag(&self, moves: &[Vector3<f64>], y: &mut [f64]) {
+        let rhs = Mat::from_fn(3 * self.slots.len(), 1, |i, _| moves[i / 3][i % 3]);
+        let mut solution = vec![0.0; 3 * self.link.vertex_of.len()];
+        self.subtract_columns(&(-self.factor.solve(&rhs)), &mut solution);
+        self.scatter(&solution, y);
+    }
+
+    fn subtract_columns(&self, weights: &Mat<f64>, target: &mut [f64]) {
+        for j in 0..self.columns.ncols() {
+            let weight = weights[(j, 0)];
+            for (t, c) in target.iter_mut().zip(self.columns.col(j).iter()) {
+                *t -= weight * c;
+            }
+        }
+    }
+
+    fn scatter(&self, local: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        for (slot, v) in self.link.vertex_of.iter().enumerate() {
+            y[3 * v.index()..3 * v.index() + 3].copy_from_slice(&local[3 * slot..3 * slot + 3]);
+        }
+    }
+}
+
+/// A [`RingStiffness`] on the vertices that have slots.
+#[derive(Clone)]
+struct ReducedRing {
+    slots: Vec<usize>,
+    vertices: Vec<VertexId>,
+    k_p: Mat<f64>,
+    k_c: Mat<f64>,
+    a12: Mat<f64>,
+    a22: Mat<f64>,
+    b: Mat<f64>,
+    positive: Mat<f64>,
+    negative: Mat<f64>,
+}
+
+impl ReducedRing {
+    fn new(ring: &RingStiffness, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
+        let kept: Vec<usize> =
+            (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
+        let row = |i: usize| 3 * kept[i / 3] + i % 3;
+        let n = 3 * kept.len();
+        let rows = |m: &Mat<f64>| Mat::from_fn(n, m.ncols(), |i, j| m[(row(i), j)]);
+        let square = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(row(i), row(j))]);
+        Self {
+            vertices: kept.iter().map(|&i| ring.vertices[i]).collect(),
+            slots: kept.iter().filter_map(|&i| slot(ring.vertices[i])).collect(),
+            k_p: square(&ring.k_p),
+            k_c: square(&ring.k_c),
+            a12: rows(&ring.a12),
+            a22: ring.a22.clone(),
+            b: rows(&ring.b),
+            positive: rows(&ring.positive),
+            negative: rows(&ring.negative),
+        }
+    }
+
+    /// Moves the excess F Fᵀ − N Nᵀ into the coarse ring, which is then conforming.
+    fn absorb_excess(&mut self) {
+        self.k_p += &self.positive * self.positive.transpose();
+        self.k_p -= &self.negative * self.negative.transpose();
+        self.positive = Mat::zeros(self.positive.nrows(), 0);
+        self.negative = Mat::zeros(self.negative.nrows(), 0);
+    }
+
+    fn into_change(self) -> RingChange {
+        RingChange {
+            slots: self.slots,
+            k_p: self.k_p,
+            k_c: self.k_c,
+            a12: self.a12,
+            a22: self.a22,
+            b: self.b,
+            positive: self.positive,
+            order_key: 0,
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What a scene needs, what it does not, and why.
+
+use crate::report::PlanRow;
+use crate::scene::{Scene, Tool};
+use crate::setup::Setup;
+use crate::stages::Stages;
+
+/// The plan of a scene, in the order of the pipeline.
+pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow> {
+    vec![
+        mesh(scene, setup),
+        domain(setup),
+        homogenisation(setup, stages),
+        row("element", "p1", true, "linear displacement; locks from a Poisson ratio of 0.45 on"),
+        row(
+            "corotation",
+            stages.corotation.name(),
+            true,
+            "rotations are not known to stay small",
+        ),
+        row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
+        refinement(scene, stages),
+        inverse(scene),
+        compliance(scene),
+        row("surface", "none", false, "no surface output is asked for"),
+    ]
+}
+
+fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow {
+    PlanRow { stage: stage.into(), choice: choice.into(), runs, why: why.into() }
+}
+
+fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
+    let asked = scene.mesh.base_mm;
+    let used = setup.base_m * 1e3;
+    let rounded = if (asked - used).abs() > 1e-9 * used {
+        format!("; {asked} mm were asked for, rounded to a power of two of voxels")
+    } else {
+        String::new()
+    };
+    let why = format!(
+        "{} base cells of {used} mm, level {} to {}, {} vertices at the start{rounded}",
+        setup.forest.domain().cells().count(),
+        scene.mesh.start_level,
+        scene.mesh.max_level,
+        setup.forest.vertex_count(),
+    );
+    row("mesh", "bisection", true, why)
+}
+
+fn domain(setup: &Setup) -> PlanRow {
+    if setup.excluded_components == 0 {
+        return row("domain", "all parts", true, "every part is held by a fixed region");
+    }
+    let why = format!(
+        "{} part(s) with {} base cells are not held by a fixed region and left out",
+        setup.excluded_components, setup.excluded_cells
+    );
+    row("domain", "held parts", true, why)
+}
+
+fn homogenisation(setup: &Setup, stages: &Stages) -> PlanRow {
+    let nodes = setup.tree.node_count();
+    let name = stages.homogenisation.name();
+    if nodes == 0 {
+        return row("homogenisation", name, false, "every tetrahedron has one material");
+    }
+    let mut why = format!(
+        "{nodes} heterogeneous tetrahedra down to level {} (one voxel)",
+        setup.tree.grid().embed_level()
+    );
+    if name == "paper" {
+        why += "; WARNING: the paper's condensation loses stiffness with every level, even in a \
+                homogeneous body (to 0.235 after 3 levels at a Poisson ratio of 0.3)";
+    }
+    row("homogenisation", name, true, why)
+}
+
+fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
+    let indicator = &stages.indicator;
+    if scene.mesh.max_level == scene.mesh.start_level {
+        return row("refinement", indicator.name(), false, "max_level equals start_level");
+    }
+    let rules = &scene.refinement;
+    let why = format!(
+        "split above {:e} {}, merge below {:e}, at most {} vertices",
+        rules.split_above,
+        indicator.unit(),
+        rules.split_above * rules.merge_fraction,
+        scene.mesh.max_vertices
+    );
+    row("refinement", indicator.name(), true, why)
+}
+
+fn inverse(scene: &Scene) -> PlanRow {
+    let name = &scene.stages.inverse;
+    if scene.mesh.max_level == scene.mesh.start_level {
+        return row("inverse update", name, false, "the mesh never changes: inverted once");
+    }
+    row("inverse update", name, true, "the mesh changes while the body moves")
+}
+
+fn compliance(scene: &Scene) -> PlanRow {
+    let grabs = scene.tools.iter().filter(|t| matches!(t, Tool::Grab { .. })).count();
+    if grabs == 0 {
+        return row("compliance columns", "none", false, "no tool touches the body");
+    }
+    row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)"))
+}

@@ -1,0 +1,198 @@
+//! What a simulation reports: the plan, a row per step, frames and the summary.
+
+use serde::Serialize;
+
+/// One stage of a run and why it does or does not run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct PlanRow {
+    /// The stage.
+    pub stage: String,
+    /// The implementation chosen.
+    pub choice: String,
+    /// Whether the scene needs it.
+    pub runs: bool,
+    /// Why, for people.
+    pub why: String,
+}
+
+/// Wall-clock times of one step by stage, ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Tool targets and compliance columns.
+    pub tool_ms: f64,
+    /// Equilibrium.
+    pub solve_ms: f64,
+    /// Indicator.
+    pub indicator_ms: f64,
+    /// Splits and merges of mesh, embedding and elements.
+    pub remesh_ms: f64,
+    /// Updates of the inverse.
+    pub inverse_ms: f64,
+}
+
+/// One step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Number of the step, from 1.
+    pub step: usize,
+    /// Time at its end, s.
+    pub time_s: f64,
+    /// Active vertices after it.
+    pub vertices: usize,
+    /// Leaf tetrahedra after it.
+    pub tets: usize,
+    /// Vertices that came in.
+    pub splits: usize,
+    /// Vertices that went out.
+    pub merges: usize,
+    /// Applications of the inverse.
+    pub iterations: usize,
+    /// Parts into which the step had to be cut (1 = whole).
+    pub substeps: usize,
+    /// Relative residual at its end.
+    pub residual: f64,
+    /// Whether the residual reached the tolerance in every part.
+    pub converged: bool,
+    /// Reaction of all tools in scanner axes, N.
+    pub force_n: [f64; 3],
+    /// Wall-clock times.
+    pub times: StageTimes,
+}
+
+/// The deformed mesh at one moment, for output.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// Time, s.
+    pub time_s: f64,
+    /// Deformed positions, scanner RAS, mm.
+    pub points_mm: Vec<[f64; 3]>,
+    /// Displacements, scanner axes, mm.
+    pub displacement_mm: Vec<[f64; 3]>,
+    /// Point numbers of the tetrahedra, positively oriented.
+    pub tets: Vec<[u32; 4]>,
+    /// Bisection level of each.
+    pub level: Vec<u8>,
+    /// Label (as in the image) of most of its volume.
+    pub label: Vec<i64>,
+    /// Young's modulus that an isotropic material of the same mean stiffness has, Pa.
+    pub young_modulus_pa: Vec<f64>,
+    /// Von Mises stress, Pa.
+    pub von_mises_pa: Vec<f64>,
+    /// Refinement indicator of its ring at the last measurement.
+    pub indicator: Vec<f64>,
+}
+
+/// Smallest, typical and largest of a series of times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Percentiles {
+    /// Nearest-rank percentiles; zeros for an empty series.
+    pub fn of(values: &[f64]) -> Self {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let rank = |p: f64| {
+            let n = sorted.len();
+            let at = ((p * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
+            sorted.get(at).copied().unwrap_or(0.0)
+        };
+        Self { p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+    }
+}
+
+/// A count over the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Range {
+    /// At the start.
+    pub start: usize,
+    /// The largest.
+    pub max: usize,
+    /// At the end.
+    pub end: usize,
+}
+
+/// The mesh over the run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeshSummary {
+    /// Active vertices.
+    pub vertices: Range,
+    /// Leaf tetrahedra.
+    pub tets: Range,
+    /// Vertices that came in.
+    pub splits: usize,
+    /// Vertices that went out.
+    pub merges: usize,
+    /// 3 r/R of the worst tetrahedron that ever was.
+    pub worst_radius_ratio: f64,
+    /// Circumradius over shortest edge of the worst tetrahedron that ever was.
+    pub worst_circumradius_over_shortest_edge: f64,
+}
+
+/// The steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StepSummary {
+    /// How many were made.
+    pub count: usize,
+    /// How many of them converged.
+    pub converged: usize,
+    /// The largest relative residual at a step's end.
+    pub residual_max: f64,
+    /// Wall-clock time per step, ms.
+    pub time_ms: Percentiles,
+}
+
+/// The inverse.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InverseSummary {
+    /// Which maintainer.
+    pub choice: String,
+    /// Splits, merges and changes it took.
+    pub updates: usize,
+    /// How often it started afresh by itself.
+    pub rebuilds: usize,
+    /// Wall-clock time per split or merge, ms.
+    pub time_ms: Percentiles,
+    /// Wall-clock time per application to one right-hand side, ms.
+    pub solve_ms: Percentiles,
+    /// Largest value of the drift monitor (scaled residual of random columns).
+    pub drift_max: f64,
+}
+
+/// The force on the tools.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ForceSummary {
+    /// Largest magnitude, N.
+    pub max_n: f64,
+    /// Magnitude at the end, N.
+    pub end_n: f64,
+}
+
+/// A whole run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Version of this layout.
+    pub schema: u32,
+    /// The scene's name.
+    pub scene: String,
+    /// Its seed.
+    pub seed: u64,
+    /// What ran, what did not, and why.
+    pub plan: Vec<PlanRow>,
+    /// The mesh.
+    pub mesh: MeshSummary,
+    /// The steps.
+    pub steps: StepSummary,
+    /// The inverse.
+    pub inverse: InverseSummary,
+    /// The force on the tools.
+    pub force: ForceSummary,
+    /// Wall-clock time of everything, s.
+    pub wall_s: f64,
+}

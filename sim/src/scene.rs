@@ -1,0 +1,293 @@
+//! What a scene file says: data only, checked by [`Scene::validate`].
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// A scene: body, loads, stages and budgets. Unknown keys are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name in summaries and file names.
+    pub name: String,
+    /// One line for `yawara scenes`.
+    #[serde(default)]
+    pub description: String,
+    /// Seed of everything random (the phantom's vessels, the drift monitor's columns).
+    #[serde(default = "default_seed")]
+    pub seed: u64,
+    /// Where the labels come from.
+    pub image: Image,
+    /// One entry per label that occurs in the image.
+    #[serde(default)]
+    pub materials: Vec<MaterialEntry>,
+    /// What stands for the void inside base cells.
+    #[serde(default)]
+    pub void: Void,
+    /// Base cells and levels.
+    pub mesh: MeshOptions,
+    /// Regions whose vertices never move.
+    #[serde(default)]
+    pub fixed: Vec<Region>,
+    /// Gravity in scanner axes (right, anterior, superior), m/s².
+    #[serde(default)]
+    pub gravity_m_s2: [f64; 3],
+    /// Tools that hold or move the body.
+    #[serde(default)]
+    pub tools: Vec<Tool>,
+    /// Steps and their length.
+    pub time: Time,
+    /// Which implementation of each stage.
+    #[serde(default)]
+    pub stages: StageNames,
+    /// When to split and merge.
+    #[serde(default)]
+    pub refinement: Refinement,
+    /// When a step counts as solved.
+    #[serde(default)]
+    pub solver: Solver,
+    /// What is written.
+    #[serde(default)]
+    pub output: Output,
+}
+
+/// A label volume: a file if `path` is given, else a phantom.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Image {
+    /// NIfTI label map; replaces the phantom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Procedural body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phantom: Option<Phantom>,
+    /// Left-right length of the `liver` phantom, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_mm: Option<f64>,
+    /// Size of the `block` phantom, mm: a whole number of voxels each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_mm: Option<[f64; 3]>,
+    /// Voxel edge of a phantom, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_mm: Option<f64>,
+}
+
+/// Procedural bodies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phantom {
+    /// Liver (1) with vessels (2), gallbladder (3) and a tumour (4).
+    Liver,
+    /// A box of label 1.
+    Block,
+}
+
+/// Material of a label.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialEntry {
+    /// The label as it stands in the image.
+    pub label: i64,
+    /// What it is, for people.
+    #[serde(default)]
+    pub name: String,
+    /// E > 0, Pa.
+    pub young_modulus_pa: f64,
+    /// −1 < ν < 0.5.
+    pub poisson_ratio: f64,
+    /// ≥ 0, kg/m³.
+    #[serde(default = "default_density")]
+    pub density_kg_m3: f64,
+}
+
+/// The ersatz material of void.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Void {
+    /// Its Young's modulus as a fraction of the softest material's, 0 < … ≤ 1.
+    pub stiffness_ratio: f64,
+    /// Its Poisson's ratio.
+    pub poisson_ratio: f64,
+}
+
+/// Base cells and levels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshOptions {
+    /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
+    pub base_mm: f64,
+    /// Level of the uniform mesh at the start, the floor of merging.
+    #[serde(default)]
+    pub start_level: u8,
+    /// Finest level the simulation may refine to.
+    pub max_level: u8,
+    /// Most vertices the mesh may have.
+    #[serde(default = "default_max_vertices")]
+    pub max_vertices: usize,
+}
+
+/// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
+/// side, 1 the high side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "shape", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Region {
+    /// All points between two corners.
+    Box {
+        /// Low corner, fractions.
+        min: [f64; 3],
+        /// High corner, fractions.
+        max: [f64; 3],
+    },
+    /// All points near a centre.
+    Sphere {
+        /// Centre, fractions.
+        centre: [f64; 3],
+        /// Radius, m.
+        radius_m: f64,
+    },
+}
+
+/// What touches the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Tool {
+    /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
+    Grab {
+        /// What it takes hold of, at rest.
+        region: Region,
+        /// Positions over time, ascending times; linear in between, held at both ends.
+        path: Vec<Key>,
+        /// Axis of `turn_deg` in scanner axes, through the region's centre.
+        #[serde(default = "default_axis")]
+        turn_axis: [f64; 3],
+        /// When it lets go, s; never if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        release_s: Option<f64>,
+    },
+}
+
+/// A point of a tool's path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    /// When, s.
+    pub time_s: f64,
+    /// Displacement from rest in scanner axes, m.
+    #[serde(default)]
+    pub move_m: [f64; 3],
+    /// Turn from rest about `turn_axis`, degrees.
+    #[serde(default)]
+    pub turn_deg: f64,
+}
+
+/// Steps and their length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// How many steps.
+    pub steps: usize,
+    /// Length of a step, s.
+    pub step_s: f64,
+}
+
+/// Implementation names of the swappable stages.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StageNames {
+    /// How fine material acts in coarse tetrahedra.
+    pub homogenisation: String,
+    /// How forces follow from positions.
+    pub corotation: String,
+    /// How equilibrium is found.
+    pub equilibrium: String,
+    /// What asks for refinement.
+    pub indicator: String,
+    /// How the inverse is kept.
+    pub inverse: String,
+}
+
+/// When to split and merge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Refinement {
+    /// Indicator above which a vertex comes in: J for `energy`, relative volume for `volume`.
+    pub split_above: f64,
+    /// A vertex goes out when the indicator is below this fraction of `split_above`.
+    pub merge_fraction: f64,
+    /// Steps a new vertex stays at least.
+    pub dwell_steps: usize,
+    /// Splits in one step at most, largest indicator first.
+    pub max_splits_per_step: usize,
+}
+
+/// When a step counts as solved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Solver {
+    /// Relative residual at which a step has converged.
+    pub residual: f64,
+    /// Iterations per attempt.
+    pub max_iterations: usize,
+    /// How often a step that does not converge may be halved.
+    pub max_halvings: u32,
+}
+
+/// What is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// A VTU frame every so many steps (and at the start and the end); 0 for none.
+    pub frames_every: usize,
+}
+
+fn default_seed() -> u64 {
+    1
+}
+
+fn default_density() -> f64 {
+    1000.0
+}
+
+fn default_axis() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+fn default_max_vertices() -> usize {
+    3456
+}
+
+impl Default for Void {
+    fn default() -> Self {
+        Self { stiffness_ratio: 1e-3, poisson_ratio: 0.0 }
+    }
+}
+
+impl Default for StageNames {
+    fn default() -> Self {
+        Self {
+            homogenisation: "laminate".into(),
+            corotation: "element".into(),
+            equilibrium: "anderson".into(),
+            indicator: "energy".into(),
+            inverse: "woodbury".into(),
+        }
+    }
+}
+
+impl Default for Refinement {
+    fn default() -> Self {
+        Self { split_above: 1e-6, merge_fraction: 0.02, dwell_steps: 2, max_splits_per_step: 200 }
+    }
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { residual: 1e-6, max_iterations: 60, max_halvings: 4 }
+    }
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { frames_every: 5 }
+    }
+}

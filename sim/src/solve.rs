@@ -1,0 +1,225 @@
+//! One step's equilibrium: targets, predictor, solve, and halving where it does not converge.
+
+use std::cell::RefCell;
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use yawara_corot::{Problem, Tolerance};
+use yawara_mesh::VertexId;
+
+use crate::error::SimError;
+use crate::inverse_link::{Constrained, InverseLink};
+use crate::refinement::{Adaptive, milliseconds};
+use crate::report::StageTimes;
+use crate::simulation::Simulation;
+use crate::tools::{Grab, Hold};
+
+/// A part of a step, from one time to another, s.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    pub from: f64,
+    pub to: f64,
+}
+
+/// How the parts of a step went together.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepOutcome {
+    pub iterations: usize,
+    pub substeps: usize,
+    pub residual: f64,
+    pub converged: bool,
+}
+
+/// The tools' side of a step: who is held, and the inverse with them fixed.
+struct Held<'a> {
+    /// Vertex and tool numbers.
+    vertices: Vec<(usize, usize)>,
+    constrained: Constrained<'a>,
+    free: Vec<bool>,
+}
+
+impl<'a> Held<'a> {
+    fn new(state: &Adaptive, inverse: &'a InverseLink) -> Result<Self, SimError> {
+        let mut free = vec![false; state.positions.len()];
+        let mut vertices = Vec::new();
+        for v in state.forest.vertices() {
+            match state.holds[v.index()] {
+                Hold::Free => free[v.index()] = true,
+                Hold::Fixed => {}
+                Hold::Grabbed(tool) => vertices.push((v.index(), tool)),
+            }
+        }
+        let numbers: Vec<usize> = vertices.iter().map(|&(v, _)| v).collect();
+        Ok(Held { constrained: inverse.constrained(&numbers)?, vertices, free })
+    }
+
+    /// Positions with the held vertices at their targets and the others dragged along as in the
+    /// warped linear body: the first iterate.
+    fn drag(&self, state: &Adaptive, tools: &[Grab], t: f64) -> Vec<Vector3<f64>> {
+        let mut positions = state.positions.clone();
+        if self.vertices.is_empty() {
+            return positions;
+        }
+        let rotations = state.body.vertex_rotations();
+        let targets: Vec<Vector3<f64>> =
+            self.vertices.iter().map(|&(v, tool)| tools[tool].target(&state.rest[v], t)).collect();
+        let moves: Vec<Vector3<f64>> = self
+            .vertices
+            .iter()
+            .zip(&targets)
+            .map(|(&(v, _), target)| rotations[v].transpose() * (target - positions[v]))
+            .collect();
+        let mut drag = vec![0.0; 3 * positions.len()];
+        self.constrained.drag(&moves, &mut drag);
+        for (v, d) in drag.chunks_exact(3).enumerate() {
+            positions[v] += rotations[v] * Vector3::from_column_slice(d);
+        }
+        for (&(v, _), target) in self.vertices.iter().zip(&targets) {
+            positions[v] = *target;
+        }
+        positions
+    }
+}
+
+impl Simulation {
+    /// Brings the body to the end of `step`, in halves where the whole does not converge.
+    pub(crate) fn advance(
+        &mut self,
+        step: Span,
+        times: &mut StageTimes,
+    ) -> Result<StepOutcome, SimError> {
+        let mut total =
+            StepOutcome { iterations: 0, substeps: 0, residual: 0.0, converged: true };
+        let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
+        let mut waiting = vec![step];
+        while let Some(span) = waiting.pop() {
+            let before = self.state.positions.clone();
+            let outcome = self.attempt(step, span, times)?;
+            total.iterations += outcome.iterations;
+            if !outcome.converged && span.to - span.from > 1.5 * smallest {
+                self.state.positions = before;
+                let middle = 0.5 * (span.from + span.to);
+                waiting.push(Span { from: middle, to: span.to });
+                waiting.push(Span { from: span.from, to: middle });
+                continue;
+            }
+            total.substeps += 1;
+            // Negated, so that a NaN counts as the worst.
+            if !(outcome.residual <= total.residual) {
+                total.residual = outcome.residual;
+            }
+            total.converged &= outcome.converged;
+        }
+        Ok(total)
+    }
+
+    /// Moves tools and loads to the end of `span` and solves.
+    fn attempt(
+        &mut self,
+        step: Span,
+        span: Span,
+        times: &mut StageTimes,
+    ) -> Result<yawara_corot::Outcome, SimError> {
+        let begin = Instant::now();
+        let external = self.loads(step, span.to);
+        // Elements and vertices may have come in since the last solve: renew their rotations.
+        self.evaluate_forces();
+        let held = Held::new(&self.state, &self.inverse)?;
+        let moved = held.drag(&self.state, &self.tools, span.to);
+        times.tool_ms += milliseconds(begin);
+
+        let begin = Instant::now();
+        let timing = RefCell::new((Vec::new(), None));
+        let inverse = |f: &[f64], y: &mut [f64]| {
+            let begin = Instant::now();
+            let result = held.constrained.apply(f, y);
+            let mut timing = timing.borrow_mut();
+            timing.0.push(milliseconds(begin));
+            if let Err(error) = result {
+                y.fill(f64::NAN);
+                timing.1 = Some(error);
+            }
+        };
+        self.state.positions = moved;
+        let mut problem = Problem {
+            body: &mut self.state.body,
+            corotation: self.corotation.as_ref(),
+            external: &external,
+            free: &held.free,
+            inverse: &inverse,
+        };
+        let tolerance = Tolerance {
+            residual: self.scene.solver.residual,
+            max_iterations: self.scene.solver.max_iterations,
+        };
+        let outcome = self.equilibrium.solve(
+            &mut problem,
+            &mut self.state.positions,
+            &mut self.internal,
+            &tolerance,
+        );
+        times.solve_ms += milliseconds(begin);
+        let (solve_ms, error) = timing.into_inner();
+        self.tally.solve_ms.extend(solve_ms);
+        match error {
+            // A non-finite residual is a failed attempt, which a shorter step may cure.
+            Some(SimError::Inverse(yawara_inverse_update::InverseError::NotFinite { .. }))
+            | None => Ok(outcome),
+            Some(error) => Err(error),
+        }
+    }
+
+    /// Renews rotations and internal forces at the current positions.
+    pub(crate) fn evaluate_forces(&mut self) {
+        self.internal.resize(self.state.positions.len(), Vector3::zeros());
+        self.corotation.internal_forces(
+            &mut self.state.body,
+            &self.state.positions,
+            &mut self.internal,
+        );
+    }
+
+    /// Loads at time `t` within `step`: weight, and what tools have just let go of.
+    fn loads(&self, step: Span, t: f64) -> Vec<Vector3<f64>> {
+        let mut loads = self.weights(t);
+        let left = (step.to - t) / (step.to - step.from);
+        for (v, force) in &self.fading {
+            loads[v.index()] += left * force;
+        }
+        loads
+    }
+
+    /// Weight of each vertex: a quarter of each element's mass; it grows over the first step.
+    fn weights(&self, t: f64) -> Vec<Vector3<f64>> {
+        let mut weights = vec![Vector3::zeros(); self.state.positions.len()];
+        let gravity = self.gravity * (t / self.scene.time.step_s).min(1.0);
+        if gravity == Vector3::zeros() {
+            return weights;
+        }
+        for tet in self.state.forest.leaves() {
+            if let Some(element) = self.state.body.element(tet.id) {
+                let mass = element.geometry.volume * self.state.embedding.density(tet.node);
+                for v in element.vertices {
+                    weights[v] += 0.25 * mass * gravity;
+                }
+            }
+        }
+        weights
+    }
+
+    /// Internal minus external force on a vertex at the last solve, at time `t`, N.
+    pub(crate) fn reaction(&self, vertices: &[VertexId], t: f64) -> Vec<Vector3<f64>> {
+        let weights = self.weights(t);
+        vertices.iter().map(|v| self.internal[v.index()] - weights[v.index()]).collect()
+    }
+
+    /// Sum of the reactions on all tools, solver axes, N.
+    pub(crate) fn tool_force(&self, t: f64) -> Vector3<f64> {
+        let held = |v: &VertexId| matches!(self.state.holds[v.index()], Hold::Grabbed(_));
+        let vertices: Vec<VertexId> = self.state.forest.vertices().filter(held).collect();
+        if vertices.is_empty() {
+            return Vector3::zeros();
+        }
+        self.reaction(&vertices, t).iter().sum()
+    }
+}

@@ -1,0 +1,42 @@
+//! The swappable stages of a simulation, by name or by hand.
+
+use yawara_corot::{Corotation, Equilibrium, corotation_by_name, equilibrium_by_name};
+use yawara_embed::Homogenisation;
+
+use crate::error::SimError;
+use crate::indicator::{self, Indicator};
+use crate::inverse_link::InverseFactory;
+use crate::scene::StageNames;
+
+/// One implementation of each stage. Replace any field with your own before
+/// [`crate::Simulation::new`].
+pub struct Stages {
+    /// How fine material acts in coarse tetrahedra.
+    pub homogenisation: Box<dyn Homogenisation>,
+    /// How forces follow from positions.
+    pub corotation: Box<dyn Corotation>,
+    /// How equilibrium is found.
+    pub equilibrium: Box<dyn Equilibrium>,
+    /// What asks for refinement.
+    pub indicator: Box<dyn Indicator>,
+    /// Makes the maintainer of the inverse.
+    pub inverse: InverseFactory,
+}
+
+impl Stages {
+    /// The built-in implementations of these names.
+    ///
+    /// # Errors
+    /// The stage's own error, listing its choices. An unknown inverse is refused when the
+    /// simulation is made.
+    pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
+        let inverse = names.inverse.clone();
+        Ok(Self {
+            homogenisation: yawara_embed::by_name(&names.homogenisation)?,
+            corotation: corotation_by_name(&names.corotation)?,
+            equilibrium: equilibrium_by_name(&names.equilibrium)?,
+            indicator: indicator::by_name(&names.indicator)?,
+            inverse: Box::new(move |k| yawara_inverse_update::build(&inverse, k)),
+        })
+    }
+}

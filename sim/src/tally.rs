@@ -1,0 +1,122 @@
+//! What a run adds up for its summary.
+
+use std::time::Instant;
+
+use yawara_mesh::Quality;
+
+use crate::inverse_link::InverseLink;
+use crate::refinement::Adaptive;
+use crate::report::{
+    ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
+    StepSummary, Summary,
+};
+use crate::scene::Scene;
+
+/// Layout version of [`Summary`].
+const SCHEMA: u32 = 1;
+
+pub(crate) struct Tally {
+    begin: Instant,
+    vertices: Range,
+    tets: Range,
+    splits: usize,
+    merges: usize,
+    worst: Quality,
+    steps: usize,
+    converged: usize,
+    residual_max: f64,
+    step_ms: Vec<f64>,
+    /// Time of each application of the inverse.
+    pub solve_ms: Vec<f64>,
+    force_max: f64,
+    force_end: f64,
+}
+
+impl Tally {
+    pub fn new(begin: Instant, state: &Adaptive) -> Self {
+        let count = |n| Range { start: n, max: n, end: n };
+        Self {
+            begin,
+            vertices: count(state.forest.vertex_count()),
+            tets: count(state.forest.leaf_count()),
+            splits: 0,
+            merges: 0,
+            worst: worst_quality(state),
+            steps: 0,
+            converged: 0,
+            residual_max: 0.0,
+            step_ms: Vec::new(),
+            solve_ms: Vec::new(),
+            force_max: 0.0,
+            force_end: 0.0,
+        }
+    }
+
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    pub fn add(&mut self, report: &StepReport, state: &Adaptive, step_ms: f64) {
+        self.steps += 1;
+        self.splits += report.splits;
+        self.merges += report.merges;
+        if report.splits > 0 {
+            self.worst = self.worst.worse(worst_quality(state));
+        }
+        for (range, now) in [(&mut self.vertices, report.vertices), (&mut self.tets, report.tets)] {
+            range.max = range.max.max(now);
+            range.end = now;
+        }
+        self.converged += usize::from(report.converged);
+        // A NaN must stay visible: `max` would drop it.
+        if !(report.residual <= self.residual_max) {
+            self.residual_max = report.residual;
+        }
+        self.step_ms.push(step_ms);
+        let force = report.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+        self.force_max = self.force_max.max(force);
+        self.force_end = force;
+    }
+
+    pub fn summary(&self, scene: &Scene, plan: &[PlanRow], inverse: &InverseLink) -> Summary {
+        Summary {
+            schema: SCHEMA,
+            scene: scene.name.clone(),
+            seed: scene.seed,
+            plan: plan.to_vec(),
+            mesh: MeshSummary {
+                vertices: self.vertices,
+                tets: self.tets,
+                splits: self.splits,
+                merges: self.merges,
+                worst_radius_ratio: self.worst.radius_ratio,
+                worst_circumradius_over_shortest_edge: self.worst.circumradius_over_shortest_edge,
+            },
+            steps: StepSummary {
+                count: self.steps,
+                converged: self.converged,
+                residual_max: self.residual_max,
+                time_ms: Percentiles::of(&self.step_ms),
+            },
+            inverse: InverseSummary {
+                choice: inverse.maintainer().name().into(),
+                updates: inverse.updates,
+                rebuilds: inverse.maintainer().rebuilds(),
+                time_ms: Percentiles::of(&inverse.update_ms),
+                solve_ms: Percentiles::of(&self.solve_ms),
+                drift_max: inverse.drift_max,
+            },
+            force: ForceSummary { max_n: self.force_max, end_n: self.force_end },
+            wall_s: self.begin.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+fn worst_quality(state: &Adaptive) -> Quality {
+    let perfect = Quality { radius_ratio: 1.0, circumradius_over_shortest_edge: 0.0 };
+    state
+        .forest
+        .leaves()
+        .map(|tet| Quality::of(&tet.vertices.map(|v| state.rest[v.index()])))
+        .fold(perfect, Quality::worse)
+}
