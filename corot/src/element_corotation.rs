@@ -7,7 +7,9 @@ use crate::Corotation;
 use crate::body::Body;
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
-/// gradient. Free of net force and torque to rounding.
+/// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
+/// anisotropic D the stress does not commute with the stretch, which leaves a torque of second
+/// order in the strain.
 ///
 /// With σ = D sym(RᵀF − I), the force on corner i is V R σ ∇λ_i: the same without forming K_e.
 /// Source: Müller and Gross, Interactive Virtual Materials, Graphics Interface 2004. (The

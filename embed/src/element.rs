@@ -25,14 +25,7 @@ pub fn strain_operator(g: &Vector3<f64>) -> SMatrix<f64, 6, 3> {
 /// Voigt strain of a displacement gradient ∂u_i/∂X_j.
 pub fn strain_from_gradient(gradient: &Matrix3<f64>) -> Strain {
     let g = gradient;
-    Vector6::new(
-        g.m11,
-        g.m22,
-        g.m33,
-        g.m12 + g.m21,
-        g.m23 + g.m32,
-        g.m13 + g.m31,
-    )
+    Vector6::new(g.m11, g.m22, g.m33, g.m12 + g.m21, g.m23 + g.m32, g.m13 + g.m31)
 }
 
 /// Rest geometry of a tetrahedron with linear shape functions.

@@ -103,11 +103,21 @@ impl Embedding {
         &self.materials
     }
 
-    /// What the homogenisation makes of the halves of `parent`, whose rest geometry is given.
-    pub fn combine(&self, parent: NodeRef, geometry: &LinearTet, level: u8) -> ParentMaterial {
+    /// The halves of a tetrahedron with this rest geometry, and what the homogenisation makes of
+    /// them. A tetrahedron of one label keeps its own material under every homogenisation.
+    pub fn combine(
+        &self,
+        parent: NodeRef,
+        geometry: &LinearTet,
+        level: u8,
+    ) -> (ChildPair, ParentMaterial) {
         let elasticity = self.tree.children(parent).map(|half| self.elasticity(half));
         let pair = ChildPair::new(geometry, 0, bisected_corner(level), elasticity);
-        self.homogenisation.combine(&pair)
+        let combined = match parent.open() {
+            Content::Label(_) => ParentMaterial::uniform(elasticity[0]),
+            Content::Node(_) => self.homogenisation.combine(&pair),
+        };
+        (pair, combined)
     }
 
     /// Bytes held, without the label tree.

@@ -2,8 +2,7 @@
 
 use faer::Mat;
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
-use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{MeshDelta, NodeRef, RingTet, Tet, VertexId};
+use yawara_mesh::{MeshDelta, RingTet, Tet, VertexId};
 
 use crate::element::LinearTet;
 use crate::embedding::Embedding;
@@ -106,16 +105,13 @@ impl Part {
         row: &impl Fn(VertexId) -> usize,
     ) -> Self {
         let geometry = LinearTet::new(&parent.vertices.map(position));
-        let halves: [NodeRef; 2] = embedding.tree().children(parent.node);
-        let elasticity = halves.map(|half| embedding.elasticity(half));
-        let pair = ChildPair::new(&geometry, 0, bisected_corner(parent.level), elasticity);
-        let excess = embedding.homogenisation().combine(&pair).excess;
+        let (pair, combined) = embedding.combine(parent.node, &geometry, parent.level);
         Self {
             rows: parent.vertices.map(row),
             geometry,
             pair,
             parent_elasticity: embedding.elasticity(parent.node),
-            excess,
+            excess: combined.excess,
         }
     }
 
@@ -147,7 +143,8 @@ impl Part {
             Excess::Unfactored => {
                 let excess = self.pair.mean_elasticity() - self.parent_elasticity;
                 let eigen = excess.symmetric_eigen();
-                for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter())
+                for (value, vector) in
+                    eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter())
                 {
                     let column = strain * vector * (root_volume * value.abs().sqrt());
                     let side = if *value >= 0.0 { &mut *positive } else { &mut *negative };

@@ -2,22 +2,22 @@
 #![forbid(unsafe_code)]
 
 mod error;
-pub mod indicator;
-mod tools;
-mod tally;
-mod stages;
-mod solve;
-mod simulation;
-mod setup;
-mod refinement;
-mod plan;
-mod inverse_link;
 mod frame;
+pub mod indicator;
+mod inverse_link;
 pub mod output;
+mod plan;
+mod refinement;
 pub mod report;
 pub mod scene;
 mod scene_check;
 pub mod scene_file;
+mod setup;
+mod simulation;
+mod solve;
+mod stages;
+mod tally;
+mod tools;
 
 pub use error::SimError;
 pub use inverse_link::InverseFactory;

@@ -5,11 +5,9 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use yawara_corot::rotation::polar_warm;
 use yawara_corot::{Body, Element};
-use yawara_embed::{ChildPair, Embedding, LinearTet, RingStiffness};
+use yawara_embed::{Embedding, LinearTet, RingStiffness};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{
-    BisectionForest, MeshDelta, NodeRef, Placement, Point, Tet, VertexId,
-};
+use yawara_mesh::{BisectionForest, MeshDelta, Placement, Point, Tet, VertexId};
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
@@ -191,13 +189,11 @@ impl Adaptive {
             Some(element) => (element.geometry, Some(element.rotation)),
             None => (self.rest_geometry(tet), None),
         };
-        let halves: [NodeRef; 2] = self.embedding.tree().children(tet.node);
-        let elasticity = halves.map(|half| self.embedding.elasticity(half));
-        let pair = ChildPair::new(&geometry, 0, bisected_corner(tet.level), elasticity);
+        let (halves, parent) = self.embedding.combine(tet.node, &geometry, tet.level);
         let f = geometry.gradient(&tet.vertices.map(|v| self.positions[v.index()]));
         RingMember {
-            parent: self.embedding.homogenisation().combine(&pair),
-            halves: pair,
+            parent,
+            halves,
             deformation_gradient: f,
             rotation: rotation.unwrap_or_else(|| {
                 polar_warm(&f, &self.body.vertex_rotations()[tet.vertices[0].index()])
@@ -266,11 +262,7 @@ impl Adaptive {
         Ok(())
     }
 
-    fn update_inverse(
-        &self,
-        delta: &MeshDelta,
-        inverse: &mut InverseLink,
-    ) -> Result<(), SimError> {
+    fn update_inverse(&self, delta: &MeshDelta, inverse: &mut InverseLink) -> Result<(), SimError> {
         let ring = RingStiffness::new(delta, &self.embedding, |v| self.rest[v.index()]);
         let fixed = self.holds[delta.vertex.index()] == Hold::Fixed;
         inverse.apply(delta.change, delta.vertex, fixed, &ring)

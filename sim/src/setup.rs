@@ -44,9 +44,7 @@ impl OrganBox {
     fn of(volume: &LabelVolume) -> Option<Self> {
         let [low, high] = volume.bounding_box()?;
         let voxel = volume.grid().spacing_mm * 1e-3;
-        let at = |v: [usize; 3], add: usize| {
-            Vector3::from_fn(|i, _| (v[i] + add) as f64 * voxel)
-        };
+        let at = |v: [usize; 3], add: usize| Vector3::from_fn(|i, _| (v[i] + add) as f64 * voxel);
         Some(Self { low: at(low, 0), high: at(high, 1) })
     }
 
@@ -119,8 +117,7 @@ impl Setup {
     pub fn new(scene: &Scene) -> Result<Self, SimError> {
         let (volume, image_name) = read_volume(scene)?;
         let materials = materials(scene, &volume, &image_name)?;
-        let organ =
-            OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
+        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
         let voxel_mm = volume.grid().spacing_mm;
         let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm, voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
@@ -292,7 +289,6 @@ fn materials(
     if solid.is_empty() {
         return Err(SimError::Empty { image: image_name.into() });
     }
-    let void =
-        Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
+    let void = Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
     Ok(std::iter::once(void).chain(solid).collect())
 }

@@ -88,8 +88,7 @@ impl Simulation {
         step: Span,
         times: &mut StageTimes,
     ) -> Result<StepOutcome, SimError> {
-        let mut total =
-            StepOutcome { iterations: 0, substeps: 0, residual: 0.0, converged: true };
+        let mut total = StepOutcome { iterations: 0, substeps: 0, residual: 0.0, converged: true };
         let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {

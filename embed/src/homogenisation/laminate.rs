@@ -1,8 +1,6 @@
 //! `laminate`: traction is continuous across the cut between the halves.
 
-use nalgebra::SMatrix;
-
-use super::{ChildPair, Excess, Homogenisation, ParentMaterial, relaxed};
+use super::{ChildPair, Homogenisation, ParentMaterial, relaxed};
 
 /// Keeps the parent's mean strain and lets the halves' strains differ by ±N d,
 /// N = ½(G(g₁)−G(g₂)), so that energy is least and traction continuous across their interface:
@@ -23,11 +21,7 @@ impl Homogenisation for Laminate {
 
     fn combine(&self, pair: &ChildPair) -> ParentMaterial {
         if pair.is_homogeneous() {
-            return ParentMaterial {
-                elasticity: pair.elasticity[0],
-                midpoint: SMatrix::zeros(),
-                excess: Excess::Zero,
-            };
+            return ParentMaterial::uniform(pair.elasticity[0]);
         }
         let [g1, g2] = pair.strain_operators();
         let jump = 0.5 * (g1 - g2);

@@ -1,8 +1,6 @@
 //! `linear`: the new vertex stays in the middle of its edge.
 
-use nalgebra::SMatrix;
-
-use super::{ChildPair, Excess, Homogenisation, ParentMaterial};
+use super::{ChildPair, Homogenisation, ParentMaterial};
 
 /// X = 0, D_p = ½(D₁+D₂): the Voigt bound. Exact for homogeneous bodies, too stiff otherwise;
 /// conforming, so that a split changes the stiffness by rank 3 only.
@@ -15,10 +13,6 @@ impl Homogenisation for Linear {
     }
 
     fn combine(&self, pair: &ChildPair) -> ParentMaterial {
-        ParentMaterial {
-            elasticity: pair.mean_elasticity(),
-            midpoint: SMatrix::zeros(),
-            excess: Excess::Zero,
-        }
+        ParentMaterial::uniform(pair.mean_elasticity())
     }
 }

@@ -68,6 +68,13 @@ pub struct ParentMaterial {
     pub excess: Excess,
 }
 
+impl ParentMaterial {
+    /// A tetrahedron of one material: nothing to homogenise.
+    pub fn uniform(elasticity: Matrix6<f64>) -> Self {
+        Self { elasticity, midpoint: SMatrix::zeros(), excess: Excess::Zero }
+    }
+}
+
 /// Homogenises two halves into their parent.
 ///
 /// Must be scale-free (D_p does not change when the tetrahedron is scaled) and give X = 0 and
@@ -100,11 +107,7 @@ pub fn by_name(name: &str) -> Result<Box<dyn Homogenisation>, EmbedError> {
 /// The parent whose internal displacement d minimises ½dᵀA d + dᵀCᵀε beside the Voigt energy:
 /// X = −A⁻¹Cᵀ, D_p = ½(D₁+D₂) − ½C A⁻¹Cᵀ. A is 3×3 SPD; a singular one gives NaN, which
 /// [`crate::Embedding`] refuses.
-fn relaxed(
-    pair: &ChildPair,
-    a: nalgebra::Matrix3<f64>,
-    c: SMatrix<f64, 6, 3>,
-) -> ParentMaterial {
+fn relaxed(pair: &ChildPair, a: nalgebra::Matrix3<f64>, c: SMatrix<f64, 6, 3>) -> ParentMaterial {
     let inverse_factor = a
         .cholesky()
         .and_then(|chol| chol.l().try_inverse())

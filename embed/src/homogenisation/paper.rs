@@ -6,7 +6,7 @@ use super::{ChildPair, Homogenisation, ParentMaterial, relaxed};
 /// X = −(ΣG_cᵀD_cG_c)⁻¹ ΣG_cᵀD_c, D_p = ½(ΣD_c + (ΣD_cG_c)X).
 ///
 /// M lies on the parent's boundary, where the neighbours hold it; here nothing does. Even a
-/// homogeneous body therefore gets softer with every level (strain stiffness × 0.235 after
+/// homogeneous pair therefore gets softer with every level (strain stiffness × 0.235 after
 /// three levels at ν = 0.3): kept as the reference of the paper, not for use.
 /// Source: Oishi et al., eqs. (5)–(8); eq. (7)'s product is 3×6.
 #[derive(Clone, Copy, Debug, Default)]

@@ -28,9 +28,7 @@ impl Indicator for Energy {
             let half_volume = 0.5 * member.geometry.volume;
             let strain = member.strain();
             let r = &member.rotation;
-            for (g, d) in
-                member.halves.strain_operators().iter().zip(&member.halves.elasticity)
-            {
+            for (g, d) in member.halves.strain_operators().iter().zip(&member.halves.elasticity) {
                 let coupling = g.transpose() * d * half_volume;
                 force -= r * (coupling * strain);
                 stiffness += r * (coupling * g) * r.transpose();

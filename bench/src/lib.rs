@@ -1,0 +1,2 @@
+//! Benches and error-versus-run-time studies.
+#![forbid(unsafe_code)]

@@ -1,0 +1,244 @@
+//! What a maintainer is told about a change of the stiffness: plain data, in slots.
+
+use faer::{Mat, MatRef};
+
+use crate::InverseError;
+use crate::capacitance::Capacitance;
+
+/// Largest relative residual at which the parts of a change still count as belonging together.
+///
+/// It catches wrong data, not rounding: a forgotten factor or a ring of another tetrahedron is
+/// off by a few percent at least, rounding at E ratios of 1e9 by less than 1e-7.
+pub const CONSISTENCY_LIMIT: f64 = 1e-6;
+
+/// Largest difference between mirrored entries, relative to the diagonal.
+pub const SYMMETRY_LIMIT: f64 = 1e-9;
+
+/// One ring of tetrahedra whose edge is bisected (or restored): the hand-over of a split.
+///
+/// With R old free vertices, m rows per vertex and r = m·R, the stiffness changes from K to
+/// K'' = [K + K_c − K_p, a12; a12ᵀ, A22]. Eliminating the new vertex leaves K + M with
+/// M = K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − b A22⁻¹ bᵀ, written in factors so that nothing
+/// cancels. `slots` may be empty (all old vertices are fixed): then only `a22` matters.
+///
+/// Units: N/m, `positive` (N/m)^½. Rows are vertex-major in the order of `slots`.
+#[derive(Debug, Clone)]
+pub struct RingChange {
+    /// The ring's old free vertices.
+    pub slots: Vec<usize>,
+    /// Stiffness of the coarse ring, r × r.
+    pub k_p: Mat<f64>,
+    /// Stiffness of the refined ring on the old rows, r × r.
+    pub k_c: Mat<f64>,
+    /// Coupling of the old rows to the new vertex, r × m.
+    pub a12: Mat<f64>,
+    /// Stiffness of the new vertex, m × m, positive definite.
+    pub a22: Mat<f64>,
+    /// b = a12 + Hᵀ A22, r × m: coupling to d = u_M − H u_old, with H = ½, ½ on the ends of the
+    /// edge. Zero for families whose M is F Fᵀ alone.
+    pub b: Mat<f64>,
+    /// F, r × q: the positive part of M; q may be 0.
+    pub positive: Mat<f64>,
+    /// Elimination order of the vertex, for maintainers that keep a sparse factor.
+    pub order_key: u64,
+}
+
+impl RingChange {
+    /// Checks shapes, finiteness, slots, symmetry, A22 and the identity between the parts.
+    ///
+    /// `vertices`: the number of vertices without the new one; `block`: rows per vertex.
+    /// Cost: O(r²(q + m)).
+    ///
+    /// # Errors
+    /// [`InverseError`]: the first defect found, by name, place, value and limit.
+    pub fn check(&self, vertices: usize, block: usize) -> Result<(), InverseError> {
+        check_slots(&self.slots, vertices)?;
+        let r = block * self.slots.len();
+        check_matrix("k_p", self.k_p.as_ref(), (r, r))?;
+        check_matrix("k_c", self.k_c.as_ref(), (r, r))?;
+        check_matrix("a12", self.a12.as_ref(), (r, block))?;
+        check_matrix("a22", self.a22.as_ref(), (block, block))?;
+        check_matrix("b", self.b.as_ref(), (r, block))?;
+        check_matrix("positive", self.positive.as_ref(), (r, self.positive.ncols()))?;
+        check_symmetry("k_p", self.k_p.as_ref())?;
+        check_symmetry("k_c", self.k_c.as_ref())?;
+        check_symmetry("a22", self.a22.as_ref())?;
+        let a22 = Capacitance::of("a22", self.a22.as_ref())?;
+        let error = self.residual(&a22);
+        // Written so that a NaN (an overflow on the way) is refused too.
+        if error <= CONSISTENCY_LIMIT {
+            return Ok(());
+        }
+        let what = "k_c − a12 a22⁻¹ a12ᵀ − k_p and positive positiveᵀ − b a22⁻¹ bᵀ";
+        Err(InverseError::Inconsistent { what, error, limit: CONSISTENCY_LIMIT })
+    }
+
+    /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − b A22⁻¹ bᵀ: the largest
+    /// entry of the difference, each relative to √(s_i s_j) with s_i = max(K_c,ii, K_p,ii).
+    ///
+    /// Infinite where A22 is not positive definite or the shapes do not fit.
+    /// Cost: O(r²(q + m)).
+    #[must_use]
+    pub fn consistency_error(&self) -> f64 {
+        let (r, m) = (self.k_p.nrows(), self.a22.nrows());
+        let fits = [
+            (self.k_p.as_ref(), (r, r)),
+            (self.k_c.as_ref(), (r, r)),
+            (self.a12.as_ref(), (r, m)),
+            (self.a22.as_ref(), (m, m)),
+            (self.b.as_ref(), (r, m)),
+            (self.positive.as_ref(), (r, self.positive.ncols())),
+        ];
+        if fits.iter().any(|(matrix, want)| (matrix.nrows(), matrix.ncols()) != *want) {
+            return f64::INFINITY;
+        }
+        match Capacitance::of("a22", self.a22.as_ref()) {
+            Ok(a22) => self.residual(&a22),
+            Err(_) => f64::INFINITY,
+        }
+    }
+
+    fn residual(&self, a22: &Capacitance) -> f64 {
+        let condensed = a22.half_solve(self.a12.as_ref());
+        let released = a22.half_solve(self.b.as_ref());
+        let change = &self.k_c - &self.k_p - &condensed * condensed.transpose();
+        let factors = &self.positive * self.positive.transpose() - &released * released.transpose();
+        let scale: Vec<f64> =
+            (0..change.nrows()).map(|i| self.k_c[(i, i)].max(self.k_p[(i, i)])).collect();
+        scaled_difference(change.as_ref(), factors.as_ref(), &scale, &scale)
+    }
+}
+
+/// A change of the stiffness on existing vertices: ΔK = A Aᵀ − B Bᵀ with A `added`, B `removed`.
+///
+/// The positive part is applied first, so that K stays positive definite on the way.
+/// Units: (N/m)^½. Rows are vertex-major in the order of `slots`.
+#[derive(Debug, Clone)]
+pub struct StiffnessChange {
+    /// The vertices concerned.
+    pub slots: Vec<usize>,
+    /// Factor of what comes in, r × p; p may be 0.
+    pub added: Mat<f64>,
+    /// Factor of what goes out, r × q; q may be 0.
+    pub removed: Mat<f64>,
+}
+
+impl StiffnessChange {
+    /// Checks shapes, finiteness and slots.
+    ///
+    /// # Errors
+    /// [`InverseError`]: the first defect found, by name, place, value and limit.
+    pub fn check(&self, vertices: usize, block: usize) -> Result<(), InverseError> {
+        check_slots(&self.slots, vertices)?;
+        let r = block * self.slots.len();
+        check_matrix("added", self.added.as_ref(), (r, self.added.ncols()))?;
+        check_matrix("removed", self.removed.as_ref(), (r, self.removed.ncols()))
+    }
+
+    /// ΔK = A Aᵀ − B Bᵀ, r × r.
+    #[must_use]
+    pub fn delta(&self) -> Mat<f64> {
+        &self.added * self.added.transpose() - &self.removed * self.removed.transpose()
+    }
+}
+
+/// max |x_ij − y_ij| / √(s_i t_j); infinite where a zero scale meets a difference.
+pub(crate) fn scaled_difference(
+    x: MatRef<'_, f64>,
+    y: MatRef<'_, f64>,
+    row_scale: &[f64],
+    col_scale: &[f64],
+) -> f64 {
+    let mut worst: f64 = 0.0;
+    for j in 0..x.ncols() {
+        for i in 0..x.nrows() {
+            let difference = (x[(i, j)] - y[(i, j)]).abs();
+            if difference == 0.0 {
+                continue;
+            }
+            let relative = difference / (row_scale[i].sqrt() * col_scale[j].sqrt());
+            // `f64::max` would swallow the NaN of an overflow or a negative scale.
+            worst = if relative.is_nan() { f64::INFINITY } else { worst.max(relative) };
+        }
+    }
+    worst
+}
+
+pub(crate) fn check_range(slots: &[usize], vertices: usize) -> Result<(), InverseError> {
+    match slots.iter().find(|&&slot| slot >= vertices) {
+        Some(&slot) => Err(InverseError::Slot { slot, limit: vertices }),
+        None => Ok(()),
+    }
+}
+
+/// All in range, none twice.
+pub(crate) fn check_slots(slots: &[usize], vertices: usize) -> Result<(), InverseError> {
+    check_range(slots, vertices)?;
+    for (i, &slot) in slots.iter().enumerate() {
+        if slots[..i].contains(&slot) {
+            return Err(InverseError::DuplicateSlot { slot });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn check_matrix(
+    what: &'static str,
+    matrix: MatRef<'_, f64>,
+    want: (usize, usize),
+) -> Result<(), InverseError> {
+    let got = (matrix.nrows(), matrix.ncols());
+    if got != want {
+        return Err(InverseError::Shape { what, want, got });
+    }
+    for col in 0..got.1 {
+        for row in 0..got.0 {
+            let value = matrix[(row, col)];
+            if !value.is_finite() {
+                return Err(InverseError::NotFinite { what, row, col, value });
+            }
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn check_length(
+    what: &'static str,
+    vector: &[f64],
+    want: usize,
+) -> Result<(), InverseError> {
+    if vector.len() == want {
+        return Ok(());
+    }
+    Err(InverseError::Shape { what, want: (want, 1), got: (vector.len(), 1) })
+}
+
+pub(crate) fn check_vector(
+    what: &'static str,
+    vector: &[f64],
+    want: usize,
+) -> Result<(), InverseError> {
+    check_length(what, vector, want)?;
+    match vector.iter().position(|value| !value.is_finite()) {
+        Some(row) => Err(InverseError::NotFinite { what, row, col: 0, value: vector[row] }),
+        None => Ok(()),
+    }
+}
+
+pub(crate) fn check_symmetry(
+    what: &'static str,
+    matrix: MatRef<'_, f64>,
+) -> Result<(), InverseError> {
+    for col in 0..matrix.ncols() {
+        for row in 0..col {
+            let gap = (matrix[(row, col)] - matrix[(col, row)]).abs();
+            let scale = matrix[(row, row)].abs().sqrt() * matrix[(col, col)].abs().sqrt();
+            if gap > SYMMETRY_LIMIT * scale {
+                let difference = gap / scale;
+                let limit = SYMMETRY_LIMIT;
+                return Err(InverseError::Asymmetric { what, row, col, difference, limit });
+            }
+        }
+    }
+    Ok(())
+}

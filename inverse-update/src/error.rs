@@ -1,0 +1,115 @@
+//! What can go wrong while an inverse is built or kept.
+
+use thiserror::Error;
+
+/// Everything that this crate refuses; the object that refused holds what it held before.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum InverseError {
+    /// A matrix or vector does not fit the others.
+    #[error("{what} is {} × {}, want {} × {}", got.0, got.1, want.0, want.1)]
+    Shape {
+        /// Which matrix or vector.
+        what: &'static str,
+        /// Rows and columns it should have.
+        want: (usize, usize),
+        /// Rows and columns it has.
+        got: (usize, usize),
+    },
+    /// A value is NaN or infinite, or would become so.
+    #[error("{what} has {value} in row {row}, column {col}, want a finite number")]
+    NotFinite {
+        /// Which matrix or vector.
+        what: &'static str,
+        /// Row of the value.
+        row: usize,
+        /// Column of the value.
+        col: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A slot number is too large.
+    #[error("slot {slot} does not exist, want a number below {limit}")]
+    Slot {
+        /// The slot asked for.
+        slot: usize,
+        /// Number of vertices.
+        limit: usize,
+    },
+    /// A slot is listed twice.
+    #[error("slot {slot} is listed twice, want every vertex once")]
+    DuplicateSlot {
+        /// The slot.
+        slot: usize,
+    },
+    /// A vertex to merge is listed as an old vertex of its own ring.
+    #[error("slot {slot} is to be merged, so its ring can't list it among the old vertices")]
+    OwnRing {
+        /// The slot.
+        slot: usize,
+    },
+    /// A vertex to merge is coupled to a vertex outside its ring: something else still uses it.
+    #[error(
+        "slot {slot} is coupled to slot {other}, which its ring does not list: undo first what \
+         couples them"
+    )]
+    NotInRing {
+        /// The slot to merge.
+        slot: usize,
+        /// The vertex outside the ring.
+        other: usize,
+    },
+    /// A matrix that has to be symmetric is not.
+    #[error(
+        "{what} is not symmetric: entries ({row}, {col}) and ({col}, {row}) differ by \
+         {difference:e} of its scale, want at most {limit:e}"
+    )]
+    Asymmetric {
+        /// Which matrix.
+        what: &'static str,
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        col: usize,
+        /// Difference relative to the diagonal.
+        difference: f64,
+        /// The most that is accepted.
+        limit: f64,
+    },
+    /// The parts of a change contradict each other or the stored matrix.
+    #[error("{what} disagree by {error:e} of their scale, want at most {limit:e}")]
+    Inconsistent {
+        /// What contradicts what.
+        what: &'static str,
+        /// Relative residual.
+        error: f64,
+        /// The most that is accepted.
+        limit: f64,
+    },
+    /// A matrix is singular to working precision, or not positive definite.
+    #[error(
+        "{what} is singular or not positive definite (row {row}: {value:e}, want above \
+         {limit:e}): is part of the body not held, or a stiffness zero or negative?"
+    )]
+    Singular {
+        /// Which matrix.
+        what: &'static str,
+        /// The row at which it showed.
+        row: usize,
+        /// The pivot or the estimated reciprocal condition that was too small.
+        value: f64,
+        /// What it has to exceed.
+        limit: f64,
+    },
+    /// Blocks of no rows were asked for.
+    #[error("a vertex has 0 rows, want at least 1 (3 for displacements)")]
+    EmptyBlock,
+    /// No maintainer has this name.
+    #[error("inverse {name:?} is not known, want one of {}", choices.join(", "))]
+    Unknown {
+        /// The name asked for.
+        name: String,
+        /// The names that exist.
+        choices: &'static [&'static str],
+    },
+}

@@ -1,0 +1,108 @@
+//! The inverse of a symmetric positive definite stiffness matrix, kept up to date while
+//! vertices come and go.
+//!
+//! This crate knows matrices and index sets, no meshes. A *vertex* is a block of
+//! [`SparseStiffness::block`] rows (3 displacements), a *slot* its number, `0..vertices()`.
+//! A split appends one slot; a merge removes one and moves the last slot into the gap
+//! (as `Vec::swap_remove`), so that storage stays dense.
+#![forbid(unsafe_code)]
+
+mod capacitance;
+mod change;
+mod drift;
+mod error;
+mod fresh;
+mod full;
+mod lu;
+mod packed;
+mod paper;
+mod signed_columns;
+mod stiffness;
+mod stiffness_edit;
+mod woodbury;
+
+pub use change::{CONSISTENCY_LIMIT, RingChange, SYMMETRY_LIMIT, StiffnessChange};
+pub use drift::drift;
+pub use error::InverseError;
+pub use lu::Lu;
+pub use paper::Paper;
+pub use stiffness::SparseStiffness;
+pub use woodbury::Woodbury;
+
+use faer::Mat;
+
+/// The scene names that [`build`] knows, the default first.
+pub const CHOICES: &[&str] = &["woodbury", "paper", "lu"];
+
+/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³).
+///
+/// # Errors
+/// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
+/// `stiffness` is not positive definite (a part of the body hangs free).
+pub fn build(
+    name: &str,
+    stiffness: SparseStiffness,
+) -> Result<Box<dyn InverseMaintainer>, InverseError> {
+    match name {
+        "woodbury" => Ok(Box::new(Woodbury::new(stiffness)?)),
+        "paper" => Ok(Box::new(Paper::new(stiffness)?)),
+        "lu" => Ok(Box::new(Lu::new(stiffness)?)),
+        _ => Err(InverseError::Unknown { name: name.to_owned(), choices: CHOICES }),
+    }
+}
+
+/// Keeps what it takes to apply C = K⁻¹ while K changes by rings of tetrahedra.
+///
+/// One implementation per file; [`build`] makes them by name. All matrices are in N/m (K) and
+/// m/N (C); rows are vertex-major x, y, z. After an error the object holds what it held before.
+pub trait InverseMaintainer: Send {
+    /// The scene name of the method, e.g. `woodbury`.
+    fn name(&self) -> &'static str;
+
+    /// Vertices (blocks) now held.
+    fn vertices(&self) -> usize;
+
+    /// The matrix whose inverse is kept, for residuals.
+    fn stiffness(&self) -> &SparseStiffness;
+
+    /// A vertex comes in: K becomes [K + K_c − K_p, a12; a21, A22]. Returns its slot, the last.
+    ///
+    /// # Errors
+    /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
+    fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
+
+    /// The vertex at `slot` goes out, the reverse of [`split`](Self::split) with the same
+    /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
+    /// slot that was moved into `slot`, if any.
+    ///
+    /// # Errors
+    /// As [`split`](Self::split).
+    fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
+
+    /// K changes on existing vertices only (a new vertex that is fixed, a material edit, a cut).
+    ///
+    /// # Errors
+    /// As [`split`](Self::split).
+    fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
+
+    /// u = C f; both of length `block · vertices()`.
+    ///
+    /// # Errors
+    /// [`InverseError::Shape`], [`InverseError::NotFinite`].
+    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
+
+    /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
+    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
+
+    /// Computes the inverse afresh from [`stiffness`](Self::stiffness).
+    ///
+    /// # Errors
+    /// [`InverseError::Singular`].
+    fn rebuild(&mut self) -> Result<(), InverseError>;
+
+    /// How often the maintainer had to start afresh by itself.
+    fn rebuilds(&self) -> usize;
+}

@@ -1,0 +1,116 @@
+//! What may be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Deforms and refines inhomogeneous soft objects from label maps.
+///
+/// Without a command: runs the scene `liver` into runs/liver.
+#[derive(Debug, Parser)]
+#[command(name = "yawara", version, max_term_width = 100)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Runs a scene and writes frames, a table of steps and a summary.
+    ///
+    /// Exits 0 if every step converged, 1 if some did not (all is written), 2 if it was refused.
+    Run(RunArguments),
+    /// Says which stages a scene needs, and why.
+    Plan(PlanArguments),
+    /// Writes the undeformed tetrahedra of a label map.
+    Mesh(MeshArguments),
+    /// Lists the built-in scenes.
+    Scenes,
+    /// Lists the graphics adapters (needs the feature `gpu`).
+    Devices,
+}
+
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = DEFAULT_SCENE)]
+    pub scene: String,
+    /// Directory for the results, new or empty [default: runs/<name of the scene>].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replaces a value of the scene; a TOML value, or else a string. E.g. time.steps=20,
+    /// materials.0.young_modulus_pa=5e3, image.path=FILE.nii.gz.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Number of steps, as --set time.steps=N.
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Replaces the results of an earlier run in DIR; other files there stay.
+    #[arg(long)]
+    pub force: bool,
+}
+
+const DEFAULT_SCENE: &str = "liver";
+
+impl Default for RunArguments {
+    fn default() -> Self {
+        Self { scene: DEFAULT_SCENE.into(), out: None, set: Vec::new(), steps: None, force: false }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct PlanArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = DEFAULT_SCENE)]
+    pub scene: String,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Prints a JSON array instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct MeshArguments {
+    /// A NIfTI label map, or the word phantom for the procedural liver.
+    pub image: String,
+    /// Edge of the base cells in mm, rounded to a power of two times the voxel edge
+    /// [default: an eighth of the body's longest side].
+    #[arg(long, value_name = "F")]
+    pub base_mm: Option<f64>,
+    /// Bisections of every base tetrahedron; 3 halve the edges.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub level: u8,
+    /// The file to write.
+    #[arg(long, value_name = "FILE.vtu")]
+    pub out: PathBuf,
+}
+
+/// The message of a usage error as one paragraph, without the usage lines.
+pub fn paragraph(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let end =
+        ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min();
+    format!("{} (see yawara --help)", text[..end.unwrap_or(text.len())].trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        use clap::CommandFactory;
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn usage_errors_are_one_paragraph_with_the_tip() {
+        let error = Arguments::try_parse_from(["yawara", "run", "--stesp", "3"]).unwrap_err();
+        let text = paragraph(&error);
+        assert!(text.contains("'--stesp'") && text.contains("'--steps'"), "{text}");
+        assert!(!text.contains("Usage") && !text.starts_with("error"), "{text}");
+    }
+}

@@ -1,0 +1,9 @@
+//! What a run leaves on disk: a run directory, written aside and moved into place when whole.
+
+mod pvd;
+mod run_directory;
+mod steps_csv;
+mod vtu;
+
+pub use run_directory::RunDirectory;
+pub use vtu::write_vtu;

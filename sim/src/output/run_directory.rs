@@ -1,0 +1,354 @@
+//! The directory of one run, filled aside and moved into place when it is whole.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::SimError;
+use crate::output::{pvd, steps_csv, write_vtu};
+use crate::report::{Frame, StepReport, Summary};
+use crate::scene::Scene;
+
+const SCENE: &str = "scene.toml";
+const STEPS: &str = "steps.csv";
+const COLLECTION: &str = "frames.pvd";
+const SUMMARY: &str = "summary.json";
+const FRAMES: &str = "frames";
+
+/// A run's output in the making: `scene.toml`, `steps.csv`, `frames.pvd`,
+/// `frames/step_000000.vtu`… and `summary.json`.
+///
+/// Until [`finish`](Self::finish) everything lies in a hidden directory aside; dropped before
+/// that, it removes all it made.
+#[derive(Debug)]
+pub struct RunDirectory {
+    target: PathBuf,
+    aside: PathBuf,
+    /// Parents of `target` that did not exist before, outermost first.
+    made: Vec<PathBuf>,
+    steps: BufWriter<File>,
+    frames: Vec<(f64, String)>,
+    finished: bool,
+}
+
+impl RunDirectory {
+    /// Begins a run directory at `target`, which must be new or empty unless `force` is set.
+    /// With `force` the files of an earlier run there are replaced at the end and foreign files
+    /// stay. Missing parents are made.
+    ///
+    /// # Errors
+    /// [`SimError::NotEmpty`], [`SimError::NotADirectory`], [`SimError::Io`] if it can't be
+    /// written there. Then nothing is left behind.
+    pub fn create(target: &Path, force: bool) -> Result<Self, SimError> {
+        let exists = inspect(target, force)?;
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let partial = format!(".{name}.{}.partial", std::process::id());
+        // Inside a directory that exists (it may be a mount point), beside one that does not.
+        let aside = if exists { target.join(partial) } else { target.with_file_name(partial) };
+        let mut made = Made { paths: Vec::new(), keep: false };
+        made.ancestors(&aside)?;
+        made.directory(&aside)?;
+        made.directory(&aside.join(FRAMES))?;
+        let path = aside.join(STEPS);
+        let mut steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
+        steps.write_all(steps_csv::HEADER.as_bytes()).map_err(at(&path))?;
+        made.keep = true;
+        let parents = made.paths.iter().filter(|path| !path.starts_with(&aside));
+        Ok(Self {
+            target: target.into(),
+            made: parents.cloned().collect(),
+            aside,
+            steps,
+            frames: Vec::new(),
+            finished: false,
+        })
+    }
+
+    /// Writes the scene with all defaults and overrides filled in.
+    ///
+    /// # Errors
+    /// [`SimError::Io`].
+    pub fn write_scene(&mut self, scene: &Scene) -> Result<(), SimError> {
+        let path = self.aside.join(SCENE);
+        let text = toml::to_string(scene).map_err(|error| SimError::Io {
+            path: path.clone(),
+            source: io::Error::other(error),
+        })?;
+        fs::write(&path, text).map_err(at(&path))
+    }
+
+    /// Appends a row to `steps.csv`.
+    ///
+    /// # Errors
+    /// [`SimError::Io`].
+    pub fn write_step(&mut self, step: &StepReport) -> Result<(), SimError> {
+        let line = steps_csv::line(step);
+        self.steps.write_all(line.as_bytes()).map_err(at(&self.target.join(STEPS)))
+    }
+
+    /// Writes the frame after step number `step` (0 for the start) and lists it in `frames.pvd`.
+    ///
+    /// # Errors
+    /// As [`write_vtu`].
+    pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
+        let file = format!("{FRAMES}/step_{step:06}.vtu");
+        write_vtu(&self.aside.join(&file), frame)?;
+        self.frames.push((frame.time_s, file));
+        Ok(())
+    }
+
+    /// Writes `summary.json`.
+    ///
+    /// # Errors
+    /// [`SimError::Io`].
+    pub fn write_summary(&mut self, summary: &Summary) -> Result<(), SimError> {
+        let path = self.aside.join(SUMMARY);
+        let mut text = serde_json::to_string_pretty(summary)
+            .map_err(|error| SimError::Io { path: path.clone(), source: error.into() })?;
+        text.push('\n');
+        fs::write(&path, text).map_err(at(&path))
+    }
+
+    /// Completes the files and moves them to where they belong, `summary.json` last. Returns
+    /// that directory.
+    ///
+    /// # Errors
+    /// [`SimError::Io`]; [`SimError::NotEmpty`] if the directory came into being meanwhile.
+    pub fn finish(mut self) -> Result<PathBuf, SimError> {
+        let path = self.aside.join(STEPS);
+        self.steps.flush().map_err(at(&path))?;
+        let path = self.aside.join(COLLECTION);
+        fs::write(&path, pvd::collection(&self.frames)).map_err(at(&path))?;
+        if self.aside.parent() == Some(&self.target) {
+            self.move_files()?;
+            fs::remove_dir(&self.aside).map_err(at(&self.aside))?;
+        } else if inspect(&self.target, false)? {
+            return Err(SimError::NotEmpty { path: self.target.clone() });
+        } else {
+            fs::rename(&self.aside, &self.target).map_err(at(&self.target))?;
+        }
+        self.finished = true;
+        Ok(self.target.clone())
+    }
+
+    /// Replaces the files of an earlier run in an existing directory.
+    fn move_files(&self) -> Result<(), SimError> {
+        // Without a summary nobody takes a mixture of two runs for a whole one.
+        for name in [SUMMARY, COLLECTION, STEPS, SCENE] {
+            remove_if_there(&self.target.join(name))?;
+        }
+        let frames = self.target.join(FRAMES);
+        if frames.is_dir() {
+            for entry in fs::read_dir(&frames).map_err(at(&frames))? {
+                let path = entry.map_err(at(&frames))?.path();
+                if is_frame(&path) {
+                    remove_if_there(&path)?;
+                }
+            }
+        } else {
+            fs::create_dir(&frames).map_err(at(&frames))?;
+        }
+        let others = [STEPS, SCENE, COLLECTION, SUMMARY].into_iter().map(str::to_owned);
+        for name in self.frames.iter().map(|(_, file)| file.clone()).chain(others) {
+            let (from, to) = (self.aside.join(&name), self.target.join(&name));
+            if from.exists() {
+                fs::rename(&from, &to).map_err(at(&to))?;
+            }
+        }
+        let left = self.aside.join(FRAMES);
+        fs::remove_dir(&left).map_err(at(&left))
+    }
+}
+
+impl Drop for RunDirectory {
+    fn drop(&mut self) {
+        if self.finished {
+            return;
+        }
+        // A destructor can't report; what is in the way stays and the first error was reported.
+        let _ = fs::remove_dir_all(&self.aside);
+        for parent in self.made.iter().rev() {
+            let _ = fs::remove_dir(parent);
+        }
+    }
+}
+
+/// Directories made so far; removed again when dropped unless kept.
+struct Made {
+    paths: Vec<PathBuf>,
+    keep: bool,
+}
+
+impl Made {
+    fn directory(&mut self, path: &Path) -> Result<(), SimError> {
+        fs::create_dir(path).map_err(at(path))?;
+        self.paths.push(path.into());
+        Ok(())
+    }
+
+    /// Makes the missing ancestors of `path`, outermost first.
+    fn ancestors(&mut self, path: &Path) -> Result<(), SimError> {
+        let missing: Vec<&Path> = path
+            .ancestors()
+            .skip(1)
+            .take_while(|parent| !parent.as_os_str().is_empty() && !parent.exists())
+            .collect();
+        missing.into_iter().rev().try_for_each(|parent| self.directory(parent))
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        if self.keep {
+            return;
+        }
+        if let Some(outermost) = self.paths.first() {
+            let _ = fs::remove_dir_all(outermost);
+        }
+    }
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> SimError {
+    let path = path.to_owned();
+    move |source| SimError::Io { path, source }
+}
+
+/// Whether the directory exists; refuses what can't become a run directory.
+fn inspect(target: &Path, force: bool) -> Result<bool, SimError> {
+    match fs::metadata(target) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            if target.file_name().is_none() {
+                return Err(SimError::NotADirectory { path: target.into() });
+            }
+            Ok(false)
+        }
+        Err(source) => Err(SimError::Io { path: target.into(), source }),
+        Ok(found) if !found.is_dir() => Err(SimError::NotADirectory { path: target.into() }),
+        Ok(_) => {
+            let mut entries = fs::read_dir(target).map_err(at(target))?;
+            if !force && entries.next().is_some() {
+                return Err(SimError::NotEmpty { path: target.into() });
+            }
+            Ok(true)
+        }
+    }
+}
+
+fn remove_if_there(path: &Path) -> Result<(), SimError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(at(path)(error)),
+        _ => Ok(()),
+    }
+}
+
+/// True for `step_<digits>.vtu`, the names that this module gives.
+fn is_frame(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let digits = name.strip_prefix("step_").and_then(|rest| rest.strip_suffix(".vtu"));
+    digits.is_some_and(|d| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(time_s: f64) -> Frame {
+        Frame {
+            time_s,
+            points_mm: vec![[0.; 3], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]],
+            tets: vec![[0, 1, 2, 3]],
+            ..Frame::default()
+        }
+    }
+
+    fn names(path: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(path)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_run_that_did_not_finish() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("runs/deep/liver");
+        let mut run = RunDirectory::create(&target, false).unwrap();
+        run.write_frame(&frame(0.0), 0).unwrap();
+        assert!(!target.exists(), "only a whole run is at its place");
+        drop(run);
+        assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
+    fn a_finished_run_has_its_files_and_no_others() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("runs/liver");
+        let mut run = RunDirectory::create(&target, false).unwrap();
+        run.write_frame(&frame(0.0), 0).unwrap();
+        run.write_frame(&frame(0.1), 12).unwrap();
+        assert_eq!(run.finish().unwrap(), target);
+        assert_eq!(names(&root.path().join("runs")), ["liver"]);
+        assert_eq!(names(&target), ["frames", "frames.pvd", "steps.csv"]);
+        assert_eq!(names(&target.join("frames")), ["step_000000.vtu", "step_000012.vtu"]);
+        let list = fs::read_to_string(target.join("frames.pvd")).unwrap();
+        assert!(list.contains("timestep=\"0.1\" part=\"0\" file=\"frames/step_000012.vtu\""));
+        let steps = fs::read_to_string(target.join("steps.csv")).unwrap();
+        assert!(steps.starts_with("step,time_s,"), "{steps}");
+    }
+
+    #[test]
+    fn foreign_files_are_refused_or_kept() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path();
+        fs::create_dir(target.join("frames")).unwrap();
+        for name in ["notes.txt", "summary.json", "frames/step_000099.vtu", "frames/step_a.vtu"] {
+            fs::write(target.join(name), name).unwrap();
+        }
+        let error = RunDirectory::create(target, false).unwrap_err();
+        assert!(matches!(error, SimError::NotEmpty { .. }), "{error}");
+        // Given up: all is as it was.
+        drop(RunDirectory::create(target, true).unwrap());
+        assert_eq!(names(target), ["frames", "notes.txt", "summary.json"]);
+        let mut run = RunDirectory::create(target, true).unwrap();
+        run.write_frame(&frame(0.0), 3).unwrap();
+        run.finish().unwrap();
+        assert_eq!(names(target), ["frames", "frames.pvd", "notes.txt", "steps.csv"]);
+        assert_eq!(names(&target.join("frames")), ["step_000003.vtu", "step_a.vtu"]);
+    }
+
+    #[test]
+    fn an_empty_directory_is_taken_and_given_back_empty() {
+        let root = tempfile::tempdir().unwrap();
+        drop(RunDirectory::create(root.path(), false).unwrap());
+        assert!(names(root.path()).is_empty());
+        let run = RunDirectory::create(root.path(), false).unwrap();
+        run.finish().unwrap();
+        assert_eq!(names(root.path()), ["frames", "frames.pvd", "steps.csv"]);
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("file");
+        fs::write(&file, "x").unwrap();
+        let error = RunDirectory::create(&file, true).unwrap_err();
+        assert!(matches!(error, SimError::NotADirectory { .. }), "{error}");
+        let error = RunDirectory::create(&file.join("below/run"), true).unwrap_err();
+        assert!(error.to_string().contains("file"), "{error}");
+        assert_eq!(names(root.path()), ["file"]);
+    }
+
+    #[test]
+    fn a_directory_that_appeared_meanwhile_is_not_overwritten() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("run");
+        let run = RunDirectory::create(&target, false).unwrap();
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join("notes.txt"), "x").unwrap();
+        assert!(matches!(run.finish().unwrap_err(), SimError::NotEmpty { .. }));
+        assert_eq!(names(root.path()), ["run"]);
+        assert_eq!(names(&target), ["notes.txt"]);
+    }
+}

@@ -1,0 +1,228 @@
+//! One frame as a VTK unstructured grid (XML, base64 binary) for ParaView and meshio.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use vtkio::IOBuffer;
+use vtkio::model::{
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
+    VertexNumbers, Vtk,
+};
+
+use crate::SimError;
+use crate::report::Frame;
+
+/// Writes a frame to `path` (.vtu), replacing what stands there only once the file is whole.
+///
+/// Points in scanner RAS, mm; point data `displacement` (mm); cell data `level`, `label`,
+/// `young_modulus_pa`, `von_mises_pa`, `indicator`. A field of no values is left out. The same
+/// frame gives the same bytes. Cost: O(points + tetrahedra).
+///
+/// # Errors
+/// [`SimError::Frame`] if the fields do not fit together, a number is not finite or a corner is
+/// no point; [`SimError::Io`] and [`SimError::Vtk`] if the file can't be written. Then no file is
+/// left that was not there before.
+pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
+    check(frame)?;
+    let aside = Aside::new(path)?;
+    let io = |source| SimError::Io { path: path.into(), source };
+    let refuse = |reason: String| SimError::Vtk { path: path.into(), reason };
+    let mut bytes = Vec::new();
+    model(frame).write_xml(&mut bytes).map_err(|error| refuse(error.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|error| refuse(error.to_string()))?;
+    fs::write(&aside.path, signed_topology(text)).map_err(io)?;
+    fs::rename(&aside.path, path).map_err(io)
+}
+
+/// Declares connectivity and offsets as signed, as ParaView writes them: the bits are the same,
+/// and meshio turns unsigned ones into floats.
+fn signed_topology(text: String) -> String {
+    ["connectivity", "offsets"].iter().fold(text, |text, name| {
+        let tag = |kind: &str| format!("type=\"{kind}\" Name=\"{name}\"");
+        text.replacen(&tag("UInt64"), &tag("Int64"), 1)
+    })
+}
+
+/// A file beside the one wanted; removed if it is still there when dropped.
+struct Aside {
+    path: PathBuf,
+}
+
+impl Aside {
+    fn new(path: &Path) -> Result<Self, SimError> {
+        let Some(name) = path.file_name() else {
+            let source = std::io::Error::from(std::io::ErrorKind::InvalidFilename);
+            return Err(SimError::Io { path: path.into(), source });
+        };
+        let mut aside = std::ffi::OsString::from(".");
+        aside.push(name);
+        aside.push(format!(".{}.partial", std::process::id()));
+        Ok(Self { path: path.with_file_name(aside) })
+    }
+}
+
+impl Drop for Aside {
+    fn drop(&mut self) {
+        // After the rename there is nothing left to remove, and that is no error.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+fn model(frame: &Frame) -> Vtk {
+    let connectivity = frame.tets.iter().flatten().map(|&v| u64::from(v)).collect();
+    let offsets = (1..=frame.tets.len() as u64).map(|n| 4 * n).collect();
+    let scalars = [
+        ("level", IOBuffer::U8(frame.level.clone())),
+        ("label", IOBuffer::I64(frame.label.clone())),
+        ("young_modulus_pa", IOBuffer::F64(frame.young_modulus_pa.clone())),
+        ("von_mises_pa", IOBuffer::F64(frame.von_mises_pa.clone())),
+        ("indicator", IOBuffer::F64(frame.indicator.clone())),
+    ];
+    let cell = scalars
+        .into_iter()
+        .filter(|(_, values)| !values.is_empty())
+        .map(|(name, values)| Attribute::scalars(name, 1).with_data(values))
+        .collect();
+    let displacement = IOBuffer::F64(frame.displacement_mm.as_flattened().to_vec());
+    let point = match displacement.is_empty() {
+        true => Vec::new(),
+        false => vec![Attribute::vectors("displacement").with_data(displacement)],
+    };
+    Vtk {
+        version: Version::new((1, 0)),
+        title: String::new(),
+        byte_order: ByteOrder::LittleEndian,
+        data: DataSet::inline(UnstructuredGridPiece {
+            points: IOBuffer::F64(frame.points_mm.as_flattened().to_vec()),
+            cells: Cells {
+                cell_verts: VertexNumbers::XML { connectivity, offsets },
+                types: vec![CellType::Tetra; frame.tets.len()],
+            },
+            data: Attributes { point, cell },
+        }),
+        file_path: None,
+    }
+}
+
+fn check(frame: &Frame) -> Result<(), SimError> {
+    let (points, tets) = (frame.points_mm.len(), frame.tets.len());
+    let lengths = [
+        ("displacement_mm", frame.displacement_mm.len(), points),
+        ("level", frame.level.len(), tets),
+        ("label", frame.label.len(), tets),
+        ("young_modulus_pa", frame.young_modulus_pa.len(), tets),
+        ("von_mises_pa", frame.von_mises_pa.len(), tets),
+        ("indicator", frame.indicator.len(), tets),
+    ];
+    for (field, found, want) in lengths {
+        if found != 0 && found != want {
+            let want = format!("{want}, one each");
+            return Err(SimError::Frame { field, index: found, value: "the length".into(), want });
+        }
+    }
+    let series: [(&'static str, &[f64]); 5] = [
+        ("points_mm", frame.points_mm.as_flattened()),
+        ("displacement_mm", frame.displacement_mm.as_flattened()),
+        ("young_modulus_pa", &frame.young_modulus_pa),
+        ("von_mises_pa", &frame.von_mises_pa),
+        ("indicator", &frame.indicator),
+    ];
+    for (field, values) in series {
+        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+            let (value, want) = (values[index].to_string(), "a finite number".into());
+            return Err(SimError::Frame { field, index, value, want });
+        }
+    }
+    let corners = frame.tets.as_flattened();
+    if let Some(index) = corners.iter().position(|&v| v as usize >= points) {
+        let (value, want) = (corners[index].to_string(), format!("a point below {points}"));
+        return Err(SimError::Frame { field: "tets", index, value, want });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use vtkio::model::Piece;
+
+    use super::*;
+
+    fn frame() -> Frame {
+        Frame {
+            time_s: 0.5,
+            points_mm: vec![
+                [0.1, 0., 0.],
+                [1., 0., 0.],
+                [0., 1., 0.],
+                [0., 0., 1e-7],
+                [0., 0., -1.],
+            ],
+            displacement_mm: vec![[0.1, -0.25, 3.0]; 5],
+            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            level: vec![3, 30],
+            label: vec![-7, 1 << 40],
+            young_modulus_pa: vec![5e3, 1.0 / 3.0],
+            von_mises_pa: vec![0.0, 1e-300],
+            indicator: vec![1e-9, 2.0],
+        }
+    }
+
+    #[test]
+    fn what_was_written_is_read_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("frame.vtu");
+        write_vtu(&path, &frame()).unwrap();
+        assert!(!fs::read_to_string(&path).unwrap().contains("UInt64\" Name"));
+        let DataSet::UnstructuredGrid { pieces, .. } = Vtk::import(&path).unwrap().data else {
+            panic!("no unstructured grid");
+        };
+        let Some(Piece::Inline(piece)) = pieces.into_iter().next() else { panic!("no piece") };
+        let (want, cells) = (frame(), &piece.cells);
+        assert_eq!(piece.points, IOBuffer::F64(want.points_mm.as_flattened().to_vec()));
+        assert_eq!(cells.types, [CellType::Tetra; 2]);
+        let VertexNumbers::XML { connectivity, offsets } = &cells.cell_verts else { panic!() };
+        assert_eq!((&connectivity[..], &offsets[..]), (&[0, 1, 2, 3, 0, 2, 1, 4][..], &[4, 8][..]));
+        let named: Vec<(String, IOBuffer)> = piece
+            .data
+            .point
+            .into_iter()
+            .chain(piece.data.cell)
+            .map(|attribute| match attribute {
+                Attribute::DataArray(array) => (array.name, array.data),
+                Attribute::Field { name, .. } => panic!("{name} is no array"),
+            })
+            .collect();
+        let expected = [
+            ("displacement", IOBuffer::F64(want.displacement_mm.as_flattened().to_vec())),
+            ("level", IOBuffer::U8(want.level)),
+            ("label", IOBuffer::I64(want.label)),
+            ("young_modulus_pa", IOBuffer::F64(want.young_modulus_pa)),
+            ("von_mises_pa", IOBuffer::F64(want.von_mises_pa)),
+            ("indicator", IOBuffer::F64(want.indicator)),
+        ];
+        assert_eq!(named, expected.map(|(name, values)| (name.to_owned(), values)));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1, "nothing stays beside it");
+    }
+
+    #[test]
+    fn frames_that_do_not_fit_together_leave_no_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("frame.vtu");
+        let bad: [fn(&mut Frame); 5] = [
+            |f| f.level.truncate(1),
+            |f| f.displacement_mm[2][1] = f64::NAN,
+            |f| f.points_mm[4][2] = f64::INFINITY,
+            |f| f.tets[1][3] = 5,
+            |f| f.indicator[0] = f64::NEG_INFINITY,
+        ];
+        for spoil in bad {
+            let mut spoiled = frame();
+            spoil(&mut spoiled);
+            let error = write_vtu(&path, &spoiled).unwrap_err();
+            assert!(matches!(error, SimError::Frame { .. }), "{error}");
+            assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+        }
+        let nowhere = dir.path().join("no such folder/frame.vtu");
+        assert!(matches!(write_vtu(&nowhere, &frame()).unwrap_err(), SimError::Io { .. }));
+    }
+}

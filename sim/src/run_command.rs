@@ -1,0 +1,72 @@
+//! `yawara run`: a scene from its file to its run directory.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use yawara::output::RunDirectory;
+use yawara::report::Summary;
+use yawara::scene::Scene;
+use yawara::{SimError, Simulation, Stages, scene_file};
+
+use crate::cli::RunArguments;
+use crate::printer::Printer;
+use crate::text;
+
+/// Runs the scene; true if every step converged.
+pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError> {
+    let mut overrides = arguments.set.clone();
+    overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
+    let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
+    let target = match &arguments.out {
+        Some(path) => path.clone(),
+        None => Path::new("runs").join(&scene.name),
+    };
+    // Before the work, so that a wrong place is known at once.
+    let directory = RunDirectory::create(&target, arguments.force)?;
+    let simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+    out.print(&text::plan(simulation.plan()))?;
+    let (summary, written) = run_scene(&scene, simulation, directory)?;
+    out.print(&text::summary(&summary))?;
+    out.print(&format!("written to {}\n", written.display()))?;
+    Ok(summary.steps.converged == summary.steps.count)
+}
+
+/// All steps, with all output.
+fn run_scene(
+    scene: &Scene,
+    mut simulation: Simulation,
+    mut directory: RunDirectory,
+) -> Result<(Summary, PathBuf), SimError> {
+    directory.write_scene(scene)?;
+    let every = scene.output.frames_every;
+    if every > 0 {
+        directory.write_frame(&simulation.frame(), 0)?;
+    }
+    let bar = progress(simulation.steps_left());
+    while simulation.steps_left() > 0 {
+        let report = simulation.step()?;
+        directory.write_step(&report)?;
+        if every > 0 && (report.step % every == 0 || simulation.steps_left() == 0) {
+            directory.write_frame(&simulation.frame(), report.step)?;
+        }
+        bar.set_message(format!("{} vertices", report.vertices));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let summary = simulation.summary();
+    directory.write_summary(&summary)?;
+    Ok((summary, directory.finish()?))
+}
+
+/// A bar on stderr if people watch it.
+fn progress(steps: usize) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(steps as u64);
+    if let Ok(style) = ProgressStyle::with_template("step {pos}/{len} {wide_bar} {msg} {eta}") {
+        bar.set_style(style);
+    }
+    bar
+}

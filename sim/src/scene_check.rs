@@ -1,0 +1,230 @@
+//! Which values of a scene are in range.
+
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+
+use crate::SimError;
+use crate::scene::{Image, Key, MaterialEntry, Phantom, Region, Scene, Tool};
+
+/// The most steps of a run.
+const MAX_STEPS: usize = 10_000_000;
+
+/// How far a block may be from a whole number of voxels, in voxels.
+const VOXEL_SLACK: f64 = 1e-6;
+
+impl Scene {
+    /// Checks all values; `place` (the file, or a name) begins the messages.
+    ///
+    /// # Errors
+    /// [`SimError::Value`] or [`SimError::MissingKey`] for the first violation: key, value, range.
+    pub fn validate(&self, place: &str) -> Result<(), SimError> {
+        let check = Check { place };
+        check.that(!self.name.trim().is_empty(), "name", &self.name, "a name that is not empty")?;
+        let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
+        let named = self.name.chars().all(plain) && !self.name.starts_with('.');
+        check.that(
+            named,
+            "name",
+            &self.name,
+            "letters, digits, -, _, spaces and inner dots only",
+        )?;
+        let storable = i64::try_from(self.seed).is_ok();
+        check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
+        check.image(&self.image)?;
+        check.materials(self)?;
+        check.mesh(self)?;
+        for (i, region) in self.fixed.iter().enumerate() {
+            check.region(region, &format!("fixed[{i}]"))?;
+        }
+        check.vector("gravity_m_s2", &self.gravity_m_s2)?;
+        for (i, tool) in self.tools.iter().enumerate() {
+            check.tool(tool, &format!("tools[{i}]"))?;
+        }
+        check.stages(self)?;
+        check.numbers(self)
+    }
+}
+
+struct Check<'a> {
+    place: &'a str,
+}
+
+impl Check<'_> {
+    fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
+        if ok {
+            return Ok(());
+        }
+        let (place, value) = (self.place.into(), format!("{value:?}"));
+        Err(SimError::Value { place, key: key.into(), value, want: want.into() })
+    }
+
+    fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {
+        self.that(value > 0.0 && value.is_finite(), key, value, "finite and more than 0")
+    }
+
+    fn finite(&self, key: &str, value: f64) -> Result<(), SimError> {
+        self.that(value.is_finite(), key, value, "a finite number")
+    }
+
+    fn vector(&self, key: &str, vector: &[f64; 3]) -> Result<(), SimError> {
+        vector.iter().enumerate().try_for_each(|(i, &x)| self.finite(&format!("{key}[{i}]"), x))
+    }
+
+    fn given<T>(&self, value: Option<T>, key: &str, want: &str) -> Result<T, SimError> {
+        value.ok_or_else(|| SimError::MissingKey {
+            place: self.place.into(),
+            key: key.into(),
+            want: want.into(),
+        })
+    }
+
+    fn image(&self, image: &Image) -> Result<(), SimError> {
+        for (key, length) in
+            [("image.voxel_mm", image.voxel_mm), ("image.length_mm", image.length_mm)]
+        {
+            length.map_or(Ok(()), |length| self.positive(key, length))?;
+        }
+        for (i, &size) in image.size_mm.iter().flatten().enumerate() {
+            self.positive(&format!("image.size_mm[{i}]"), size)?;
+        }
+        if let Some(path) = &image.path {
+            let blank = path.as_os_str().is_empty();
+            return self.that(!blank, "image.path", path, "the path of a label map");
+        }
+        let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
+                    `liver` or `block`, in image.phantom)";
+        let phantom = self.given(image.phantom, "image.path", want)?;
+        let want = "the edge of a voxel of the phantom in mm";
+        let voxel = self.given(image.voxel_mm, "image.voxel_mm", want)?;
+        match phantom {
+            Phantom::Liver => {
+                let want = "the left-right length of the liver phantom in mm, e.g. 200";
+                self.given(image.length_mm, "image.length_mm", want).map(drop)
+            }
+            Phantom::Block => {
+                let want = "the size of the block phantom in mm, e.g. [40, 20, 20]";
+                let size = self.given(image.size_mm, "image.size_mm", want)?;
+                size.iter().enumerate().try_for_each(|(i, &edge)| {
+                    let voxels = edge / voxel;
+                    let whole = voxels > 0.5 && (voxels - voxels.round()).abs() <= VOXEL_SLACK;
+                    let want = format!("a whole number of voxels of {voxel:?} mm");
+                    self.that(whole, &format!("image.size_mm[{i}]"), edge, &want)
+                })
+            }
+        }
+    }
+
+    fn materials(&self, scene: &Scene) -> Result<(), SimError> {
+        let mut seen = BTreeSet::new();
+        for (i, material) in scene.materials.iter().enumerate() {
+            let key = |name: &str| format!("materials[{i}].{name}");
+            let MaterialEntry { label, young_modulus_pa, poisson_ratio, density_kg_m3, .. } =
+                material;
+            let want = "a label other than 0, which is void ([void] says what stands for it)";
+            self.that(*label != 0, &key("label"), label, want)?;
+            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
+            self.positive(&key("young_modulus_pa"), *young_modulus_pa)?;
+            self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
+            let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
+            self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
+        }
+        let ratio = scene.void.stiffness_ratio;
+        let in_range = ratio > 0.0 && ratio <= 1.0;
+        self.that(in_range, "void.stiffness_ratio", ratio, "more than 0 and at most 1")?;
+        self.poisson("void.poisson_ratio", scene.void.poisson_ratio)
+    }
+
+    fn poisson(&self, key: &str, ratio: f64) -> Result<(), SimError> {
+        self.that(ratio > -1.0 && ratio < 0.5, key, ratio, "more than -1 and less than 0.5")
+    }
+
+    fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
+        let mesh = &scene.mesh;
+        let finest = yawara_mesh::lattice::MAX_LEVEL;
+        self.positive("mesh.base_mm", mesh.base_mm)?;
+        let want = format!("at most {finest}");
+        self.that(mesh.max_level <= finest, "mesh.max_level", mesh.max_level, &want)?;
+        let want = format!("at most max_level, {}", mesh.max_level);
+        let in_range = mesh.start_level <= mesh.max_level;
+        self.that(in_range, "mesh.start_level", mesh.start_level, &want)?;
+        self.that(mesh.max_vertices >= 4, "mesh.max_vertices", mesh.max_vertices, "at least 4")
+    }
+
+    fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
+        match region {
+            Region::Box { min, max } => {
+                self.vector(&format!("{key}.min"), min)?;
+                self.vector(&format!("{key}.max"), max)?;
+                (0..3).try_for_each(|i| {
+                    let want = format!("at most {key}.max[{i}], {:?}", max[i]);
+                    // Flat boxes are faces, so equality is fine.
+                    self.that(min[i] <= max[i], &format!("{key}.min[{i}]"), min[i], &want)
+                })
+            }
+            Region::Sphere { centre, radius_m } => {
+                self.vector(&format!("{key}.centre"), centre)?;
+                self.positive(&format!("{key}.radius_m"), *radius_m)
+            }
+        }
+    }
+
+    fn tool(&self, tool: &Tool, key: &str) -> Result<(), SimError> {
+        let Tool::Grab { region, path, turn_axis, release_s } = tool;
+        self.region(region, &format!("{key}.region"))?;
+        let want = "at least one entry { time_s, move_m, turn_deg }";
+        self.that(!path.is_empty(), &format!("{key}.path"), path, want)?;
+        let mut last = f64::NEG_INFINITY;
+        for (i, Key { time_s, move_m, turn_deg }) in path.iter().enumerate() {
+            let key = format!("{key}.path[{i}]");
+            self.finite(&format!("{key}.time_s"), *time_s)?;
+            let want = format!("more than the time before it, {last:?}");
+            self.that(*time_s > last, &format!("{key}.time_s"), time_s, &want)?;
+            self.vector(&format!("{key}.move_m"), move_m)?;
+            self.finite(&format!("{key}.turn_deg"), *turn_deg)?;
+            last = *time_s;
+        }
+        let axis = format!("{key}.turn_axis");
+        self.vector(&axis, turn_axis)?;
+        // The square of a smaller axis underflows, and its direction with it.
+        let long = turn_axis.iter().any(|x| x.abs() > 1e-100);
+        self.that(long, &axis, turn_axis, "an axis of a length other than 0")?;
+        let finite = release_s.is_none_or(f64::is_finite);
+        self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
+    }
+
+    fn stages(&self, scene: &Scene) -> Result<(), SimError> {
+        let stages = &scene.stages;
+        for (key, name, choices) in [
+            ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
+            ("corotation", &stages.corotation, yawara_corot::COROTATIONS),
+            ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
+            ("indicator", &stages.indicator, crate::indicator::CHOICES),
+            ("inverse", &stages.inverse, yawara_inverse_update::CHOICES),
+        ] {
+            let want = format!("one of {}", choices.join(", "));
+            self.that(choices.contains(&&name[..]), &format!("stages.{key}"), name, &want)?;
+        }
+        Ok(())
+    }
+
+    fn numbers(&self, scene: &Scene) -> Result<(), SimError> {
+        let Scene { time, solver, refinement, .. } = scene;
+        let in_range = (1..=MAX_STEPS).contains(&time.steps);
+        self.that(in_range, "time.steps", time.steps, &format!("1 to {MAX_STEPS}"))?;
+        self.positive("time.step_s", time.step_s)?;
+        let in_range = solver.residual > 0.0 && solver.residual < 1.0;
+        self.that(in_range, "solver.residual", solver.residual, "more than 0 and less than 1")?;
+        let iterations = solver.max_iterations;
+        self.that(iterations >= 1, "solver.max_iterations", iterations, "at least 1")?;
+        self.that(
+            solver.max_halvings <= 30,
+            "solver.max_halvings",
+            solver.max_halvings,
+            "at most 30",
+        )?;
+        self.positive("refinement.split_above", refinement.split_above)?;
+        let fraction = refinement.merge_fraction;
+        let in_range = (0.0..1.0).contains(&fraction);
+        self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")
+    }
+}

@@ -1,0 +1,82 @@
+//! Plan and summary for people.
+
+use std::fmt::Write;
+
+use yawara::report::{PlanRow, Summary};
+
+/// The plan as a table, a line per stage.
+pub fn plan(rows: &[PlanRow]) -> String {
+    let width = |cell: fn(&PlanRow) -> &str, title: &str| {
+        rows.iter().map(|row| cell(row).chars().count()).max().unwrap_or(0).max(title.len())
+    };
+    let (stage, choice) = (width(|row| &row.stage, "stage"), width(|row| &row.choice, "choice"));
+    let mut text = format!("{:stage$}  {:choice$}  runs  why\n", "stage", "choice");
+    for row in rows {
+        let runs = if row.runs { "yes" } else { "no" };
+        // Writing to a String can't fail, here and below.
+        let _ =
+            writeln!(text, "{:stage$}  {:choice$}  {runs:4}  {}", row.stage, row.choice, row.why);
+    }
+    text
+}
+
+/// The summary, a line per subject.
+pub fn summary(summary: &Summary) -> String {
+    let Summary { mesh, steps, inverse, force, .. } = summary;
+    let mut text = String::from("\n");
+    let mut line = |title: &str, words: String| {
+        let _ = writeln!(text, "{title:<9} {words}");
+    };
+    let range = |r: &yawara::report::Range| format!("{} → {} → {}", r.start, r.max, r.end);
+    line(
+        "mesh",
+        format!(
+            "{} vertices, {} tetrahedra (start → most → end); {} splits, {} merges",
+            range(&mesh.vertices),
+            range(&mesh.tets),
+            mesh.splits,
+            mesh.merges
+        ),
+    );
+    line(
+        "shapes",
+        format!(
+            "worst 3r/R {:.4}, worst circumradius over shortest edge {:.4}",
+            mesh.worst_radius_ratio, mesh.worst_circumradius_over_shortest_edge
+        ),
+    );
+    let time = &steps.time_ms;
+    line(
+        "steps",
+        format!(
+            "{} of {} converged, largest relative residual {:.2e}; {:.1} ms each (99 %: {:.1}, most {:.1})",
+            steps.converged, steps.count, steps.residual_max, time.p50, time.p99, time.max
+        ),
+    );
+    line(
+        "inverse",
+        format!(
+            "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds, solve {:.3} ms, drift {:.1e}",
+            inverse.choice,
+            inverse.updates,
+            inverse.time_ms.p50,
+            inverse.time_ms.p99,
+            inverse.rebuilds,
+            inverse.solve_ms.p50,
+            inverse.drift_max
+        ),
+    );
+    line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    line("time", format!("{:.2} s in all", summary.wall_s));
+    for row in summary.plan.iter().filter(|row| !row.runs) {
+        line("left out", format!("{}: {}", row.stage, row.why));
+    }
+    if steps.converged < steps.count {
+        let missed = steps.count - steps.converged;
+        line(
+            "warning",
+            format!("{missed} of {} steps did not converge; see steps.csv", steps.count),
+        );
+    }
+    text
+}

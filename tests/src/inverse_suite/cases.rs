@@ -1,0 +1,393 @@
+//! Hand-made cases: what random histories never reach.
+
+use faer::{Mat, mat};
+use yawara_inverse_update::{
+    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, build, drift,
+};
+
+type Maintainer = Box<dyn InverseMaintainer>;
+
+/// One matrix of a ring change, to be spoilt.
+type Field = fn(&mut RingChange) -> &mut Mat<f64>;
+
+/// A maintainer of a dense matrix with `block` rows per vertex.
+fn maintain(name: &str, block: usize, k: &Mat<f64>) -> Result<Maintainer, InverseError> {
+    let vertices = k.nrows() / block;
+    let mut stiffness = SparseStiffness::zeros(vertices, block)?;
+    stiffness.add(&(0..vertices).collect::<Vec<_>>(), k.as_ref())?;
+    build(name, stiffness)
+}
+
+fn inverse(maintainer: &dyn InverseMaintainer) -> Mat<f64> {
+    let all: Vec<usize> = (0..maintainer.vertices()).collect();
+    maintainer.columns(&all).expect("all slots")
+}
+
+/// A vertex whose old neighbours are all fixed.
+fn alone(a22: Mat<f64>) -> RingChange {
+    let m = a22.nrows();
+    RingChange {
+        slots: vec![],
+        k_p: Mat::zeros(0, 0),
+        k_c: Mat::zeros(0, 0),
+        a12: Mat::zeros(0, m),
+        a22,
+        b: Mat::zeros(0, m),
+        positive: Mat::zeros(0, 0),
+        order_key: 0,
+    }
+}
+
+/// Springs of stiffness 1, wall – 0 – 1.
+fn two_springs() -> Mat<f64> {
+    mat![[2.0, -1.0], [-1.0, 1.0]]
+}
+
+/// The spring 0 – 1 as two of stiffness 2, with `positive` making up what b does not.
+fn halved_spring() -> RingChange {
+    RingChange {
+        slots: vec![0, 1],
+        k_p: mat![[1.0, -1.0], [-1.0, 1.0]],
+        k_c: mat![[2.0, 0.0], [0.0, 2.0]],
+        a12: mat![[-2.0], [-2.0]],
+        a22: mat![[4.0]],
+        b: mat![[0.0], [0.0]],
+        positive: Mat::zeros(2, 0),
+        order_key: 0,
+    }
+}
+
+/// Runs something that has to fail and proves that nothing has changed, to the last bit.
+fn refused<T: std::fmt::Debug>(
+    maintainer: &mut Maintainer,
+    attempt: impl FnOnce(&mut dyn InverseMaintainer) -> Result<T, InverseError>,
+) -> InverseError {
+    let n = maintainer.stiffness().dofs();
+    let f: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).sin()).collect();
+    let state = |maintainer: &Maintainer| {
+        let mut u = vec![0.0; n];
+        maintainer.solve(&f, &mut u).expect("a finite load");
+        let k = maintainer.stiffness().to_dense();
+        (u, inverse(&**maintainer), k, maintainer.vertices(), maintainer.rebuilds())
+    };
+    let before = state(maintainer);
+    let error = attempt(&mut **maintainer).expect_err("this has to be refused");
+    assert!(state(maintainer) == before, "changed by a refused call: {error}");
+    error
+}
+
+fn close(name: &str, got: &Mat<f64>, want: &Mat<f64>) {
+    assert_eq!((got.nrows(), got.ncols()), (want.nrows(), want.ncols()), "{name}");
+    // The matrices by hand have condition numbers below 100 and at most 5 rows.
+    let limit = 5.0 * 100.0 * f64::EPSILON * want.norm_max();
+    assert!((got - want).norm_max() <= limit, "{name}: {got:?}\nwant {want:?}");
+}
+
+/// One row: C = 1/K.
+pub fn a_vertex_alone_is_a_division(name: &str) {
+    let maintainer = maintain(name, 1, &mat![[4.0]]).unwrap();
+    assert_eq!(maintainer.name(), name);
+    assert_eq!(inverse(&*maintainer), mat![[0.25]]);
+    assert_eq!(drift(&*maintainer, 7, 3), 0.0);
+}
+
+/// Zero free vertices: nothing to solve, and a first vertex can come.
+pub fn no_vertices_at_the_start(name: &str) {
+    let mut maintainer = maintain(name, 2, &Mat::zeros(0, 0)).unwrap();
+    assert_eq!(maintainer.vertices(), 0);
+    maintainer.solve(&[], &mut []).unwrap();
+    assert_eq!(maintainer.columns(&[]).unwrap().shape(), (0, 0));
+    assert_eq!(drift(&*maintainer, 0, 8), 0.0);
+    maintainer.rebuild().unwrap();
+    let error = refused(&mut maintainer, |m| m.merge(0, &alone(mat![[1.0, 0.0], [0.0, 1.0]])));
+    assert_eq!(error, InverseError::Slot { slot: 0, limit: 0 });
+    assert_eq!(maintainer.split(&alone(mat![[2.0, 0.0], [0.0, 8.0]])), Ok(0));
+    close(name, &inverse(&*maintainer), &mat![[0.5, 0.0], [0.0, 0.125]]);
+}
+
+/// All old vertices of the ring are fixed: only A22 counts.
+pub fn a_vertex_whose_ring_is_fixed(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let before = inverse(&*maintainer);
+    assert_eq!(maintainer.split(&alone(mat![[8.0]])), Ok(2));
+    close(name, &inverse(&*maintainer), &mat![[1.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.125]]);
+    assert_eq!(maintainer.merge(2, &alone(mat![[8.0]])), Ok(None));
+    close(name, &inverse(&*maintainer), &before);
+}
+
+/// Compliances of a chain: C_ij = Σ 1/k from the wall to the nearer of i and j.
+pub fn a_halved_spring_by_hand(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    assert_eq!(maintainer.split(&halved_spring()), Ok(2));
+    let chain = mat![[1.0, 1.0, 1.0], [1.0, 2.0, 1.5], [1.0, 1.5, 1.5]];
+    close(name, &inverse(&*maintainer), &chain);
+    let mut u = [0.0; 3];
+    maintainer.solve(&[0.0, 1.0, 0.0], &mut u).unwrap();
+    close(name, &mat![[u[0]], [u[1]], [u[2]]], &mat![[1.0], [2.0], [1.5]]);
+    let some = maintainer.columns(&[2, 0, 2]).unwrap();
+    close(name, &some, &mat![[1.0, 1.0, 1.0], [1.5, 1.0, 1.5], [1.5, 1.0, 1.5]]);
+    // Vertex 0 leaves: its springs 1 and 2 in a row become one of 2/3 to the middle vertex,
+    // which moves from slot 2 to slot 0.
+    let stretch = RingChange {
+        slots: vec![2],
+        k_p: mat![[2.0 / 3.0]],
+        k_c: mat![[2.0]],
+        a12: mat![[-2.0]],
+        a22: mat![[3.0]],
+        b: mat![[0.0]],
+        positive: Mat::zeros(1, 0),
+        order_key: 0,
+    };
+    assert_eq!(maintainer.merge(0, &stretch), Ok(Some(2)));
+    close(name, &inverse(&*maintainer), &mat![[1.5, 1.5], [1.5, 2.0]]);
+}
+
+/// From one vertex to none.
+pub fn the_only_vertex_can_go(name: &str) {
+    let mut maintainer = maintain(name, 1, &mat![[4.0]]).unwrap();
+    assert_eq!(maintainer.merge(0, &alone(mat![[4.0]])), Ok(None));
+    assert_eq!(maintainer.vertices(), 0);
+    assert_eq!(inverse(&*maintainer).shape(), (0, 0));
+    maintainer.solve(&[], &mut []).unwrap();
+    assert_eq!(maintainer.split(&alone(mat![[2.0]])), Ok(0));
+    close(name, &inverse(&*maintainer), &mat![[0.5]]);
+}
+
+/// Bodies that nothing holds, zero matrices and indefinite ones have no inverse to keep.
+pub fn free_and_indefinite_bodies_are_refused(name: &str) {
+    let free = mat![[1.0, -1.0], [-1.0, 1.0]];
+    let thirds = Mat::from_fn(6, 6, |i, j| if i == j { 5.0 / 3.0 } else { -1.0 / 3.0 });
+    let apart = mat![[2.0, 0.0], [0.0, 0.0]];
+    let indefinite = mat![[1.0, 2.0], [2.0, 1.0]];
+    for k in [free, thirds, apart, indefinite, mat![[0.0]], mat![[-1.0]]] {
+        let error = maintain(name, 1, &k).err().expect("no inverse");
+        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    }
+}
+
+/// Cutting the body loose, or more, leaves the maintainer as it was.
+pub fn a_change_to_singular_is_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let cut = |removed| StiffnessChange { slots: vec![0], added: Mat::zeros(1, 0), removed };
+    let spring = |s: f64| StiffnessChange {
+        slots: vec![1, 0],
+        added: Mat::zeros(2, 0),
+        removed: mat![[s], [-s]],
+    };
+    for change in [cut(mat![[1.0]]), cut(mat![[1.5]]), cut(mat![[9.0]]), spring(1.0), spring(1.1)] {
+        let error = refused(&mut maintainer, |m| m.change(&change));
+        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    }
+    // K' = [−8, −9; −9, −8] has an inverse, and one with a positive diagonal.
+    let mut apart = maintain(name, 1, &mat![[1.0, 0.0], [0.0, 1.0]]).unwrap();
+    let both =
+        StiffnessChange { slots: vec![0, 1], added: Mat::zeros(2, 0), removed: mat![[3.0], [3.0]] };
+    let error = refused(&mut apart, |m| m.change(&both));
+    assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    // Taking both signs at once: the positive part comes first, so this is no obstacle.
+    let exchange = StiffnessChange { slots: vec![0], added: mat![[2.0]], removed: mat![[1.0]] };
+    maintainer.change(&exchange).unwrap();
+    close(name, &inverse(&*maintainer), &mat![[0.25, 0.25], [0.25, 1.25]]);
+}
+
+/// A refined ring that pushes: K + M = 1 − 3.
+pub fn a_split_to_indefinite_is_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &mat![[1.0]]).unwrap();
+    let mut change = RingChange {
+        slots: vec![0],
+        k_p: mat![[3.0]],
+        k_c: mat![[1.0]],
+        a12: mat![[1.0]],
+        a22: mat![[1.0]],
+        b: mat![[3.0_f64.sqrt()]],
+        positive: Mat::zeros(1, 0),
+        order_key: 0,
+    };
+    let error = refused(&mut maintainer, |m| m.split(&change));
+    assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    change.a22 = mat![[-1.0]];
+    let error = refused(&mut maintainer, |m| m.split(&change));
+    assert!(matches!(error, InverseError::Singular { what: "a22", .. }), "{error}");
+}
+
+/// A coarse ring of stiffness 0, or less, on a vertex that nothing else holds.
+pub fn a_merge_to_singular_is_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &mat![[2.0, -1.0], [-1.0, 1.0]]).unwrap();
+    for (k_p, f) in [(0.0, 1.0_f64), (-3.0, 2.0)] {
+        let change = RingChange {
+            slots: vec![0],
+            k_p: mat![[k_p]],
+            k_c: mat![[2.0]],
+            a12: mat![[-1.0]],
+            a22: mat![[1.0]],
+            b: mat![[0.0]],
+            positive: mat![[f]],
+            order_key: 0,
+        };
+        let error = refused(&mut maintainer, |m| m.merge(1, &change));
+        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    }
+}
+
+/// Every matrix of a change, one row or column short or long.
+pub fn wrong_shapes_are_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let fields: [(&str, Field); 6] = [
+        ("k_p", |c| &mut c.k_p),
+        ("k_c", |c| &mut c.k_c),
+        ("a12", |c| &mut c.a12),
+        ("a22", |c| &mut c.a22),
+        ("b", |c| &mut c.b),
+        ("positive", |c| &mut c.positive),
+    ];
+    for (field, part) in fields {
+        for (rows, cols) in [(0, 0), (3, 1), (1, 3), (3, 3)] {
+            let mut change = halved_spring();
+            *part(&mut change) = Mat::zeros(rows, cols);
+            let error = refused(&mut maintainer, |m| m.split(&change));
+            assert!(matches!(error, InverseError::Shape { what, .. } if what == field), "{error}");
+            refused(&mut maintainer, |m| m.merge(1, &change));
+        }
+    }
+    for (added, removed) in [(3, 2), (2, 1)] {
+        let change = StiffnessChange {
+            slots: vec![0, 1],
+            added: Mat::zeros(added, 1),
+            removed: Mat::zeros(removed, 1),
+        };
+        let error = refused(&mut maintainer, |m| m.change(&change));
+        assert!(matches!(error, InverseError::Shape { .. }), "{error}");
+    }
+}
+
+/// NaN and infinity in every place of every matrix.
+pub fn nan_and_infinity_are_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let fields: [Field; 6] = [
+        |c| &mut c.k_p,
+        |c| &mut c.k_c,
+        |c| &mut c.a12,
+        |c| &mut c.a22,
+        |c| &mut c.b,
+        |c| &mut c.positive,
+    ];
+    for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for part in fields {
+            let mut good = halved_spring();
+            good.positive = Mat::zeros(2, 1);
+            let (rows, cols) = part(&mut good).shape();
+            for (row, col) in (0..rows).flat_map(|i| (0..cols).map(move |j| (i, j))) {
+                let mut change = good.clone();
+                part(&mut change)[(row, col)] = value;
+                let error = refused(&mut maintainer, |m| m.split(&change));
+                assert!(matches!(error, InverseError::NotFinite { .. }), "{error}");
+            }
+        }
+        for (added, removed) in [(value, 0.0), (0.0, value)] {
+            let change =
+                StiffnessChange { slots: vec![1], added: mat![[added]], removed: mat![[removed]] };
+            let error = refused(&mut maintainer, |m| m.change(&change));
+            assert!(matches!(error, InverseError::NotFinite { .. }), "{error}");
+        }
+    }
+    // Finite, but not its square.
+    let change =
+        StiffnessChange { slots: vec![1], added: mat![[1e200]], removed: Mat::zeros(1, 0) };
+    let error = refused(&mut maintainer, |m| m.change(&change));
+    assert!(matches!(error, InverseError::NotFinite { .. }), "{error}");
+}
+
+/// Slots that do not exist or come twice.
+pub fn wrong_slots_are_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    for (slots, want) in [
+        (vec![0, 2], InverseError::Slot { slot: 2, limit: 2 }),
+        (vec![usize::MAX, 0], InverseError::Slot { slot: usize::MAX, limit: 2 }),
+        (vec![1, 1], InverseError::DuplicateSlot { slot: 1 }),
+    ] {
+        let ring = RingChange { slots: slots.clone(), ..halved_spring() };
+        assert_eq!(refused(&mut maintainer, |m| m.split(&ring)), want);
+        let none = Mat::zeros(2, 0);
+        let change = StiffnessChange { slots, added: none.clone(), removed: none };
+        assert_eq!(refused(&mut maintainer, |m| m.change(&change)), want);
+    }
+    let error = maintainer.columns(&[0, 2]).unwrap_err();
+    assert_eq!(error, InverseError::Slot { slot: 2, limit: 2 });
+    let error = refused(&mut maintainer, |m| m.merge(2, &halved_spring()));
+    assert_eq!(error, InverseError::Slot { slot: 2, limit: 2 });
+}
+
+/// Parts of a change that do not belong together.
+pub fn contradictions_are_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let mut forgotten = halved_spring();
+    forgotten.b = mat![[-2.0], [-2.0]];
+    let error = refused(&mut maintainer, |m| m.split(&forgotten));
+    assert!(matches!(error, InverseError::Inconsistent { .. }), "{error}");
+    let mut skew = halved_spring();
+    skew.k_c = mat![[2.0, 0.1], [0.0, 2.0]];
+    let error = refused(&mut maintainer, |m| m.split(&skew));
+    assert!(matches!(error, InverseError::Asymmetric { what: "k_c", .. }), "{error}");
+}
+
+/// A vertex in its own ring, one that others lean on, one with another row than claimed.
+pub fn a_merge_of_the_wrong_vertex_is_refused(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    maintainer.split(&halved_spring()).unwrap();
+    let error = refused(&mut maintainer, |m| m.merge(1, &halved_spring()));
+    assert_eq!(error, InverseError::OwnRing { slot: 1 });
+    assert_eq!(maintainer.split(&alone(mat![[1.0]])), Ok(3));
+    let spring = mat![[1.0], [-1.0]];
+    let lean = StiffnessChange { slots: vec![2, 3], added: spring, removed: Mat::zeros(2, 0) };
+    maintainer.change(&lean).unwrap();
+    let error = refused(&mut maintainer, |m| m.merge(2, &halved_spring()));
+    assert_eq!(error, InverseError::NotInRing { slot: 2, other: 3 });
+    let error = refused(&mut maintainer, |m| m.merge(3, &halved_spring()));
+    assert!(matches!(error, InverseError::NotInRing { slot: 3, other: 2 }), "{error}");
+    let stiffer = StiffnessChange {
+        slots: vec![2, 3],
+        added: mat![[1.0], [0.0]],
+        removed: mat![[1.0], [-1.0]],
+    };
+    maintainer.change(&stiffer).unwrap();
+    let error = refused(&mut maintainer, |m| m.merge(2, &halved_spring()));
+    assert!(matches!(error, InverseError::Inconsistent { .. }), "{error}");
+}
+
+/// Lengths and finiteness of loads; the answer is not touched on error.
+pub fn solve_checks_its_vectors(name: &str) {
+    let maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let mut u = [5.0; 2];
+    for f in [vec![1.0], vec![1.0; 3], vec![f64::NAN, 1.0], vec![1.0, f64::INFINITY]] {
+        maintainer.solve(&f, &mut u).unwrap_err();
+        assert_eq!(u, [5.0; 2]);
+    }
+    maintainer.solve(&[1.0, 1.0], &mut [0.0; 3]).unwrap_err();
+    maintainer.solve(&[0.0, 1.0], &mut u).unwrap();
+    close(name, &mat![[u[0]], [u[1]]], &mat![[1.0], [2.0]]);
+}
+
+/// After `rebuild` the maintainer is as good as a new one of the same K.
+pub fn rebuild_removes_the_drift(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    maintainer.split(&halved_spring()).unwrap();
+    let k = maintainer.stiffness().to_dense();
+    maintainer.rebuild().unwrap();
+    assert_eq!(maintainer.stiffness().to_dense(), k);
+    assert_eq!(maintainer.rebuilds(), 0, "counts only what the maintainer did by itself");
+    assert_eq!(inverse(&*maintainer), inverse(&*maintain(name, 1, &k).unwrap()));
+}
+
+/// Removing all but 1e-12 of a spring: no digits are left in an update, all of them in K.
+pub fn a_nearly_singular_change_stays_accurate(name: &str) {
+    let mut maintainer = maintain(name, 1, &mat![[1.0, 0.0], [0.0, 2.0]]).unwrap();
+    let rest = 2.0_f64.powi(-40);
+    let removed = 1.0 - rest / 2.0;
+    let change =
+        StiffnessChange { slots: vec![0], added: Mat::zeros(1, 0), removed: mat![[removed]] };
+    // removed² is rounded once, then K is exact.
+    let left = 1.0 - removed * removed;
+    maintainer.change(&change).unwrap();
+    let got = inverse(&*maintainer)[(0, 0)];
+    assert!((got * left - 1.0).abs() <= 4.0 * f64::EPSILON, "{got} instead of {}", 1.0 / left);
+}

@@ -1,0 +1,282 @@
+//! Random histories of splits, merges and changes, replayed on a maintainer and on the model.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use faer::linalg::solvers::DenseSolveCore;
+use nalgebra::{DMatrix, SymmetricEigen};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::Index;
+use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
+
+use super::model::{Model, to_faer};
+
+/// One step of a history; all of its randomness.
+#[derive(Debug, Clone)]
+pub struct Op {
+    kind: u8,
+    picks: [Index; 4],
+    vertices: usize,
+    rank: usize,
+    exponent: f64,
+    numbers: Vec<f64>,
+}
+
+/// Histories with ratios of moduli up to 1e3.
+pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
+    let op =
+        (0..8_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
+            .prop_map(|(kind, picks, vertices, rank, exponent, numbers)| Op {
+                kind,
+                picks,
+                vertices,
+                rank,
+                exponent,
+                numbers,
+            });
+    vec(op, length)
+}
+
+/// A maintainer and the model, side by side.
+pub struct Replay {
+    maintainer: Box<dyn InverseMaintainer>,
+    model: Model,
+    /// Largest diagonal that each vertex ever had: rounding in K is of that size.
+    largest: HashMap<usize, f64>,
+    /// Σ over the steps of the condition number of the scaled K.
+    conditions: f64,
+    steps: f64,
+    /// Condition numbers are taken every so many steps: they cost more than the step.
+    stride: usize,
+    worst: f64,
+}
+
+/// K scaled to a unit diagonal: the scale √K_ii and the condition number.
+struct Scaled {
+    scale: Vec<f64>,
+    condition: f64,
+}
+
+impl Scaled {
+    fn of(k: &DMatrix<f64>) -> Self {
+        if k.is_empty() {
+            return Self { scale: vec![], condition: 1.0 };
+        }
+        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].sqrt()).collect();
+        let unit = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
+        let eigenvalues = SymmetricEigen::new(unit).eigenvalues;
+        let norm = eigenvalues.iter().copied().fold(1.0, f64::max);
+        let least = eigenvalues.iter().copied().fold(f64::INFINITY, f64::min);
+        let condition = norm / least;
+        assert!(condition.is_finite() && condition > 0.0, "the model must be positive definite");
+        Self { scale, condition }
+    }
+
+    /// ‖S (a − b) S‖ / ‖S b S‖ in the Frobenius norm.
+    fn inverse_error(&self, a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+        let (mut difference, mut size) = (0.0, 0.0);
+        for i in 0..a.nrows() {
+            for j in 0..a.ncols() {
+                let weight = self.scale[i] * self.scale[j];
+                difference += (weight * (a[(i, j)] - b[(i, j)])).powi(2);
+                size += (weight * b[(i, j)]).powi(2);
+            }
+        }
+        if a.is_empty() { 0.0 } else { (difference / size).sqrt() }
+    }
+}
+
+impl Replay {
+    /// Starts from a chain of `start` vertices, to be checked every `stride` steps.
+    #[must_use]
+    pub fn new(name: &str, block: usize, start: usize, stride: usize) -> Self {
+        let model = Model::chain(start, block);
+        let mut k = SparseStiffness::zeros(start, block).expect("a block");
+        let slots: Vec<usize> = (0..start).collect();
+        k.add(&slots, to_faer(&model.assemble()).as_ref()).expect("a chain");
+        let maintainer = build(name, k).expect("a chain that is held");
+        let mut replay = Self {
+            maintainer,
+            model,
+            largest: HashMap::new(),
+            conditions: 0.0,
+            steps: 0.0,
+            stride,
+            worst: 0.0,
+        };
+        replay.note();
+        replay
+    }
+
+    /// The largest error that [`check`](Self::check) has seen.
+    #[must_use]
+    pub fn worst(&self) -> f64 {
+        self.worst
+    }
+
+    /// Vertices now held.
+    #[must_use]
+    pub fn vertices(&self) -> usize {
+        self.model.names.len()
+    }
+
+    /// Does what the step says on both sides, or nothing where it is not possible.
+    pub fn step(&mut self, op: &Op) {
+        match op.kind {
+            0..2 => self.add_patch(op),
+            2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
+            5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
+            _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
+        }
+        self.note();
+    }
+
+    /// Merges and removes everything, youngest first.
+    pub fn undo_all(&mut self) {
+        while let Some(last) = self.model.patches.len().checked_sub(1) {
+            if let Some(&patch) = self.model.free(true).last() {
+                self.merge(patch);
+            } else {
+                self.remove_patch(last);
+            }
+            self.note();
+        }
+    }
+
+    fn pick(&self, op: &Op, split: bool) -> Option<usize> {
+        let free = self.model.free(split);
+        (!free.is_empty()).then(|| free[op.picks[0].index(free.len())])
+    }
+
+    fn add_patch(&mut self, op: &Op) {
+        let mut vertices = Vec::new();
+        for pick in &op.picks[..op.vertices.min(self.vertices())] {
+            let vertex = self.model.names[pick.index(self.vertices())];
+            if !vertices.contains(&vertex) {
+                vertices.push(vertex);
+            }
+        }
+        let mut numbers = op.numbers.iter().cycle();
+        let number = || *numbers.next().expect("a cycle");
+        let change = self.model.add_patch(vertices, 10_f64.powf(op.exponent), op.rank, number);
+        self.maintainer.change(&change).expect("a stiffer body");
+    }
+
+    fn remove_patch(&mut self, patch: usize) {
+        let change = self.model.remove_patch(patch);
+        self.maintainer.change(&change).expect("a body that is still held");
+    }
+
+    fn split(&mut self, patch: usize) {
+        let change = self.model.ring(patch);
+        assert!(change.consistency_error() < 1e-12, "the model's own change");
+        let slot = self.maintainer.split(&change).expect("a legal split");
+        assert_eq!(slot, self.vertices(), "a new vertex takes the last slot");
+        self.model.split(patch);
+    }
+
+    fn merge(&mut self, patch: usize) {
+        let change = self.model.ring(patch);
+        let last = self.vertices() - 1;
+        let slot = self.model.merge(patch);
+        let moved = self.maintainer.merge(slot, &change).expect("a legal merge");
+        assert_eq!(moved, (slot != last).then_some(last), "the last vertex fills the gap");
+    }
+
+    /// Keeps account of what bounds the error.
+    fn note(&mut self) {
+        let k = self.model.assemble();
+        if (self.steps as usize).is_multiple_of(self.stride) {
+            self.conditions += self.stride as f64 * Scaled::of(&k).condition;
+        }
+        self.steps += 1.0;
+        for (slot, &name) in self.model.names.iter().enumerate() {
+            for i in slot * self.model.block..(slot + 1) * self.model.block {
+                let largest = self.largest.entry(name).or_default();
+                *largest = largest.max(k[(i, i)]);
+            }
+        }
+    }
+
+    /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
+    fn shrinkage(&self, k: &DMatrix<f64>) -> f64 {
+        let block = self.model.block;
+        let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)];
+        (0..k.nrows()).map(ratio).fold(1.0, f64::max)
+    }
+
+    /// Compares everything that a maintainer tells with LU of the model's K, by two libraries.
+    ///
+    /// Bound: rounding of size ε K_ii per step in K, and of size ε κ_t K_ii per step t from C
+    /// (a perturbation δC of C is one of K δC K of K, which later updates carry along); both
+    /// reach the relative error of C with the factor κ of now. Hence n ε κ ρ Σ κ_t, with ρ the
+    /// shrinkage of the diagonal; the factor 8 stands for the products per step.
+    pub fn check(&mut self) {
+        let k = self.model.assemble();
+        let scaled = Scaled::of(&k);
+        let n = k.nrows();
+        let rho = self.shrinkage(&k);
+        let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;
+        let bound = unit * scaled.condition * rho * (self.conditions + self.steps);
+        assert_eq!(self.maintainer.vertices(), self.model.names.len());
+        self.check_stiffness(&k, &scaled, unit * rho * self.steps);
+
+        let c = self.inverse();
+        let reference = k.clone().lu().try_inverse().expect("a regular matrix");
+        let second = to_faer(&k).partial_piv_lu().inverse();
+        let second = DMatrix::from_fn(n, n, |i, j| second[(i, j)]);
+        let error = scaled.inverse_error(&c, &reference);
+        self.worst = self.worst.max(error);
+        for (which, error) in [("nalgebra", error), ("faer", scaled.inverse_error(&c, &second))] {
+            assert!(error <= bound, "{error:e} from LU by {which}, bound {bound:e}");
+        }
+        // ‖K̂ (Ĉ − Ĉ_exact)‖ ≤ ‖K̂‖ ‖Ĉ‖_F · error, and ‖Ĉ‖_F ≤ √n κ/‖K̂‖.
+        let drift = drift(&*self.maintainer, 1, 8);
+        let limit = bound * scaled.condition * (n as f64).sqrt();
+        assert!(drift <= limit, "drift {drift:e}, bound {limit:e}");
+        self.check_solve(&c, &scaled);
+    }
+
+    fn check_stiffness(&self, k: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
+        let kept = self.maintainer.stiffness().to_dense();
+        for i in 0..k.nrows() {
+            for j in 0..k.ncols() {
+                let error = (kept[(i, j)] - k[(i, j)]).abs() / (scaled.scale[i] * scaled.scale[j]);
+                assert!(error <= bound, "K at ({i}, {j}) is off by {error:e}, bound {bound:e}");
+            }
+        }
+    }
+
+    fn inverse(&self) -> DMatrix<f64> {
+        let all: Vec<usize> = (0..self.vertices()).collect();
+        let c = self.maintainer.columns(&all).expect("all slots");
+        DMatrix::from_fn(c.nrows(), c.ncols(), |i, j| c[(i, j)])
+    }
+
+    /// `solve` is the product with the same C that `columns` shows, to rounding.
+    fn check_solve(&self, c: &DMatrix<f64>, scaled: &Scaled) {
+        let n = c.nrows();
+        let f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (1.0 + i as f64).sin()).collect();
+        let mut u = vec![f64::NAN; n];
+        self.maintainer.solve(&f, &mut u).expect("a finite load");
+        for i in 0..n {
+            let want: f64 = (0..n).map(|j| c[(i, j)] * f[j]).sum();
+            let size: f64 = (0..n).map(|j| (c[(i, j)] * f[j]).abs()).sum();
+            let bound = 2.0 * n as f64 * f64::EPSILON * size;
+            assert!((u[i] - want).abs() <= bound, "row {i}: {} instead of {want}", u[i]);
+        }
+    }
+}
+
+/// Replays a whole history, checks every `stride` steps and returns the worst error.
+pub fn replay(name: &str, block: usize, start: usize, ops: &[Op], stride: usize) -> f64 {
+    let mut replay = Replay::new(name, block, start, stride);
+    for (at, op) in ops.iter().enumerate() {
+        replay.step(op);
+        if at % stride == stride - 1 {
+            replay.check();
+        }
+    }
+    replay.worst()
+}

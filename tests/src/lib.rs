@@ -1,0 +1,5 @@
+//! Property tests, conformance suites, convergence and layering of the workspace.
+#![forbid(unsafe_code)]
+
+pub mod inverse_suite;
+pub mod organ;
