@@ -101,6 +101,11 @@ impl Capacitance {
         x
     }
 
+    /// The smallest L_ii².
+    pub(crate) fn smallest_pivot(&self) -> f64 {
+        (0..self.lower.nrows()).map(|i| self.lower[(i, i)].powi(2)).fold(f64::INFINITY, f64::min)
+    }
+
     /// L, lower triangular.
     pub(crate) fn lower(&self) -> MatRef<'_, f64> {
         self.lower.as_ref()

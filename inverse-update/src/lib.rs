@@ -14,6 +14,7 @@ mod error;
 mod fresh;
 mod full;
 mod lu;
+mod net_change;
 mod packed;
 mod paper;
 mod signed_columns;

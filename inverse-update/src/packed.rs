@@ -121,6 +121,15 @@ impl PackedSymmetric {
         pulp::Arch::new().dispatch(Product { matrix: self, f, u });
     }
 
+    /// C F, column by column.
+    pub(crate) fn multiply_columns(&self, f: &Mat<f64>) -> Mat<f64> {
+        let mut u = Mat::zeros(self.rows, f.ncols());
+        for j in 0..f.ncols() {
+            self.multiply(f.col_as_slice(j), u.col_as_slice_mut(j));
+        }
+        u
+    }
+
     #[inline(always)]
     fn multiply_here(&self, f: &[f64], u: &mut [f64]) {
         u.fill(0.0);

@@ -1,19 +1,21 @@
 //! `woodbury`: low-rank updates in the factors of the change, one fused pass over half of C.
 
-use faer::{Mat, MatRef};
+use faer::Mat;
 
 use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
 use crate::fresh::cholesky_inverse;
+use crate::net_change::NetChange;
 use crate::packed::PackedSymmetric;
 use crate::signed_columns::SignedColumns;
 use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange};
 
 /// Keeps C = K⁻¹ dense, lower half only, by symmetric low-rank updates.
 ///
-/// Eliminating the new vertex leaves K + F Fᵀ − b A22⁻¹ bᵀ on the old rows, so a split is
-/// 1. Z = C_:r F, G = I + Fᵀ Z_r = L Lᵀ, Y = Z L⁻ᵀ, C ← C − Y Yᵀ,
-/// 2. Z = C_:r b, G = A22 − bᵀ Z_r = L Lᵀ, W = Z L⁻ᵀ, C ← C + W Wᵀ,
+/// Eliminating the new vertex leaves K + F Fᵀ − b A22⁻¹ bᵀ = K + P Pᵀ − N Nᵀ on the old rows (P
+/// and N without what cancels between stiff and soft tissue), so a split is
+/// 1. Z = C_:r P, G = I + Pᵀ Z_r = L Lᵀ, Y = Z L⁻ᵀ, C ← C − Y Yᵀ,
+/// 2. Z = C_:r N, G = I − Nᵀ Z_r = L Lᵀ, W = Z L⁻ᵀ, C ← C + W Wᵀ,
 /// 3. T = −A22⁻¹ a12ᵀ, C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ,
 ///
 /// and a merge the same in reverse. All of it is computed on the ring's columns first; then C is
@@ -62,11 +64,10 @@ impl Woodbury {
     }
 
     fn prepare_split(&self, change: &RingChange) -> Result<(SignedColumns, Border), InverseError> {
-        let ring = Ring::new(&self.inverse, &change.slots, self.stiffness.block());
-        let stiffer = ring.subtract("I + Fᵀ C F", change.positive.as_ref(), None)?;
-        let released = released_factor(change);
-        let b = released.as_ref();
-        let softer = ring.add("A22 − bᵀ C b", b, change.a22.as_ref(), &stiffer)?;
+        let ring = Ring::new(self, &change.slots);
+        let net = NetChange::new(change)?;
+        let stiffer = ring.subtract("I + Pᵀ C P", &net.gained)?;
+        let softer = ring.add("I − Nᵀ C N", &net.lost, (&net.gained, &stiffer))?;
         let a22 = Capacitance::of("a22", change.a22.as_ref())?;
         let minus_t = a22.solve(change.a12.as_ref());
         // C_:r Tᵀ after both updates, from the ring's columns alone.
@@ -85,23 +86,19 @@ impl Woodbury {
     }
 
     fn prepare_merge(&self, change: &RingChange) -> Result<SignedColumns, InverseError> {
-        let ring = Ring::new(&self.inverse, &change.slots, self.stiffness.block());
-        let b = released_factor(change);
-        let stiffer = ring.subtract("A22 + bᵀ C b", b.as_ref(), Some(change.a22.as_ref()))?;
-        let one = Mat::<f64>::identity(change.positive.ncols(), change.positive.ncols());
-        let f = change.positive.as_ref();
-        let softer = ring.add("I − Fᵀ C F", f, one.as_ref(), &stiffer)?;
+        let ring = Ring::new(self, &change.slots);
+        let net = NetChange::new(change)?;
+        let stiffer = ring.subtract("I + Nᵀ C N", &net.lost)?;
+        let softer = ring.add("I − Pᵀ C P", &net.gained, (&net.lost, &stiffer))?;
         let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());
         self.check_diagonal(&terms)?;
         Ok(terms)
     }
 
     fn prepare_change(&self, change: &StiffnessChange) -> Result<SignedColumns, InverseError> {
-        let ring = Ring::new(&self.inverse, &change.slots, self.stiffness.block());
-        let stiffer = ring.subtract("I + Aᵀ C A", change.added.as_ref(), None)?;
-        let one = Mat::<f64>::identity(change.removed.ncols(), change.removed.ncols());
-        let removed = change.removed.as_ref();
-        let softer = ring.add("I − Bᵀ C B", removed, one.as_ref(), &stiffer)?;
+        let ring = Ring::new(self, &change.slots);
+        let stiffer = ring.subtract("I + Aᵀ C A", &change.added)?;
+        let softer = ring.add("I − Bᵀ C B", &change.removed, (&change.added, &stiffer))?;
         let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());
         self.check_diagonal(&terms)?;
         Ok(terms)
@@ -122,23 +119,24 @@ fn check_positive(row: usize, value: f64) -> Result<(), InverseError> {
     Err(InverseError::Singular { what, row, value, limit: 0.0 })
 }
 
-/// b, or no columns at all where the family's M has no negative part.
-fn released_factor(change: &RingChange) -> Mat<f64> {
-    let b = &change.b;
-    let none = (0..b.ncols()).all(|j| b.col_as_slice(j).iter().all(|&x| x == 0.0));
-    if none { Mat::zeros(b.nrows(), 0) } else { b.clone() }
-}
+/// The smallest pivot of I − NᵀCN without refinement. Softening by h = 1/pivot multiplies the
+/// relative error that stiff modes have in C, ε h, by h once more: beyond 1e3 that shows.
+const SOFTENING: f64 = 1e-3;
 
 /// The ring's columns of C and what can be done with them.
-struct Ring {
+struct Ring<'a> {
+    stiffness: &'a SparseStiffness,
+    inverse: &'a PackedSymmetric,
     columns: Mat<f64>,
     rows: Vec<usize>,
 }
 
-impl Ring {
-    fn new(inverse: &PackedSymmetric, slots: &[usize], block: usize) -> Self {
+impl<'a> Ring<'a> {
+    fn new(of: &'a Woodbury, slots: &[usize]) -> Self {
+        let block = of.stiffness.block();
         let rows = slots.iter().flat_map(|&slot| block * slot..block * (slot + 1)).collect();
-        Self { columns: inverse.gather(slots, block), rows }
+        let columns = of.inverse.gather(slots, block);
+        Self { stiffness: &of.stiffness, inverse: &of.inverse, columns, rows }
     }
 
     /// The ring's rows of a matrix that has all rows.
@@ -146,43 +144,64 @@ impl Ring {
         Mat::from_fn(self.rows.len(), matrix.ncols(), |i, j| matrix[(self.rows[i], j)])
     }
 
-    /// Y with C − Y Yᵀ = (K + V P⁻¹ Vᵀ)⁻¹; P = I where `core` is `None`.
-    fn subtract(
-        &self,
-        what: &'static str,
-        v: MatRef<'_, f64>,
-        core: Option<MatRef<'_, f64>>,
-    ) -> Result<Mat<f64>, InverseError> {
+    /// Y with C − Y Yᵀ = (K + V Vᵀ)⁻¹.
+    fn subtract(&self, what: &'static str, v: &Mat<f64>) -> Result<Mat<f64>, InverseError> {
         if v.ncols() == 0 {
             return Ok(Mat::zeros(self.columns.nrows(), 0));
         }
         let z = &self.columns * v;
-        let mut g = v.transpose() * self.rows(&z);
-        for i in 0..g.nrows() {
-            for j in 0..g.ncols() {
-                g[(i, j)] += core.map_or(f64::from(i == j), |p| p[(i, j)]);
-            }
-        }
+        let g = Mat::<f64>::identity(v.ncols(), v.ncols()) + v.transpose() * self.rows(&z);
         Ok(Capacitance::of(what, g.as_ref())?.half_solve(z.as_ref()))
     }
 
-    /// W with C' + W Wᵀ = (K' − V P⁻¹ Vᵀ)⁻¹, where C' = C − Y Yᵀ for the Y of an earlier
-    /// [`subtract`](Self::subtract).
+    /// W with C' + W Wᵀ = (K' − V Vᵀ)⁻¹, where K' = K + U Uᵀ for the U of an earlier
+    /// [`subtract`](Self::subtract) and C' = C − Y Yᵀ for its Y.
     fn add(
         &self,
         what: &'static str,
-        v: MatRef<'_, f64>,
-        core: MatRef<'_, f64>,
-        earlier: &Mat<f64>,
+        v: &Mat<f64>,
+        earlier: (&Mat<f64>, &Mat<f64>),
     ) -> Result<Mat<f64>, InverseError> {
         if v.ncols() == 0 {
             return Ok(Mat::zeros(self.columns.nrows(), 0));
         }
+        let one = Mat::<f64>::identity(v.ncols(), v.ncols());
         let mut z = &self.columns * v;
-        z -= earlier * (self.rows(earlier).transpose() * v);
-        let g = core - v.transpose() * self.rows(&z);
-        let scale: Vec<f64> = (0..g.nrows()).map(|i| core[(i, i)]).collect();
-        Ok(Capacitance::of_difference(what, g.as_ref(), &scale)?.half_solve(z.as_ref()))
+        z -= earlier.1 * (self.rows(earlier.1).transpose() * v);
+        let g = &one - v.transpose() * self.rows(&z);
+        let factor = Capacitance::of_difference(what, g.as_ref(), &vec![1.0; g.nrows()])?;
+        let w = factor.half_solve(z.as_ref());
+        if factor.smallest_pivot() > SOFTENING {
+            return Ok(w);
+        }
+        // C''V by one step of refinement against K, and W from it: I + VᵀC''V does not cancel.
+        let mut softened = z + &w * (self.rows(&w).transpose() * v);
+        let residual = self.residual(v, earlier.0, &softened)?;
+        softened += self.inverse.multiply_columns(&residual);
+        softened -= earlier.1 * (earlier.1.transpose() * &residual);
+        softened += &w * (w.transpose() * &residual);
+        let g = one + v.transpose() * self.rows(&softened);
+        Ok(Capacitance::of(what, g.as_ref())?.half_solve(softened.as_ref()))
+    }
+
+    /// V − (K + U Uᵀ − V Vᵀ) X, V and U given on the ring's rows.
+    fn residual(&self, v: &Mat<f64>, u: &Mat<f64>, x: &Mat<f64>) -> Result<Mat<f64>, InverseError> {
+        let mut residual = Mat::zeros(x.nrows(), x.ncols());
+        let mut product = vec![0.0; x.nrows()];
+        for j in 0..x.ncols() {
+            self.stiffness.apply(x.col_as_slice(j), &mut product)?;
+            for (target, value) in residual.col_as_slice_mut(j).iter_mut().zip(&product) {
+                *target = -value;
+            }
+        }
+        let at = self.rows(x);
+        let own = v - u * (u.transpose() * &at) + v * (v.transpose() * &at);
+        for (i, &row) in self.rows.iter().enumerate() {
+            for j in 0..x.ncols() {
+                residual[(row, j)] += own[(i, j)];
+            }
+        }
+        Ok(residual)
     }
 }
 

@@ -21,17 +21,20 @@ pub type InverseFactory =
 const NO_SLOT: usize = usize::MAX;
 
 /// The inverse with the map from vertices to its slots; fixed vertices have none.
-pub(crate) struct InverseLink {
+pub struct InverseLink {
     maintainer: Box<dyn InverseMaintainer>,
     slot_of: Vec<usize>,
     vertex_of: Vec<VertexId>,
-    pub update_ms: Vec<f64>,
-    pub updates: usize,
-    pub drift_max: f64,
+    pub(crate) update_ms: Vec<f64>,
+    pub(crate) updates: usize,
+    pub(crate) drift_max: f64,
 }
 
 impl InverseLink {
     /// Assembles the stiffness of `body` on the vertices that are not fixed and inverts it.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if that stiffness is not positive definite.
     pub fn new(
         body: &Body,
         free_vertices: Vec<VertexId>,
@@ -75,6 +78,9 @@ impl InverseLink {
     }
 
     /// Takes a split or merge; `vertex_is_fixed` tells whether the vertex has no slot.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if the maintainer refuses the change.
     pub fn apply(
         &mut self,
         change: Change,
@@ -154,13 +160,13 @@ impl InverseLink {
     }
 
     /// Renews the largest drift seen, from a few random columns.
-    pub fn watch_drift(&mut self, seed: u64) {
+    pub(crate) fn watch_drift(&mut self, seed: u64) {
         const COLUMNS: usize = 8;
         self.drift_max = self.drift_max.max(drift(self.maintainer.as_ref(), seed, COLUMNS));
     }
 
     /// The inverse with `held` vertices (not fixed ones) fixed as well.
-    pub fn constrained(&self, held: &[usize]) -> Result<Constrained<'_>, SimError> {
+    pub(crate) fn constrained(&self, held: &[usize]) -> Result<Constrained<'_>, SimError> {
         let slots: Vec<usize> = held.iter().filter_map(|&v| self.slot(v)).collect();
         let columns = self.maintainer.columns(&slots)?;
         let rows = |i: usize| 3 * slots[i / 3] + i % 3;

@@ -20,6 +20,6 @@ mod tally;
 mod tools;
 
 pub use error::SimError;
-pub use inverse_link::InverseFactory;
+pub use inverse_link::{InverseFactory, InverseLink};
 pub use simulation::Simulation;
 pub use stages::Stages;

@@ -341,6 +341,16 @@ mod tests {
     }
 
     #[test]
+    fn parents_made_for_a_run_that_can_not_begin_are_removed() {
+        let root = tempfile::tempdir().unwrap();
+        // Valid itself, but too long for the system with the suffix of the directory aside.
+        let target = root.path().join("new/deep").join("n".repeat(250));
+        let error = RunDirectory::create(&target, false).unwrap_err();
+        assert!(matches!(error, SimError::Io { .. }), "{error}");
+        assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
     fn a_directory_that_appeared_meanwhile_is_not_overwritten() {
         let root = tempfile::tempdir().unwrap();
         let target = root.path().join("run");

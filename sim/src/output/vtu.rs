@@ -222,6 +222,10 @@ mod tests {
             assert!(matches!(error, SimError::Frame { .. }), "{error}");
             assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
         }
+        // A directory can't be replaced by a file.
+        fs::create_dir(&path).unwrap();
+        assert!(matches!(write_vtu(&path, &frame()).unwrap_err(), SimError::Io { .. }));
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         let nowhere = dir.path().join("no such folder/frame.vtu");
         assert!(matches!(write_vtu(&nowhere, &frame()).unwrap_err(), SimError::Io { .. }));
     }

@@ -1,0 +1,114 @@
+//! What a ring really gains and loses in stiffness, once its large parts have cancelled.
+
+use faer::{Mat, Side};
+
+use crate::capacitance::Capacitance;
+use crate::{InverseError, RingChange};
+
+/// M = P Pᵀ − N Nᵀ on the ring's old rows, as few columns as it takes.
+pub(crate) struct NetChange {
+    /// P, r × p.
+    pub gained: Mat<f64>,
+    /// N, r × q.
+    pub lost: Mat<f64>,
+}
+
+impl NetChange {
+    /// From M = F Fᵀ − b A22⁻¹ bᵀ.
+    ///
+    /// Where a ring joins stiff and soft tissue, both terms are stiff and M may be soft. Updating
+    /// by one after the other would harden C by the stiffness ratio h and soften it again, which
+    /// costs ε h²; taking M's eigenvectors first costs ε h, the rounding that K itself has in the
+    /// same rows. A split and its merge see the same M, so that even this does not add up.
+    /// Cost: O((r + k) k²) with k = 3 + q columns, none if F is empty.
+    pub(crate) fn new(change: &RingChange) -> Result<Self, InverseError> {
+        let released = Capacitance::of("a22", change.a22.as_ref())?.half_solve(change.b.as_ref());
+        let (positive, r) = (&change.positive, change.b.nrows());
+        if positive.ncols() == 0 {
+            return Ok(Self { gained: Mat::zeros(r, 0), lost: released });
+        }
+        if (0..released.ncols()).all(|j| released.col(j).iter().all(|&x| x == 0.0)) {
+            return Ok(Self { gained: positive.clone(), lost: Mat::zeros(r, 0) });
+        }
+        let (q, k) = (positive.ncols(), positive.ncols() + released.ncols());
+        let all =
+            Mat::from_fn(r, k, |i, j| if j < q { positive[(i, j)] } else { released[(i, j - q)] });
+        let qr = all.qr();
+        let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
+        let signed =
+            Mat::from_fn(
+                upper.nrows(),
+                k,
+                |i, j| {
+                    if j < q { upper[(i, j)] } else { -upper[(i, j)] }
+                },
+            );
+        let small = signed * upper.transpose();
+        let failed = |what| InverseError::Singular {
+            what,
+            row: 0,
+            value: small.norm_max(),
+            limit: f64::MAX,
+        };
+        let eigen = small
+            .self_adjoint_eigen(Side::Lower)
+            .map_err(|_| failed("the ring's net change of stiffness"))?;
+        let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
+        let vectors = basis * eigen.U();
+        // Smaller eigenvalues are rounding of the largest.
+        let floor = 0.25 * f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let side = |sign: f64| {
+            let kept: Vec<usize> =
+                (0..values.len()).filter(|&j| sign * values[j] > floor).collect();
+            Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])] * values[kept[j]].abs().sqrt())
+        };
+        Ok(Self { gained: side(1.0), lost: side(-1.0) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::mat;
+
+    #[test]
+    fn stiff_parts_cancel_to_what_is_left() {
+        // F Fᵀ − b A22⁻¹ bᵀ = [h, h; h, h] − [h, h; h, h + 1]: all but one soft entry cancels.
+        let h = 1e12f64.sqrt();
+        let change = RingChange {
+            slots: vec![0, 1],
+            k_p: Mat::zeros(2, 2),
+            k_c: Mat::zeros(2, 2),
+            a12: Mat::zeros(2, 2),
+            a22: mat![[1.0, 0.0], [0.0, 1.0]],
+            b: mat![[h, 0.0], [h, 1.0]],
+            positive: mat![[h], [h]],
+            order_key: 0,
+        };
+        let net = NetChange::new(&change).unwrap();
+        let m = &net.gained * net.gained.transpose() - &net.lost * net.lost.transpose();
+        // Rounding of the stiff terms, 1e12 ε, is what may remain.
+        assert!((m - mat![[0.0, 0.0], [0.0, -1.0]]).norm_max() < 1e-3);
+        assert!(net.gained.norm_max() < 0.1, "nothing stiff is added on the way");
+    }
+
+    #[test]
+    fn one_sided_changes_pass_through() {
+        let mut change = RingChange {
+            slots: vec![0],
+            k_p: Mat::zeros(1, 1),
+            k_c: Mat::zeros(1, 1),
+            a12: Mat::zeros(1, 1),
+            a22: mat![[4.0]],
+            b: mat![[6.0]],
+            positive: Mat::zeros(1, 0),
+            order_key: 0,
+        };
+        let net = NetChange::new(&change).unwrap();
+        assert_eq!((net.gained.ncols(), net.lost), (0, mat![[3.0]]));
+        change.b = mat![[0.0]];
+        change.positive = mat![[2.0]];
+        let net = NetChange::new(&change).unwrap();
+        assert_eq!((net.gained, net.lost.ncols()), (mat![[2.0]], 0));
+    }
+}

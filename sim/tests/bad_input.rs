@@ -1,0 +1,327 @@
+//! Every input that can't be simulated is refused with exit code 2 and one paragraph that names
+//! what is wrong, and leaves no directory behind.
+
+#![cfg(feature = "nifti")]
+
+mod workbench;
+
+use workbench::{BAR, Nifti, Workbench};
+
+const RUN: [&str; 4] = ["run", "bar.toml", "--out", "results/bar"];
+
+/// `run bar.toml` with more arguments.
+fn run_with<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    RUN.iter().copied().chain(more.iter().copied()).collect()
+}
+
+fn bar() -> Workbench {
+    let bench = Workbench::new();
+    bench.write("bar.toml", BAR);
+    bench
+}
+
+/// The bar's scene on an image must be refused with these words.
+fn image_refused(bytes: &[u8], words: &[&str]) {
+    let bench = bar();
+    bench.write("labels.nii", bytes);
+    let words: Vec<&str> = words.iter().copied().chain(["labels.nii"]).collect();
+    bench.refused(&run_with(&["--set", "image.path=labels.nii"]), &words);
+    let mesh = ["mesh", "labels.nii", "--out", "labels.vtu"];
+    let output = bench.run(&mesh);
+    // What only the scene makes wrong is no fault of the image.
+    if output.status.code() != Some(0) {
+        bench.refused(&mesh, &words);
+    }
+}
+
+fn image_spoilt(spoil: impl Fn(&mut Nifti), words: &[&str]) {
+    let mut image = Nifti::cube(1);
+    spoil(&mut image);
+    image_refused(&image.bytes(), words);
+}
+
+/// Without its faults the input runs: what the other tests see is the fault.
+#[test]
+fn the_input_without_faults_runs() {
+    let bench = bar();
+    bench.write("labels.nii", Nifti::cube(1).bytes());
+    bench.succeed(&run_with(&["--set", "image.path=labels.nii"]));
+}
+
+#[test]
+fn missing_file() {
+    bar().refused(&run_with(&["--set", "image.path=no.nii.gz"]), &["no.nii.gz"]);
+    bar().refused(&["mesh", "no.nii.gz", "--out", "a.vtu"], &["no.nii.gz"]);
+    bar().refused(&["run", "no.toml"], &["no.toml"]);
+    bar().refused(&["plan", "livre"], &["livre", "liver, liver_ct, beam, twist"]);
+}
+
+#[test]
+fn directory() {
+    bar().refused(&run_with(&["--set", "image.path=."]), &["a directory"]);
+    bar().refused(&["run", "."], &["."]);
+}
+
+#[test]
+fn empty_file() {
+    image_refused(b"", &["empty"]);
+}
+
+#[test]
+fn truncated_file() {
+    let whole = Nifti::cube(1).bytes();
+    image_refused(&whole[..200], &["200", "348"]);
+    image_refused(&whole[..600], &["512", "248"]);
+}
+
+#[test]
+fn no_nifti_image() {
+    image_refused(&[b'x'; 4000], &["NIfTI"]);
+    image_refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3], &[]);
+}
+
+#[test]
+fn four_dimensions() {
+    image_spoilt(
+        |image| {
+            image.i16(40, 4).i16(48, 3);
+        },
+        &["3"],
+    );
+}
+
+#[test]
+fn absurd_dimensions() {
+    let huge = |image: &mut Nifti| {
+        image.i16(42, 32767).i16(44, 32767).i16(46, 32767);
+    };
+    image_spoilt(huge, &["32767", "limit"]);
+    image_spoilt(
+        |image| {
+            image.i16(42, -8);
+        },
+        &["dim[1]", "-8"],
+    );
+    image_spoilt(
+        |image| {
+            image.i16(44, 0);
+        },
+        &["dim[2]", "0"],
+    );
+}
+
+#[test]
+fn wrong_offset_of_the_voxels() {
+    for offset in [0.0, 348.0, 1e30, f32::NAN] {
+        image_spoilt(
+            |image| {
+                image.f32(108, offset);
+            },
+            &["vox_offset"],
+        );
+    }
+}
+
+#[test]
+fn wrong_datatype() {
+    image_spoilt(
+        |image| {
+            image.i16(70, 128);
+        },
+        &["RGB24", "128"],
+    );
+    image_spoilt(
+        |image| {
+            image.i16(70, 77);
+        },
+        &["77"],
+    );
+}
+
+#[test]
+fn wrong_spacing_even_with_a_valid_sform() {
+    for (spacing, shown) in [(0.0, "0"), (-5.0, "-5"), (f32::NAN, "NaN"), (f32::INFINITY, "inf")] {
+        image_spoilt(
+            |image| {
+                image.f32(84, spacing);
+            },
+            &["pixdim[2]", shown],
+        );
+    }
+}
+
+#[test]
+fn anisotropic_voxels() {
+    image_spoilt(
+        |image| {
+            image.f32(88, 10.0).f32(320, 10.0);
+        },
+        &["10"],
+    );
+}
+
+#[test]
+fn nothing_but_background() {
+    image_spoilt(|image| image.voxels.fill(0), &["background"]);
+}
+
+#[test]
+fn label_without_material() {
+    image_spoilt(|image| image.voxels[100..110].fill(7), &["label 7", "10 voxels", "materials"]);
+}
+
+/// The scene's organ is not in the volume at all.
+#[test]
+fn organ_that_misses_the_volume() {
+    image_spoilt(|image| image.voxels.fill(9), &["label 9", "512 voxels", "materials"]);
+}
+
+#[test]
+fn material_out_of_range() {
+    let cases = [
+        ("poisson_ratio", "0.5", "less than 0.5"),
+        ("poisson_ratio", "-1", "more than -1"),
+        ("poisson_ratio", "nan", "NaN"),
+        ("young_modulus_pa", "0", "more than 0"),
+        ("young_modulus_pa", "-5e3", "-5000"),
+        ("young_modulus_pa", "nan", "NaN"),
+        ("young_modulus_pa", "inf", "finite"),
+        ("density_kg_m3", "-1", "at least 0"),
+        ("label", "0", "void"),
+    ];
+    for (key, value, word) in cases {
+        let set = format!("materials.0.{key}={value}");
+        let shown = format!("materials[0].{key}");
+        bar().refused(&run_with(&["--set", &set]), &["--set", &shown, word]);
+        // The same value in the file: the line is named.
+        let line = BAR.lines().position(|line| line.starts_with(key));
+        if let Some(line) = line {
+            let mut lines: Vec<String> = BAR.lines().map(str::to_owned).collect();
+            lines[line] = format!("{key} = {value}");
+            let bench = bar();
+            bench.write("bar.toml", lines.join("\n"));
+            let place = format!("bar.toml, line {}", line + 1);
+            bench.refused(&RUN, &[&place, &shown, word]);
+        }
+    }
+}
+
+#[test]
+fn value_out_of_range() {
+    let cases = [
+        ("time.steps=0", "10000000"),
+        ("time.step_s=nan", "NaN"),
+        ("gravity_m_s2=[0, nan, 0]", "gravity_m_s2[1]"),
+        ("mesh.base_mm=0", "more than 0"),
+        ("mesh.max_level=31", "at most 30"),
+        ("mesh.start_level=4", "at most max_level, 3"),
+        ("void.stiffness_ratio=1.5", "at most 1"),
+        ("solver.residual=1", "less than 1"),
+        ("solver.max_iterations=0", "at least 1"),
+        ("refinement.split_above=0", "more than 0"),
+        ("refinement.merge_fraction=1", "less than 1"),
+        ("fixed.0.min=[0.5, 0, 0]", "fixed[0].min[0] is 0.5, want at most fixed[0].max[0], 0.0"),
+        ("tools.0.path=[]", "tools[0].path"),
+        ("tools.0.path.1.time_s=0", "tools[0].path[1].time_s"),
+        ("tools.0.turn_axis=[0, 0, 0]", "tools[0].turn_axis"),
+        ("tools.0.region={shape=\"sphere\", centre=[0,0,0], radius_m=0}", "radius_m"),
+        ("materials.1={label=1, young_modulus_pa=1, poisson_ratio=0}", "each label once"),
+        ("stages.inverse=magic", "woodbury, paper, lu"),
+        ("stages.homogenisation=magic", "laminate"),
+        ("stages.corotation=magic", "element"),
+        ("stages.equilibrium=magic", "anderson"),
+        ("stages.indicator=magic", "energy, volume"),
+        ("image.size_mm=[40, 20, 21]", "image.size_mm[2] is 21.0"),
+        ("image.voxel_mm=-5", "image.voxel_mm"),
+        ("image.path=\"\"", "image.path"),
+        ("name=../up", "name"),
+        ("seed=-1", "at least 0"),
+    ];
+    for (set, word) in cases {
+        let key = set.split(['=', '.']).next().unwrap();
+        bar().refused(&run_with(&["--set", set]), &[key, word]);
+        bar().refused(&["plan", "bar.toml", "--set", set], &[key, word]);
+    }
+    bar().refused(&run_with(&["--steps", "0"]), &["time.steps is 0"]);
+}
+
+#[test]
+fn no_image() {
+    let bench = bar();
+    bench.write("bar.toml", BAR.replace("phantom = \"block\"", ""));
+    bench.refused(&RUN, &["--set image.path=FILE.nii.gz"]);
+    bench.refused(&["run", "liver_ct"], &["--set image.path=FILE.nii.gz"]);
+}
+
+#[test]
+fn nothing_fixed() {
+    // Beside the body, on one of its edges only, and no region at all.
+    let outside = "fixed.0={shape=\"box\", min=[2,2,2], max=[3,3,3]}";
+    let edge = "fixed.0={shape=\"box\", min=[0,0,0], max=[0,0,1]}";
+    for set in [outside, edge, "fixed=[]"] {
+        bar().refused(&run_with(&["--set", set]), &["fixed"]);
+    }
+}
+
+#[test]
+fn tool_outside_the_body() {
+    let far = "tools.0.region={shape=\"sphere\", centre=[3, 3, 3], radius_m=0.002}";
+    bar().refused(&run_with(&["--set", far]), &["tools[0]", "outside"]);
+}
+
+#[test]
+fn too_many_vertices_at_the_start() {
+    bar().refused(&run_with(&["--set", "mesh.max_vertices=20"]), &["mesh.max_vertices", "20"]);
+}
+
+#[test]
+fn unknown_key() {
+    let bench = bar();
+    bench.write("bar.toml", BAR.replace("[output]\nframes_every", "[output]\nframe_every"));
+    bench.refused(&RUN, &["bar.toml, line", "output.frame_every", "did you mean `frames_every`?"]);
+    let set = ["--set", "materials.0.poison_ratio=0.3"];
+    bar().refused(&run_with(&set), &["--set", "`poisson_ratio`"]);
+}
+
+#[test]
+fn broken_toml() {
+    let cases = [
+        ("steps = 3", "steps = ", "line 23, column"),
+        ("[output]", "[time]", "duplicate key"),
+        ("steps = 3", "steps = 3.5", "time.steps is 3.5, want a whole number"),
+        ("step_s = 0.1", "", "time.step_s is missing, want a number"),
+    ];
+    for (from, to, word) in cases {
+        let bench = bar();
+        bench.write("bar.toml", BAR.replace(from, to));
+        bench.refused(&RUN, &["bar.toml", word]);
+    }
+    let bench = bar();
+    bench.write("bar.toml", [0xff, 0xfe, 0x00]);
+    bench.refused(&RUN, &["bar.toml", "UTF-8"]);
+}
+
+#[test]
+fn unwritable_output() {
+    let bench = bar();
+    bench.write("file", "");
+    bench.refused(&["run", "bar.toml", "--out", "file/results"], &["file"]);
+    bench.refused(&["run", "bar.toml", "--out", "file"], &["file", "not a directory"]);
+    bench.refused(&["mesh", "phantom", "--out", "no such folder/a.vtu"], &["no such folder/a.vtu"]);
+    #[cfg(target_os = "linux")]
+    bench.refused(&["run", "bar.toml", "--out", "/proc/results/bar"], &["/proc/results"]);
+}
+
+#[test]
+fn wrong_usage() {
+    let bench = bar();
+    bench.refused(&["run", "--stesp", "3"], &["'--stesp'", "'--steps'"]);
+    bench.refused(&["rum"], &["'rum'"]);
+    bench.refused(&["run", "--steps", "many"], &["many"]);
+    bench.refused(&["run", "bar.toml", "--set", "steps"], &["--set steps", "KEY=VALUE"]);
+    bench.refused(&["mesh", "phantom", "--out", "a.txt"], &["a.txt", ".vtu"]);
+    bench
+        .refused(&["mesh", "phantom", "--base-mm", "nan", "--out", "a.vtu"], &["--base-mm", "NaN"]);
+    bench.refused(&["mesh", "phantom", "--level", "30", "--out", "a.vtu"], &["--level", "at most"]);
+    bench.refused(&["mesh", "phantom", "--level", "31", "--out", "a.vtu"], &["--level", "30"]);
+}

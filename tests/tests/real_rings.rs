@@ -1,0 +1,184 @@
+//! Maintainers on the rings of real meshes: a thousand random splits and merges against LU.
+
+use faer::Mat;
+use faer::linalg::solvers::DenseSolveCore;
+use nalgebra::Matrix3;
+use proptest::prelude::*;
+use proptest::sample::Index;
+use yawara::{InverseFactory, InverseLink};
+use yawara_corot::{Body, Element};
+use yawara_embed::{Embedding, LinearTet};
+use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
+use yawara_tests::organ::{Organ, organs, ring};
+
+const MAX_LEVEL: u8 = 8;
+
+/// An organ clamped at its low x side, with an inverse that follows its mesh.
+struct Clamped {
+    forest: BisectionForest,
+    placement: Placement,
+    embedding: Embedding,
+    fixed: Vec<bool>,
+    link: InverseLink,
+    delta: MeshDelta,
+}
+
+impl Clamped {
+    fn new(organ: &Organ, homogenisation: &str, maintainer: &'static str) -> Self {
+        let forest = organ.forest(0, MAX_LEVEL);
+        let placement = organ.placement(MAX_LEVEL);
+        let embedding = organ.embedding(homogenisation);
+        let mut fixed = vec![false; forest.vertex_capacity()];
+        for v in forest.vertices() {
+            fixed[v.index()] = forest.point(v)[0] == 0;
+        }
+        let body = body(&forest, &placement, &embedding);
+        let free = forest.vertices().filter(|v| !fixed[v.index()]).collect();
+        let factory: InverseFactory = Box::new(|k| yawara_inverse_update::build(maintainer, k));
+        let link = InverseLink::new(&body, free, forest.vertex_capacity(), &factory).unwrap();
+        Self { forest, placement, embedding, fixed, link, delta: MeshDelta::empty() }
+    }
+
+    fn split(&mut self, pick: &Index) {
+        let candidates = self.forest.candidates();
+        if candidates.is_empty() {
+            return;
+        }
+        let p = candidates[pick.index(candidates.len())];
+        let v = self.forest.split(p, &mut self.delta).unwrap();
+        if self.fixed.len() <= v.index() {
+            self.fixed.resize(v.index() + 1, false);
+        }
+        self.fixed[v.index()] = self.delta.edge.iter().all(|end| self.fixed[end.index()]);
+        self.update(v);
+    }
+
+    fn merge(&mut self, pick: &Index) {
+        let ready: Vec<VertexId> =
+            self.forest.vertices().filter(|&v| self.forest.is_mergeable(v)).collect();
+        if ready.is_empty() {
+            return;
+        }
+        let v = ready[pick.index(ready.len())];
+        self.forest.merge(v, &mut self.delta).unwrap();
+        self.update(v);
+    }
+
+    fn update(&mut self, v: VertexId) {
+        let ring = ring(&self.forest, &self.placement, &self.embedding, &self.delta);
+        self.link.apply(self.delta.change, v, self.fixed[v.index()], &ring).unwrap();
+    }
+
+    /// Largest difference from a dense LU inverse of the stiffness assembled afresh, entry by
+    /// entry relative to √(C_ii C_jj).
+    fn error(&self) -> f64 {
+        let body = body(&self.forest, &self.placement, &self.embedding);
+        let n = 3 * self.link.maintainer().vertices();
+        let mut k = Mat::<f64>::zeros(n, n);
+        for e in body.elements() {
+            let ke = e.geometry.stiffness(&e.elasticity);
+            let row = |i: usize| self.link.slot(e.vertices[i / 3]).map(|s| 3 * s + i % 3);
+            for (i, j) in (0..12).flat_map(|i| (0..12).map(move |j| (i, j))) {
+                if let (Some(r), Some(c)) = (row(i), row(j)) {
+                    k[(r, c)] += ke[(i, j)];
+                }
+            }
+        }
+        let expected = k.partial_piv_lu().inverse();
+        let slots: Vec<usize> = (0..self.link.maintainer().vertices()).collect();
+        let got = self.link.maintainer().columns(&slots).unwrap();
+        let mut worst = 0.0;
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let scale = (expected[(i, i)] * expected[(j, j)]).sqrt();
+            let error = (got[(i, j)] - expected[(i, j)]).abs() / scale;
+            assert!(error.is_finite());
+            worst = f64::max(worst, error);
+        }
+        worst
+    }
+}
+
+fn body(forest: &BisectionForest, placement: &Placement, embedding: &Embedding) -> Body {
+    let mut body = Body::new();
+    for tet in forest.leaves() {
+        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
+        body.insert(Element {
+            tet: tet.id,
+            vertices: tet.vertices.map(VertexId::index),
+            geometry: LinearTet::new(&corners),
+            elasticity: embedding.elasticity(tet.node),
+            rotation: Matrix3::identity(),
+        });
+    }
+    body
+}
+
+/// Splits and merges, a little more of the former: the mesh grows to some 150 vertices.
+fn history(length: usize) -> impl Strategy<Value = Vec<(bool, Index)>> {
+    proptest::collection::vec((proptest::bool::weighted(0.54), any::<Index>()), length)
+}
+
+/// Largest error on the way and how often the maintainer started afresh.
+fn run(
+    organ: &Organ,
+    rule: &str,
+    maintainer: &'static str,
+    steps: &[(bool, Index)],
+) -> (f64, usize) {
+    let mut clamped = Clamped::new(organ, rule, maintainer);
+    let mut worst = 0.0;
+    for (count, (split, pick)) in steps.iter().enumerate() {
+        if *split {
+            clamped.split(pick)
+        } else {
+            clamped.merge(pick)
+        }
+        if (count + 1) % 250 == 0 {
+            worst = f64::max(worst, clamped.error());
+        }
+    }
+    (worst, clamped.link.maintainer().rebuilds())
+}
+
+/// Two materials of E ratio 1e3 with Poisson's ratios .3 and .49, and one in between.
+fn contrast(mut organ: Organ) -> Organ {
+    organ.materials = vec![(1e3, 0.3), (1e6, 0.49), (3e4, 0.4)];
+    organ
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1, max_shrink_iters: 8, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_thousand_splits_and_merges_stay_close_to_lu(
+        organ in organs([2, 1, 1], 3, 3.0..6.0, 0.3..0.49).prop_map(contrast),
+        steps in history(1000),
+    ) {
+        for rule in ["laminate", "linear"] {
+            let woodbury = run(&organ, rule, "woodbury", &steps);
+            let paper = run(&organ, rule, "paper", &steps);
+            println!("{rule}: (relative error, rebuilds): woodbury {woodbury:.1e?}, paper {paper:.1e?}");
+            prop_assert!(woodbury.0 <= 1e-9, "{}: {:e}", rule, woodbury.0);
+            prop_assert_eq!(woodbury.1, 0);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_maintainer_follows_a_short_history(
+        organ in organs([1, 1, 1], 3, 2.0..5.0, -0.3..0.45),
+        steps in history(40),
+        rule in proptest::sample::select(vec!["laminate", "linear", "paper"]),
+    ) {
+        for maintainer in ["lu", "paper", "woodbury"] {
+            let mut clamped = Clamped::new(&organ, rule, maintainer);
+            for (split, pick) in &steps {
+                if *split { clamped.split(pick) } else { clamped.merge(pick) }
+            }
+            prop_assert!(clamped.error() < 1e-8, "{}: {:e}", maintainer, clamped.error());
+        }
+    }
+}
