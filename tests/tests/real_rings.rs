@@ -5,6 +5,7 @@ use faer::linalg::solvers::DenseSolveCore;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 use proptest::sample::Index;
+use proptest::test_runner::RngSeed;
 use yawara::{InverseFactory, InverseLink};
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet};
@@ -147,7 +148,13 @@ fn contrast(mut organ: Organ) -> Organ {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1, max_shrink_iters: 8, ..ProptestConfig::default() })]
+    // A figure rather than a property: the same history on every run.
+    #![proptest_config(ProptestConfig {
+        cases: 2,
+        max_shrink_iters: 8,
+        rng_seed: RngSeed::Fixed(2012),
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn a_thousand_splits_and_merges_stay_close_to_lu(
@@ -157,7 +164,7 @@ proptest! {
         for rule in ["laminate", "linear"] {
             let woodbury = run(&organ, rule, "woodbury", &steps);
             let paper = run(&organ, rule, "paper", &steps);
-            println!("{rule}: (relative error, rebuilds): woodbury {woodbury:.1e?}, paper {paper:.1e?}");
+            println!("{rule}: (relative error, rebuilds): woodbury {woodbury:?}, paper {paper:?}");
             prop_assert!(woodbury.0 <= 1e-9, "{}: {:e}", rule, woodbury.0);
             prop_assert_eq!(woodbury.1, 0);
         }
