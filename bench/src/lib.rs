@@ -1,2 +1,27 @@
-//! Benches and error-versus-run-time studies.
+//! Benches of the stages and studies that compare their implementations.
+//!
+//! Criterion benches (`benches/`) watch one stage each for changes of speed; studies
+//! ([`studies`], `yawara-bench STUDY --out DIR`) run competitors side by side, alternating in one
+//! process, and write times with the errors that go with them. Both take their bodies from
+//! [`Organ`] and their updates of the inverse from [`History`].
 #![forbid(unsafe_code)]
+
+mod accuracy;
+mod error;
+mod history;
+mod organ;
+mod output;
+mod random;
+mod slots;
+mod statistics;
+mod stream;
+pub mod studies;
+
+pub use accuracy::inverse_error;
+pub use error::BenchError;
+pub use history::{History, Update};
+pub use organ::{Organ, Size};
+pub use output::Output;
+pub use slots::Slots;
+pub use statistics::{median, percentile, ratios};
+pub use stream::Stream;

@@ -1,0 +1,124 @@
+//! Forces and an equilibrium under gravity. With the times go the net force, which has to vanish,
+//! and the residual of the equilibrium.
+
+use std::hint::black_box;
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use nalgebra::Vector3;
+use yawara_bench::{History, Organ, Size, Slots};
+use yawara_corot::{Body, Outcome, Problem, Tolerance, corotation_by_name, equilibrium_by_name};
+use yawara_embed::Embedding;
+use yawara_inverse_update::{InverseMaintainer, build};
+
+/// Half of that on earth, m/s²: the left lobe then turns by some ten degrees.
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -4.9);
+
+/// A body that is ready to be solved.
+struct Case {
+    body: Body,
+    rest: Vec<Vector3<f64>>,
+    free: Vec<bool>,
+    weight: Vec<Vector3<f64>>,
+    slots: Slots,
+    inverse: Box<dyn InverseMaintainer>,
+}
+
+impl Case {
+    fn new(size: Size) -> Self {
+        let organ = Organ::new(size).expect("the phantom's constants are valid");
+        let embedding = organ.embedding("laminate").expect("a built-in homogenisation");
+        let history = History::new(&organ, "laminate", 0, 1).expect("a built-in homogenisation");
+        let stiffness = history.stiffness().expect("finite elements");
+        let body = organ.body(&embedding);
+        let rest = organ.rest_positions();
+        let mut free = vec![false; rest.len()];
+        for v in organ.free_vertices() {
+            free[v.index()] = true;
+        }
+        Self {
+            weight: weight(&organ, &embedding, &body, rest.len()),
+            inverse: build("woodbury", stiffness).expect("a held body"),
+            slots: history.slots().clone(),
+            body,
+            rest,
+            free,
+        }
+    }
+
+    fn solve(&self, body: &mut Body, positions: &mut [Vector3<f64>]) -> Outcome {
+        let corotation = corotation_by_name("element").expect("built in");
+        let mut equilibrium = equilibrium_by_name("anderson").expect("built in");
+        let inverse = |f: &[f64], u: &mut [f64]| {
+            let n = 3 * self.slots.len();
+            let (mut load, mut displacement) = (vec![0.0; n], vec![0.0; n]);
+            self.slots.select(f, &mut load);
+            self.inverse.solve(&load, &mut displacement).expect("finite loads");
+            self.slots.scatter(&displacement, u);
+        };
+        let mut problem = Problem {
+            body,
+            corotation: corotation.as_ref(),
+            external: &self.weight,
+            free: &self.free,
+            inverse: &inverse,
+        };
+        let mut internal = vec![Vector3::zeros(); positions.len()];
+        let tolerance = Tolerance { residual: 1e-6, max_iterations: 60 };
+        equilibrium.solve(&mut problem, positions, &mut internal, &tolerance)
+    }
+}
+
+/// A quarter of each tetrahedron's weight on each of its corners, N.
+fn weight(organ: &Organ, embedding: &Embedding, body: &Body, vertices: usize) -> Vec<Vector3<f64>> {
+    let mut weight = vec![Vector3::zeros(); vertices];
+    for tet in organ.forest.leaves() {
+        let element = body.element(tet.id).expect("one element per leaf");
+        let share = 0.25 * element.geometry.volume * embedding.density(tet.node) * GRAVITY;
+        for v in element.vertices {
+            weight[v] += share;
+        }
+    }
+    weight
+}
+
+fn forces(c: &mut Criterion) {
+    let Case { mut body, rest, .. } = Case::new(Size::Full);
+    let corotation = corotation_by_name("element").expect("built in");
+    // A bend about the y axis, a third of a radian at the far end.
+    let bent: Vec<Vector3<f64>> =
+        rest.iter().map(|x| x + Vector3::new(0.0, 0.0, 0.8 * x.x * x.x)).collect();
+    let mut forces = vec![Vector3::zeros(); bent.len()];
+    c.bench_function("corot/element_forces", |b| {
+        b.iter(|| corotation.internal_forces(&mut body, black_box(&bent), &mut forces));
+    });
+    let scale = corotation.internal_forces(&mut body, &bent, &mut forces);
+    let net = forces.iter().sum::<Vector3<f64>>().norm() / scale;
+    eprintln!("corot/element_forces: net force {net:.1e} of the element forces\n");
+}
+
+fn equilibrium(c: &mut Criterion) {
+    let mut group = c.benchmark_group("corot/anderson_gravity");
+    group.sample_size(10);
+    for (name, size) in [("quick", Size::Quick), ("full", Size::Full)] {
+        let case = Case::new(size);
+        group.bench_function(name, |b| {
+            b.iter_batched_ref(
+                || (case.body.clone(), case.rest.clone()),
+                |(body, positions)| case.solve(body, black_box(positions)),
+                BatchSize::LargeInput,
+            );
+        });
+        let (mut body, mut positions) = (case.body.clone(), case.rest.clone());
+        let Outcome { iterations, residual, converged } = case.solve(&mut body, &mut positions);
+        let moved = positions.iter().zip(&case.rest).map(|(x, y)| (x - y).norm());
+        let moved_mm = 1e3 * moved.fold(0.0, f64::max);
+        eprintln!(
+            "corot/anderson_gravity/{name}: residual {residual:.1e} after {iterations} \
+             iterations, converged: {converged}, largest displacement {moved_mm:.1} mm\n"
+        );
+    }
+    group.finish();
+}
+
+criterion_group!(benches, forces, equilibrium);
+criterion_main!(benches);

@@ -1,0 +1,89 @@
+//! What can go wrong while a bench is set up or a study is written.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+use yawara_embed::EmbedError;
+use yawara_inverse_update::InverseError;
+use yawara_mesh::MeshError;
+
+/// Everything that the benches and studies refuse.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// The mesh stage refused.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The embedding stage refused.
+    #[error(transparent)]
+    Embed(#[from] EmbedError),
+    /// The inverse stage refused.
+    #[error(transparent)]
+    Inverse(#[from] InverseError),
+    /// A homogenisation whose rings can't be handed over as one ring change.
+    #[error(
+        "homogenisation `{homogenisation}` makes a parent stiffer than the mean of its halves \
+         ({columns} negative factors), want one within the Voigt bound: linear, laminate or paper"
+    )]
+    ExceedsVoigt {
+        /// Its scene name.
+        homogenisation: String,
+        /// Columns of the negative factor.
+        columns: usize,
+    },
+    /// A maintainer put a vertex into another slot than the contract says.
+    #[error("`{maintainer}` put the new vertex into slot {got}, want {want}")]
+    WrongSlot {
+        /// Its scene name.
+        maintainer: &'static str,
+        /// The slot it returned.
+        got: usize,
+        /// The slot by the contract: the last one.
+        want: usize,
+    },
+    /// No split and no merge is possible.
+    #[error(
+        "no ring left to split or merge among {vertices} vertices, want a deeper max_level \
+         or a larger body"
+    )]
+    NoRing {
+        /// Active vertices.
+        vertices: usize,
+    },
+    /// The number of updates is out of range.
+    #[error("--updates is {value}, want {low} to {high}", low = .limits.0, high = .limits.1)]
+    Updates {
+        /// The number given.
+        value: usize,
+        /// Smallest and largest number that make sense.
+        limits: (usize, usize),
+    },
+    /// A measured quantity is not a number.
+    #[error("{what} is {value}, want a finite number")]
+    NotFinite {
+        /// Which quantity, of which row.
+        what: String,
+        /// The value.
+        value: f64,
+    },
+    /// The output directory holds something.
+    #[error("{} is not empty; name another directory or give --force", path.display())]
+    NotEmpty {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// The output path is there and no directory.
+    #[error("{} is not a directory; name a directory for --out", path.display())]
+    NotADirectory {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The system refused to read or write.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}

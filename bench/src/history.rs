@@ -1,0 +1,274 @@
+//! Random splits and merges of an organ, as changes of its stiffness matrix.
+
+use faer::Mat;
+use yawara_embed::{Embedding, RingStiffness};
+use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
+use yawara_mesh::kuhn::bisected_corner;
+use yawara_mesh::{BisectionForest, Change, MeshDelta, Placement, Point, Tet, VertexId};
+
+use crate::error::BenchError;
+use crate::organ::{Organ, body_of};
+use crate::random::SplitMix64;
+use crate::slots::Slots;
+
+/// One vertex in or out, ready for any maintainer.
+#[derive(Clone, Debug)]
+pub struct Update {
+    /// In or out.
+    pub kind: Change,
+    /// The slot that it takes or leaves.
+    pub slot: usize,
+    /// The hand-over; its slots are those before a split and before a merge.
+    pub ring: RingChange,
+}
+
+impl Update {
+    /// Rank of the change on the old vertices: that of A22 and the columns of F.
+    pub fn rank(&self) -> usize {
+        self.ring.a22.nrows() + self.ring.positive.ncols()
+    }
+
+    /// Hands the update to a maintainer.
+    ///
+    /// # Errors
+    /// [`BenchError::Inverse`] if it refuses; [`BenchError::WrongSlot`] if it breaks the
+    /// contract on slots.
+    pub fn apply(&self, maintainer: &mut dyn InverseMaintainer) -> Result<(), BenchError> {
+        match self.kind {
+            Change::Merge => {
+                maintainer.merge(self.slot, &self.ring)?;
+            }
+            Change::Split => {
+                let (got, want) = (maintainer.split(&self.ring)?, self.slot);
+                if got != want {
+                    let maintainer = maintainer.name();
+                    return Err(BenchError::WrongSlot { maintainer, got, want });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An organ that refines and merges at random places, with the slots of its free vertices.
+///
+/// Edges between two fixed vertices are never bisected: their midpoint would be fixed and no
+/// split in the sense of the inverse.
+pub struct History {
+    forest: BisectionForest,
+    placement: Placement,
+    embedding: Embedding,
+    slots: Slots,
+    /// Vertices that may come in on top of the start mesh.
+    growth: usize,
+    start: usize,
+    random: SplitMix64,
+    delta: MeshDelta,
+    ring: Vec<Tet>,
+}
+
+impl History {
+    /// Begins at the organ's start mesh; at most `growth` vertices come in on top of it.
+    ///
+    /// # Errors
+    /// [`BenchError::Embed`] from the homogenisation.
+    pub fn new(
+        organ: &Organ,
+        homogenisation: &str,
+        growth: usize,
+        seed: u64,
+    ) -> Result<Self, BenchError> {
+        Ok(Self {
+            forest: organ.forest.clone(),
+            placement: organ.placement,
+            embedding: organ.embedding(homogenisation)?,
+            slots: Slots::new(organ.free_vertices()),
+            growth,
+            start: organ.forest.vertex_count(),
+            random: SplitMix64(seed),
+            delta: MeshDelta::empty(),
+            ring: Vec::new(),
+        })
+    }
+
+    /// The mesh as it is now.
+    pub fn forest(&self) -> &BisectionForest {
+        &self.forest
+    }
+
+    /// The slots of the free vertices as they are now.
+    pub fn slots(&self) -> &Slots {
+        &self.slots
+    }
+
+    /// The stiffness of the present mesh on its free vertices, assembled from its elements.
+    ///
+    /// # Errors
+    /// [`BenchError::Inverse`] if an element's stiffness is not finite.
+    pub fn stiffness(&self) -> Result<SparseStiffness, BenchError> {
+        let mut stiffness = SparseStiffness::zeros(self.slots.len(), 3)?;
+        let body = body_of(&self.forest, &self.placement, &self.embedding);
+        for element in body.elements() {
+            let slots = element.vertices.map(|v| self.slots.get(VertexId(v as u32)));
+            let kept: Vec<usize> = (0..4).filter(|&i| slots[i].is_some()).collect();
+            let k = element.geometry.stiffness(&element.elasticity);
+            let row = |i: usize| 3 * kept[i / 3] + i % 3;
+            let dense = Mat::from_fn(3 * kept.len(), 3 * kept.len(), |i, j| k[(row(i), row(j))]);
+            let slots: Vec<usize> = slots.into_iter().flatten().collect();
+            stiffness.add(&slots, dense.as_ref())?;
+        }
+        Ok(stiffness)
+    }
+
+    /// Splits or merges at a random place, as likely one as the other where both are possible.
+    ///
+    /// # Errors
+    /// [`BenchError::NoRing`] if neither is possible; [`BenchError::ExceedsVoigt`].
+    pub fn step(&mut self) -> Result<Update, BenchError> {
+        let merging = match self.forest.vertex_count() - self.start {
+            0 => false,
+            grown if grown >= self.growth => true,
+            _ => self.random.below(2) == 0,
+        };
+        if merging { self.merge() } else { self.split() }
+    }
+
+    /// Splits a random ring.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn split(&mut self) -> Result<Update, BenchError> {
+        let vertices = self.forest.vertex_count();
+        let candidates = self.candidates();
+        let pick = self.random.below(candidates.len());
+        let point = *candidates.get(pick).ok_or(BenchError::NoRing { vertices })?;
+        let vertex = self.forest.split(point, &mut self.delta)?;
+        let ring = self.hand_over()?;
+        let slot = self.slots.push(vertex);
+        Ok(Update { kind: Change::Split, slot, ring })
+    }
+
+    /// Merges a random vertex that a split brought in.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn merge(&mut self) -> Result<Update, BenchError> {
+        let missing = BenchError::NoRing { vertices: self.forest.vertex_count() };
+        let young: Vec<VertexId> =
+            self.forest.vertices().filter(|&v| self.forest.is_mergeable(v)).collect();
+        let Some(&vertex) = young.get(self.random.below(young.len())) else {
+            return Err(missing);
+        };
+        self.forest.merge(vertex, &mut self.delta)?;
+        let ring = self.hand_over()?;
+        let slot = self.slots.swap_remove(vertex).ok_or(missing)?;
+        Ok(Update { kind: Change::Merge, slot, ring })
+    }
+
+    /// Points to split at whose new vertex would be free.
+    fn candidates(&mut self) -> Vec<Point> {
+        let mut points = self.forest.candidates();
+        points.retain(|&p| {
+            self.forest.split_ring(p, &mut self.ring) && {
+                let tet = &self.ring[0];
+                let ends = [tet.vertices[0], tet.vertices[bisected_corner(tet.level)]];
+                ends.iter().any(|&v| self.slots.get(v).is_some())
+            }
+        });
+        points
+    }
+
+    /// The ring of the last split or merge on the vertices that have slots.
+    fn hand_over(&self) -> Result<RingChange, BenchError> {
+        let position = |v: VertexId| self.placement.position(self.forest.point(v));
+        let ring = RingStiffness::new(&self.delta, &self.embedding, position);
+        if ring.negative.ncols() > 0 {
+            let homogenisation = self.embedding.homogenisation().name().to_owned();
+            return Err(BenchError::ExceedsVoigt {
+                homogenisation,
+                columns: ring.negative.ncols(),
+            });
+        }
+        let free = |i: &usize| self.slots.get(ring.vertices[*i]).is_some();
+        let kept: Vec<usize> = (0..ring.vertices.len()).filter(free).collect();
+        let row = |i: usize| 3 * kept[i / 3] + i % 3;
+        let n = 3 * kept.len();
+        let rows = |m: &Mat<f64>| Mat::from_fn(n, m.ncols(), |i, j| m[(row(i), j)]);
+        let square = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(row(i), row(j))]);
+        Ok(RingChange {
+            slots: kept.iter().filter_map(|&i| self.slots.get(ring.vertices[i])).collect(),
+            k_p: square(&ring.k_p),
+            k_c: square(&ring.k_c),
+            a12: rows(&ring.a12),
+            b: rows(&ring.b),
+            positive: rows(&ring.positive),
+            a22: ring.a22,
+            order_key: 0,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::organ::Size;
+
+    /// Largest |a − b| over √(K_ii K_jj).
+    fn difference(a: &SparseStiffness, b: &SparseStiffness) -> f64 {
+        let (x, y) = (a.to_dense(), b.to_dense());
+        let mut worst: f64 = 0.0;
+        for i in 0..x.nrows() {
+            for j in 0..x.nrows() {
+                let scale = (b.diagonal(i) * b.diagonal(j)).sqrt();
+                let error = (x[(i, j)] - y[(i, j)]).abs() / scale;
+                worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn updates_add_up_to_the_assembled_stiffness() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        for homogenisation in ["linear", "laminate"] {
+            let mut history = History::new(&organ, homogenisation, 20, 3).unwrap();
+            let mut stiffness = history.stiffness().unwrap();
+            let (mut splits, mut merges, mut rank) = (0, 0, 0);
+            for _ in 0..120 {
+                let update = history.step().unwrap();
+                rank = rank.max(update.rank());
+                match update.kind {
+                    Change::Split => {
+                        assert_eq!(stiffness.split(&update.ring).unwrap(), update.slot);
+                        splits += 1;
+                    }
+                    Change::Merge => {
+                        stiffness.merge(update.slot, &update.ring).unwrap();
+                        merges += 1;
+                    }
+                }
+            }
+            assert!(splits > 50 && merges > 40, "{splits} splits, {merges} merges");
+            assert!(history.forest().vertex_count() <= organ.forest.vertex_count() + 20);
+            // 120 updates with some ten terms each, at E ratios of 1e5 between neighbours.
+            let error = difference(&stiffness, &history.stiffness().unwrap());
+            assert!(error < 1e5 * 1200.0 * f64::EPSILON, "{homogenisation}: {error:e}");
+            match homogenisation {
+                "linear" => assert_eq!(rank, 3),
+                _ => assert!(rank > 3 && rank <= 21, "{rank}"),
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_updates() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let mut runs = [5, 5, 6].map(|seed| History::new(&organ, "linear", 9, seed).unwrap());
+        let slots = |history: &mut History| -> Vec<Vec<usize>> {
+            (0..12).map(|_| history.step().unwrap().ring.slots).collect()
+        };
+        let [a, b, c] = runs.each_mut().map(slots);
+        assert_eq!(a, b);
+        assert_ne!(a, c);
+    }
+}

@@ -1,0 +1,227 @@
+//! The bodies of all benches: the liver phantom with the materials of the built-in scene.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use yawara_corot::{Body, Element};
+use yawara_embed::{Embedding, LinearTet, Material, by_name};
+use yawara_mesh::phantom::{GALLBLADDER_LABEL, LiverPhantom, PARENCHYMA, TUMOUR, VESSELS, liver};
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{
+    BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Point, VertexId,
+};
+
+use crate::error::BenchError;
+
+/// How large a body is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// Base cells of 16 mm, voxels of 2 mm: about 736 vertices at the start.
+    Full,
+    /// Base cells of 32 mm, voxels of 4 mm: about 150 vertices at the start.
+    Quick,
+}
+
+/// Length of the phantom, mm.
+const LENGTH_MM: f64 = 196.0;
+
+/// Voxels along a base cell.
+const VOXELS_PER_CELL: usize = 8;
+
+/// Levels below the start mesh down to which vertices may come in.
+const MAX_LEVEL: u8 = 6;
+
+/// Label, E (Pa), ν, ρ (kg/m³).
+const TISSUES: [(i64, f64, f64, f64); 4] = [
+    (PARENCHYMA, 5e3, 0.45, 1060.0),
+    (VESSELS, 5e5, 0.45, 1060.0),
+    (GALLBLADDER_LABEL, 2e4, 0.45, 1010.0),
+    (TUMOUR, 5e4, 0.45, 1060.0),
+];
+
+/// What stands for void inside base cells: a thousandth of the softest tissue, ν = 0.
+const VOID: (f64, f64, f64) = (5.0, 0.0, 0.0);
+
+/// The back of the right lobe is held: a box in fractions of the organ's own.
+const HELD: [[f64; 3]; 2] = [[0.55, 0.0, 0.0], [1.0, 0.35, 1.0]];
+
+/// The liver phantom, meshed at its start level and held at the back.
+#[derive(Clone, Debug)]
+pub struct Organ {
+    /// Labels of the voxels.
+    pub volume: LabelVolume,
+    /// Labels of all tetrahedra.
+    pub tree: Arc<LabelTree>,
+    /// The start mesh, one face-connected component.
+    pub forest: BisectionForest,
+    /// Where the mesh lies, m.
+    pub placement: Placement,
+    /// By dense label, void first.
+    pub materials: Vec<Material>,
+    held: [Vector3<f64>; 2],
+}
+
+impl Size {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "liver phantom",
+            Self::Quick => "liver phantom, coarse",
+        }
+    }
+
+    /// The phantom's parameters.
+    pub fn phantom(self) -> LiverPhantom {
+        let voxel_mm = match self {
+            Self::Full => 2.0,
+            Self::Quick => 4.0,
+        };
+        LiverPhantom { length_mm: LENGTH_MM, voxel_mm, seed: 1 }
+    }
+}
+
+impl Organ {
+    /// Makes the phantom, its labels and its start mesh.
+    ///
+    /// # Errors
+    /// [`BenchError::Mesh`], [`BenchError::Embed`]: a defect of the constants above.
+    pub fn new(size: Size) -> Result<Self, BenchError> {
+        let volume = liver(size.phantom())?;
+        let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
+        let tree = Arc::new(LabelTree::new(&volume, grid)?);
+        let lattice = Lattice::new(grid.cells, MAX_LEVEL);
+        let voxel_m = volume.grid().spacing_mm * 1e-3;
+        let placement = Placement {
+            origin: Vector3::from_fn(|i, _| grid.first_voxel[i] as f64 * voxel_m),
+            unit: VOXELS_PER_CELL as f64 * voxel_m / f64::from(lattice.units),
+        };
+        let mut domain = Domain::of_labels(lattice, &tree);
+        keep_largest_component(&mut domain);
+        Ok(Self {
+            forest: BisectionForest::new(domain, Arc::clone(&tree), 0, MAX_LEVEL)?,
+            held: held_box(&volume),
+            materials: materials()?,
+            volume,
+            tree,
+            placement,
+        })
+    }
+
+    /// Rest position of a lattice point, m.
+    pub fn rest(&self, point: Point) -> Vector3<f64> {
+        self.placement.position(point)
+    }
+
+    /// True where a vertex of the start mesh at `point` is fixed.
+    pub fn is_held(&self, point: Point) -> bool {
+        let x = self.rest(point);
+        let [low, high] = &self.held;
+        (0..3).all(|i| x[i] >= low[i] && x[i] <= high[i])
+    }
+
+    /// Vertices of the start mesh that are not fixed, ascending.
+    pub fn free_vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        self.forest.vertices().filter(|&v| !self.is_held(self.forest.point(v)))
+    }
+
+    /// The organ's material on all levels, by a homogenisation's scene name.
+    ///
+    /// # Errors
+    /// [`BenchError::Embed`] if there is no such homogenisation or it fails.
+    pub fn embedding(&self, homogenisation: &str) -> Result<Embedding, BenchError> {
+        let stage = by_name(homogenisation)?;
+        Ok(Embedding::new(Arc::clone(&self.tree), self.materials.clone(), stage)?)
+    }
+
+    /// The elements of the start mesh, unrotated.
+    pub fn body(&self, embedding: &Embedding) -> Body {
+        body_of(&self.forest, &self.placement, embedding)
+    }
+
+    /// Rest positions of the start mesh by vertex number, m.
+    pub fn rest_positions(&self) -> Vec<Vector3<f64>> {
+        let mut rest = vec![Vector3::zeros(); self.forest.vertex_capacity()];
+        for v in self.forest.vertices() {
+            rest[v.index()] = self.rest(self.forest.point(v));
+        }
+        rest
+    }
+}
+
+/// The elements of a forest's leaves, unrotated.
+pub(crate) fn body_of(
+    forest: &BisectionForest,
+    placement: &Placement,
+    embedding: &Embedding,
+) -> Body {
+    let mut body = Body::new();
+    for tet in forest.leaves() {
+        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
+        body.insert(Element {
+            tet: tet.id,
+            vertices: tet.vertices.map(VertexId::index),
+            geometry: LinearTet::new(&corners),
+            elasticity: embedding.elasticity(tet.node),
+            rotation: nalgebra::Matrix3::identity(),
+        });
+    }
+    body
+}
+
+/// Parts that hang on by an edge or a vertex would turn freely: they are left out.
+fn keep_largest_component(domain: &mut Domain) {
+    let mut components = domain.components();
+    components.sort_by_key(Vec::len);
+    components.pop();
+    for component in components {
+        domain.exclude(&component);
+    }
+}
+
+fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
+    // A volume without a voxel inside was refused with its grid of cells.
+    let [low, high] = volume.bounding_box().unwrap_or_default();
+    let voxel_m = volume.grid().spacing_mm * 1e-3;
+    // Vertices on the box's faces belong to it, up to rounding.
+    let slack = 1e-6 * voxel_m;
+    [0, 1].map(|side| {
+        let outward = [-slack, slack][side];
+        Vector3::from_fn(|i, _| {
+            let size = (high[i] + 1 - low[i]) as f64;
+            (low[i] as f64 + HELD[side][i] * size) * voxel_m + outward
+        })
+    })
+}
+
+fn materials() -> Result<Vec<Material>, BenchError> {
+    let mut materials = vec![Material::new(VOID.0, VOID.1, VOID.2)?];
+    for (_, young_modulus_pa, poisson_ratio, density_kg_m3) in TISSUES {
+        materials.push(Material::new(young_modulus_pa, poisson_ratio, density_kg_m3)?);
+    }
+    Ok(materials)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bodies_have_the_documented_size_and_are_held() {
+        for (size, want) in [(Size::Full, 736.0), (Size::Quick, 150.0)] {
+            let organ = Organ::new(size).unwrap();
+            let count = organ.forest.vertex_count() as f64;
+            assert!((count / want - 1.0).abs() < 0.15, "{}: {count} vertices", size.name());
+            let free = organ.free_vertices().count() as f64;
+            assert!(free < count - 3.0 && free > 0.5 * count, "{free} of {count} are free");
+            assert_eq!(organ.forest.domain().components().len(), 1);
+        }
+    }
+
+    #[test]
+    fn dense_labels_are_the_tissues_in_order() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let labels: Vec<i64> = TISSUES.iter().map(|tissue| tissue.0).collect();
+        assert_eq!(organ.volume.values()[1..], labels);
+        assert_eq!(organ.materials.len(), organ.volume.values().len());
+    }
+}

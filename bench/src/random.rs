@@ -1,0 +1,25 @@
+//! Reproducible choices.
+
+/// SplitMix64 (Steele, Lea, Flood 2014): good enough to pick rings, the same everywhere.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SplitMix64(pub u64);
+
+impl SplitMix64 {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A number in `0..count`; 0 if `count` is 0.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.next() % (count as u64).max(1)) as usize
+    }
+
+    /// A number in −1..1.
+    pub fn symmetric(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}

@@ -1,0 +1,4 @@
+//! Competitors side by side: one study per file, with its command line arguments and its report.
+
+pub mod inverse;
+mod inverse_report;
