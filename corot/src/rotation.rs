@@ -16,7 +16,7 @@ const MAX_STEPS: usize = 8;
 /// The rotation R that maximises tr(RᵀF), from a nearby `start`.
 ///
 /// Newton on SO(3): with M = RᵀF and S its symmetric part,
-/// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂), R ← R exp[ω]. Quadratic: three steps from
+/// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂), R ← R exp(ω×). Quadratic: three steps from
 /// 20° off reach rounding. Where it ends in no maximum, or not at all, [`polar_cold`] decides.
 /// A non-finite F leaves `start` as it is.
 pub fn polar_warm(f: &Matrix3<f64>, start: &Matrix3<f64>) -> Matrix3<f64> {

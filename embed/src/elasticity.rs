@@ -56,9 +56,8 @@ impl Material {
     }
 }
 
-/// The isotropic elasticity matrix
-/// D = E(1−ν)/((1+ν)(1−2ν)) · [[1,a,a],[a,1,a],[a,a,1]] ⊕ diag(b,b,b),
-/// a = ν/(1−ν), b = (1−2ν)/(2(1−ν)).
+/// The isotropic elasticity matrix D = E(1−ν)/((1+ν)(1−2ν)) times 1 on the diagonal and
+/// a = ν/(1−ν) beside it among the normal strains, b = (1−2ν)/(2(1−ν)) on the shears' diagonal.
 ///
 /// Units: Pa, engineering shear strains. Source: Oishi et al., eq. (4), whose fourth diagonal
 /// entry is misprinted as 1 where b must stand.

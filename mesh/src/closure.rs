@@ -48,18 +48,17 @@ impl BisectionForest {
             && lattice.generation(p) <= self.max_level()
             && self.vertex_at(p).is_none()
             && self.domain().contains(p);
-        let mut last = Err(MeshError::NotSplittable { point: p });
-        if !allowed {
-            return last;
-        }
-        for q in self.closure(p) {
-            last = self.split(q, delta);
-            if last.is_err() {
-                return last;
-            }
+        let closure = self.closure(p);
+        let Some((&last, older)) = closure.split_last().filter(|_| allowed) else {
+            return Err(MeshError::NotSplittable { point: p });
+        };
+        for &q in older {
+            self.split(q, delta)?;
             visit(self, delta);
         }
-        last
+        let vertex = self.split(last, delta)?;
+        visit(self, delta);
+        Ok(vertex)
     }
 
     /// Splits until every leaf has at least `level`.

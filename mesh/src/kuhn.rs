@@ -53,7 +53,7 @@ pub fn root_corners(cell: [usize; 3], order: usize, units: i32) -> [Point; 4] {
     }
     for (step, &axis) in AXIS_ORDERS[order].iter().enumerate() {
         corners[step + 1] = corners[step];
-        corners[step + 1][axis] += if cell[axis] % 2 == 0 { units } else { -units };
+        corners[step + 1][axis] += if cell[axis].is_multiple_of(2) { units } else { -units };
     }
     corners
 }
@@ -110,7 +110,7 @@ mod tests {
             let v = signed_volume6(c);
             assert_eq!(v.abs() << level, 8 * 8 * 8);
             let [c0, c1] = bisect(c, level, midpoint(c, level));
-            let sign = if bisected_corner(level) % 2 == 0 { 1 } else { -1 };
+            let sign = if bisected_corner(level).is_multiple_of(2) { 1 } else { -1 };
             assert_eq!(2 * signed_volume6(&c0), v);
             assert_eq!(2 * signed_volume6(&c1), sign * v);
         });
