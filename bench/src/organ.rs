@@ -95,8 +95,7 @@ impl Organ {
             origin: Vector3::from_fn(|i, _| grid.first_voxel[i] as f64 * voxel_m),
             unit: VOXELS_PER_CELL as f64 * voxel_m / f64::from(lattice.units),
         };
-        let mut domain = Domain::of_labels(lattice, &tree);
-        keep_largest_component(&mut domain);
+        let domain = Domain::of_labels(lattice, &tree);
         Ok(Self {
             forest: BisectionForest::new(domain, Arc::clone(&tree), 0, MAX_LEVEL)?,
             held: held_box(&volume),
@@ -166,16 +165,6 @@ pub(crate) fn body_of(
         });
     }
     body
-}
-
-/// Parts that hang on by an edge or a vertex would turn freely: they are left out.
-fn keep_largest_component(domain: &mut Domain) {
-    let mut components = domain.components();
-    components.sort_by_key(Vec::len);
-    components.pop();
-    for component in components {
-        domain.exclude(&component);
-    }
 }
 
 fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {

@@ -33,6 +33,7 @@ mod tests {
         assert_eq!(median(&samples), 100.0);
         assert_eq!(percentile(&samples, 99.0), 198.0);
         assert_eq!(percentile(&samples, 100.0), 200.0);
+        assert_eq!(median(&[5.0, 1.0, 3.0]), 3.0);
         assert_eq!(percentile(&[3.0], 1.0), 3.0);
     }
 

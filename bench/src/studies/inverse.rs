@@ -328,6 +328,15 @@ mod tests {
     }
 
     #[test]
+    fn a_pass_goes_over_what_the_maintainer_stores() {
+        let mut stiffness = SparseStiffness::zeros(2, 3).unwrap();
+        stiffness.add(&[0, 1], Mat::<f64>::identity(6, 6).as_ref()).unwrap();
+        let numbers = COMPETITORS.map(|c| Lane::new(&c, stiffness.clone()).unwrap().numbers());
+        // Rows of 1, 2 … 6 numbers, and six of six.
+        assert_eq!(numbers, [21, 36]);
+    }
+
+    #[test]
     fn files_are_whole_tables() {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("study");
