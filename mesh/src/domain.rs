@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::kuhn::Point;
+use crate::kuhn::{Point, root_faces};
 use crate::label_tree::LabelTree;
 use crate::lattice::Lattice;
 
@@ -75,6 +75,24 @@ impl Domain {
             let below = (c[axis] > 0).then(|| cell - strides[axis]);
             let above = (c[axis] + 1 < self.lattice.cells[axis]).then(|| cell + strides[axis]);
             below.into_iter().chain(above)
+        })
+    }
+
+    /// Which faces of root tetrahedron `order` of a cube have no cube of the body behind them
+    /// (bit i: the face opposite corner i).
+    pub fn root_hull(&self, cell: usize, order: usize) -> u8 {
+        let c = self.lattice.cell_coordinates(cell);
+        root_faces(order).into_iter().fold(0, |hull, (axis, with_walk, opposite)| {
+            // The walk goes up from even cubes and down from odd ones.
+            let up = with_walk == c[axis].is_multiple_of(2);
+            let beside = if up { c[axis].checked_add(1) } else { c[axis].checked_sub(1) };
+            let neighbour = beside.filter(|&n| n < self.lattice.cells[axis]).map(|n| {
+                let mut neighbour = c;
+                neighbour[axis] = n;
+                self.lattice.cell_number(neighbour)
+            });
+            let covered = neighbour.is_some_and(|n| self.inside[n]);
+            hull | u8::from(!covered) << opposite
         })
     }
 

@@ -10,60 +10,65 @@ use std::sync::Arc;
 use crate::delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 use crate::domain::Domain;
 use crate::error::MeshError;
-use crate::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint, root_corners};
+use crate::kuhn::{
+    Point, ROOTS_PER_CELL, bisect, bisect_hull, bisected_corner, midpoint, root_corners,
+};
 use crate::label_tree::{LabelTree, NodeRef};
 use crate::lattice::{ABSENT, Lattice, MAX_LEVEL, PointMap};
 
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug)]
-struct VertexRecord {
-    point: Point,
-    generation: u8,
-    active_dependents: u8,
-    diamond: u32,
-    alive: bool,
+pub(crate) struct VertexRecord {
+    pub(crate) point: Point,
+    pub(crate) generation: u8,
+    pub(crate) active_dependents: u8,
+    pub(crate) diamond: u32,
+    pub(crate) alive: bool,
 }
 
 /// The ring around an edge, known by the edge's midpoint.
 #[derive(Clone, Copy, Debug)]
-struct Diamond {
-    ring: [u32; 8],
-    len: u8,
-    vertex: u32,
-    point: Point,
+pub(crate) struct Diamond {
+    pub(crate) ring: [u32; 8],
+    pub(crate) len: u8,
+    pub(crate) vertex: u32,
+    pub(crate) point: Point,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct TetRecord {
-    vertices: [VertexId; 4],
-    node: NodeRef,
-    level: u8,
-    alive: bool,
+pub(crate) struct TetRecord {
+    pub(crate) vertices: [VertexId; 4],
+    pub(crate) node: NodeRef,
+    pub(crate) level: u8,
+    /// Bit i: the face opposite corner i lies on the domain's hull.
+    pub(crate) hull: u8,
+    /// Position in the list of leaves, or NONE.
+    pub(crate) leaf_at: u32,
     /// First of two children, or NONE for a leaf.
-    child: u32,
-    diamond: u32,
+    pub(crate) child: u32,
+    pub(crate) diamond: u32,
     /// Root number and the path of child choices: a name that does not depend on history.
-    root: u32,
-    path: u64,
+    pub(crate) root: u32,
+    pub(crate) path: u64,
 }
 
 /// A conforming tetrahedral mesh of a voxel-shaped domain that refines and merges online.
 #[derive(Clone, Debug)]
 pub struct BisectionForest {
-    domain: Domain,
-    tree: Arc<LabelTree>,
-    start_level: u8,
-    max_level: u8,
-    vertices: Vec<VertexRecord>,
-    free_vertices: Vec<u32>,
-    tets: Vec<TetRecord>,
-    free_pairs: Vec<u32>,
-    diamonds: Vec<Diamond>,
-    free_diamonds: Vec<u32>,
-    by_point: PointMap,
-    vertex_count: usize,
-    leaf_count: usize,
+    pub(crate) domain: Domain,
+    pub(crate) tree: Arc<LabelTree>,
+    pub(crate) start_level: u8,
+    pub(crate) max_level: u8,
+    pub(crate) vertices: Vec<VertexRecord>,
+    pub(crate) free_vertices: Vec<u32>,
+    pub(crate) tets: Vec<TetRecord>,
+    pub(crate) free_pairs: Vec<u32>,
+    pub(crate) diamonds: Vec<Diamond>,
+    pub(crate) free_diamonds: Vec<u32>,
+    pub(crate) by_point: PointMap,
+    pub(crate) vertex_count: usize,
+    pub(crate) leaves: Vec<u32>,
 }
 
 impl BisectionForest {
@@ -101,10 +106,10 @@ impl BisectionForest {
             diamonds: Vec::new(),
             free_diamonds: Vec::new(),
             vertex_count: 0,
-            leaf_count: 0,
+            leaves: Vec::new(),
         };
         forest.plant_roots();
-        if forest.leaf_count == 0 {
+        if forest.leaves.is_empty() {
             return Err(MeshError::NothingInside);
         }
         forest.refine_uniformly(start_level)?;
@@ -124,13 +129,14 @@ impl BisectionForest {
                     vertices,
                     node: self.tree.root(cell, order),
                     level: 0,
-                    alive: true,
+                    hull: self.domain.root_hull(cell, order),
+                    leaf_at: self.leaves.len() as u32,
                     child: NONE,
                     diamond: NONE,
                     root,
                     path: 1,
                 });
-                self.leaf_count += 1;
+                self.leaves.push(self.tets.len() as u32 - 1);
                 self.join_diamond(self.tets.len() - 1);
             }
         }
@@ -239,6 +245,7 @@ impl BisectionForest {
         let record = self.tets[parent];
         let halves = bisect(&record.vertices, record.level, midpoint);
         let nodes = self.tree.children(record.node);
+        let hulls = bisect_hull(record.hull, record.level);
         let first = match self.free_pairs.pop() {
             Some(first) => first as usize,
             None => {
@@ -252,7 +259,8 @@ impl BisectionForest {
                 vertices: halves[side],
                 node: nodes[side],
                 level: record.level + 1,
-                alive: true,
+                hull: hulls[side],
+                leaf_at: if side == 0 { record.leaf_at } else { self.leaves.len() as u32 },
                 child: NONE,
                 diamond: NONE,
                 root: record.root,
@@ -260,8 +268,10 @@ impl BisectionForest {
             };
             self.join_diamond(first + side);
         }
+        self.leaves[record.leaf_at as usize] = first as u32;
+        self.leaves.push(first as u32 + 1);
         self.tets[parent].child = first as u32;
-        self.leaf_count += 1;
+        self.tets[parent].leaf_at = NONE;
     }
 
     fn count_dependents(&mut self, p: Point, step: i8) {
@@ -289,13 +299,11 @@ impl BisectionForest {
         for i in 0..usize::from(self.diamonds[diamond as usize].len) {
             let parent = self.diamonds[diamond as usize].ring[i] as usize;
             let first = self.tets[parent].child as usize;
-            for child in [first, first + 1] {
-                self.leave_diamond(child);
-                self.tets[child].alive = false;
-            }
+            self.leave_diamond(first);
+            self.leave_diamond(first + 1);
+            self.join_leaves(parent, first);
             self.free_pairs.push(first as u32);
             self.tets[parent].child = NONE;
-            self.leaf_count -= 1;
         }
         self.diamonds[diamond as usize].vertex = NONE;
         self.count_dependents(point, -1);
@@ -303,6 +311,20 @@ impl BisectionForest {
         self.free_vertices.push(vertex.0);
         self.vertex_count -= 1;
         Ok(())
+    }
+
+    /// The list of leaves gets `parent` for its two children, whose first is `first`.
+    fn join_leaves(&mut self, parent: usize, first: usize) {
+        let [at, other] = [first, first + 1].map(|t| self.tets[t].leaf_at);
+        self.leaves[at as usize] = parent as u32;
+        self.tets[parent].leaf_at = at;
+        self.leaves.swap_remove(other as usize);
+        if let Some(&moved) = self.leaves.get(other as usize) {
+            self.tets[moved as usize].leaf_at = other;
+        }
+        for child in [first, first + 1] {
+            self.tets[child].leaf_at = NONE;
+        }
     }
 
     fn describe(&self, change: Change, vertex: VertexId, diamond: u32, delta: &mut MeshDelta) {
@@ -331,11 +353,11 @@ impl BisectionForest {
         }));
     }
 
-    fn by_point_checked(&self, p: Point) -> u32 {
+    pub(crate) fn by_point_checked(&self, p: Point) -> u32 {
         if self.domain.lattice().contains(p) { self.by_point.get(p) } else { ABSENT }
     }
 
-    fn tet_at(&self, index: usize) -> Tet {
+    pub(crate) fn tet_at(&self, index: usize) -> Tet {
         let record = &self.tets[index];
         Tet {
             id: TetId(index as u32),
@@ -343,148 +365,5 @@ impl BisectionForest {
             level: record.level,
             node: record.node,
         }
-    }
-}
-
-/// Questions.
-impl BisectionForest {
-    /// True where every older vertex that `p` depends on is active.
-    pub fn is_ready(&self, p: Point) -> bool {
-        self.missing(p).next().is_none()
-    }
-
-    /// The direct dependencies of `p` that are inside the domain and not active.
-    pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
-        let dependencies = self.domain.lattice().dependencies(p);
-        (0..dependencies.as_slice().len())
-            .map(move |i| dependencies.as_slice()[i])
-            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
-    }
-
-    /// True where `vertex` may be merged: active, above the start mesh, without dependents.
-    pub fn is_mergeable(&self, vertex: VertexId) -> bool {
-        self.vertices.get(vertex.index()).is_some_and(|record| {
-            record.alive && record.generation > self.start_level && record.active_dependents == 0
-        })
-    }
-
-    /// The active vertex at a lattice point.
-    pub fn vertex_at(&self, p: Point) -> Option<VertexId> {
-        let id = self.by_point_checked(p);
-        (id != ABSENT)
-            .then(|| self.diamonds[id as usize].vertex)
-            .filter(|&v| v != NONE)
-            .map(VertexId)
-    }
-
-    /// The domain.
-    pub fn domain(&self) -> &Domain {
-        &self.domain
-    }
-
-    /// The labels inside.
-    pub fn tree(&self) -> &Arc<LabelTree> {
-        &self.tree
-    }
-
-    /// The floor of merging.
-    pub fn start_level(&self) -> u8 {
-        self.start_level
-    }
-
-    /// The finest level that splits reach.
-    pub fn max_level(&self) -> u8 {
-        self.max_level
-    }
-
-    /// Number of active vertices.
-    pub fn vertex_count(&self) -> usize {
-        self.vertex_count
-    }
-
-    /// Number of leaf tetrahedra.
-    pub fn leaf_count(&self) -> usize {
-        self.leaf_count
-    }
-
-    /// One more than the largest vertex number ever in use: the length of arrays by vertex.
-    pub fn vertex_capacity(&self) -> usize {
-        self.vertices.len()
-    }
-
-    /// One more than the largest tetrahedron number ever in use.
-    pub fn tet_capacity(&self) -> usize {
-        self.tets.len()
-    }
-
-    /// Active vertices, ascending numbers.
-    pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
-        (0..self.vertices.len()).filter(|&i| self.vertices[i].alive).map(|i| VertexId(i as u32))
-    }
-
-    /// Leaf tetrahedra: the current mesh, ascending numbers.
-    pub fn leaves(&self) -> impl Iterator<Item = Tet> + '_ {
-        (0..self.tets.len())
-            .filter(|&i| self.tets[i].alive && self.tets[i].child == NONE)
-            .map(|i| self.tet_at(i))
-    }
-
-    /// Lattice point of an active vertex.
-    pub fn point(&self, vertex: VertexId) -> Point {
-        self.vertices[vertex.index()].point
-    }
-
-    /// Generation of an active vertex.
-    pub fn generation(&self, vertex: VertexId) -> u8 {
-        self.vertices[vertex.index()].generation
-    }
-
-    /// The point whose activation would bisect `tet`; none at the finest level.
-    pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
-        let diamond = self.tets[tet.index()].diamond;
-        (diamond != NONE).then(|| self.diamonds[diamond as usize].point)
-    }
-
-    /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
-    /// are given with the number of their parent. Returns false otherwise.
-    pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
-        let id = self.by_point_checked(p);
-        if id == ABSENT || self.diamonds[id as usize].vertex != NONE || !self.is_ready(p) {
-            return false;
-        }
-        self.parents_of(id, ring);
-        true
-    }
-
-    /// Fills `ring` with the coarse tetrahedra that a merge of `vertex` would restore, if it may
-    /// happen now. Returns false otherwise.
-    pub fn merge_ring(&self, vertex: VertexId, ring: &mut Vec<Tet>) -> bool {
-        if !self.is_mergeable(vertex) {
-            return false;
-        }
-        self.parents_of(self.vertices[vertex.index()].diamond, ring);
-        true
-    }
-
-    fn parents_of(&self, diamond: u32, ring: &mut Vec<Tet>) {
-        let Diamond { ring: members, len, .. } = self.diamonds[diamond as usize];
-        ring.clear();
-        ring.extend(members[..usize::from(len)].iter().map(|&t| self.tet_at(t as usize)));
-        ring.sort_unstable_by_key(|t| {
-            let record = &self.tets[t.id.index()];
-            (record.root, record.path)
-        });
-    }
-
-    /// Points at which a split may happen now, ascending keys.
-    pub fn candidates(&self) -> Vec<Point> {
-        let mut points: Vec<Point> = self
-            .diamonds
-            .iter()
-            .filter(|d| d.vertex == NONE && d.len > 0 && self.is_ready(d.point))
-            .map(|d| d.point)
-            .collect();
-        points.sort_unstable_by_key(|&p| Lattice::key(p));
-        points
     }
 }

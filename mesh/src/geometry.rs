@@ -1,9 +1,7 @@
-//! Lengths: where lattice points lie in space, the quality of tetrahedra, boundary faces.
+//! Lengths: where lattice points lie in space, and the quality of tetrahedra.
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::delta::VertexId;
-use crate::forest::BisectionForest;
 use crate::kuhn::Point;
 
 /// Where a lattice lies in solver coordinates (metres along the voxel axes).
@@ -74,26 +72,6 @@ pub fn signed_volume(x: &[Vector3<f64>; 4]) -> f64 {
 
 /// The three corners of each of a tetrahedron's faces; face i is opposite corner i.
 pub const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
-
-impl BisectionForest {
-    /// The faces that belong to one leaf only, corners ascending, in ascending order.
-    ///
-    /// Cost: O(n log n) in the number of leaves.
-    pub fn boundary_faces(&self) -> Vec<[VertexId; 3]> {
-        let mut faces: Vec<[VertexId; 3]> = self
-            .leaves()
-            .flat_map(|tet| {
-                FACES.map(|face| {
-                    let mut f = face.map(|i| tet.vertices[i]);
-                    f.sort_unstable();
-                    f
-                })
-            })
-            .collect();
-        faces.sort_unstable();
-        faces.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).map(|same| same[0]).collect()
-    }
-}
 
 #[cfg(test)]
 mod tests {

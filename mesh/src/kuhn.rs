@@ -34,6 +34,23 @@ pub fn bisect<T: Copy>(corners: &[T; 4], level: u8, z: T) -> [[T; 4]; 2] {
     }
 }
 
+/// Which faces of the two children lie where a face of the parent lay that is marked in `hull`
+/// (bit i: the face opposite corner i). The cut between the children is never marked.
+pub fn bisect_hull(hull: u8, level: u8) -> [u8; 2] {
+    let d = bisected_corner(level);
+    let bit = |i: usize| hull >> i & 1;
+    // Child 0 keeps corner i in place i, but z in place d: only its face opposite x0 is new.
+    let first = hull & !1;
+    // Child 1 has x_{i+1} in place i < d, z in place d: its face opposite x_d is new.
+    let second = (0..4).map(|i| match i {
+        i if i + 1 < d => bit(i + 1) << i,
+        i if i + 1 == d => 0,
+        i if i == d => bit(0) << i,
+        i => bit(i) << i,
+    });
+    [first, second.sum()]
+}
+
 /// Midpoint of the bisected edge of a tetrahedron at `level`, in lattice coordinates.
 ///
 /// Meaningful only where that edge has even components, i.e. above the lattice's finest level.
@@ -56,6 +73,13 @@ pub fn root_corners(cell: [usize; 3], order: usize, units: i32) -> [Point; 4] {
         corners[step + 1][axis] += if cell[axis].is_multiple_of(2) { units } else { -units };
     }
     corners
+}
+
+/// The two cube faces that root tetrahedron `order` lies on, as (axis, steps with the walk from
+/// x0 to x3 or against it, corner opposite to the face).
+pub fn root_faces(order: usize) -> [(usize, bool, usize); 2] {
+    let [first, _, last] = AXIS_ORDERS[order];
+    [(first, true, 0), (last, false, 3)]
 }
 
 /// Six times the signed volume of a tetrahedron with lattice corners, in cubic lattice units.

@@ -159,6 +159,11 @@ impl Lattice {
         [cell % nx, cell / nx % ny, cell / (nx * ny)]
     }
 
+    /// Linear number of a cell.
+    pub fn cell_number(&self, cell: [usize; 3]) -> usize {
+        cell[0] + self.cells[0] * (cell[1] + self.cells[1] * cell[2])
+    }
+
     /// Number of root cubes.
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()

@@ -15,6 +15,7 @@ pub mod lattice;
 #[cfg(feature = "nifti")]
 mod nifti_reader;
 pub mod phantom;
+mod queries;
 pub mod volume;
 
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};

@@ -41,15 +41,37 @@ fn assert_conforming(f: &BisectionForest) {
     let cell = 6 * i64::from(lattice.units).pow(3);
     assert_eq!(volume, cell * f.domain().cells().count() as i64);
     faces.sort_unstable();
+    let mut single = 0;
     for same in faces.chunk_by(|a, b| a.0 == b.0) {
         match same {
-            [one] => assert!(on_hull(f, &one.0), "hanging face {:?}", one.0),
+            [one] => {
+                assert!(on_hull(f, &one.0), "hanging face {:?}", one.0);
+                single += 1;
+            }
             [one, two] => {
                 let side = |p| signed_volume6(&[one.0[0], one.0[1], one.0[2], p]).signum();
                 assert_eq!(side(one.1), -side(two.1));
             }
             more => panic!("{} leaves share a face", more.len()),
         }
+    }
+    // The hull that splits and merges keep up to date is the one found by pairing all faces.
+    let mut hull: Vec<[[i32; 3]; 3]> = f
+        .boundary_faces()
+        .into_iter()
+        .map(|face| {
+            let mut points = face.map(|v| f.point(v));
+            points.sort_unstable();
+            points
+        })
+        .collect();
+    hull.sort_unstable();
+    hull.dedup();
+    assert_eq!(hull.len(), single);
+    for face in &hull {
+        let at = faces.partition_point(|other| other.0 < *face);
+        assert_eq!(faces[at].0, *face);
+        assert!(faces.get(at + 1).is_none_or(|next| next.0 != *face));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix6, Vector3};
 use yawara_embed::Strain;
+use yawara_mesh::Tet;
 use yawara_mesh::geometry::signed_volume;
 use yawara_mesh::volume::Grid;
 
@@ -19,7 +20,9 @@ pub(crate) fn capture(state: &Adaptive, grid: &Grid, label_values: &[i64], time_
         frame.points_mm.push(grid.to_ras_mm(now).into());
         frame.displacement_mm.push(moved.into());
     }
-    for tet in state.forest.leaves() {
+    let mut leaves: Vec<Tet> = state.forest.leaves().collect();
+    leaves.sort_unstable_by_key(|tet| tet.id);
+    for tet in leaves {
         let Some(element) = state.body.element(tet.id) else {
             continue;
         };

@@ -1,0 +1,166 @@
+//! Questions to a bisection forest.
+
+use std::sync::Arc;
+
+use crate::delta::{Tet, TetId, VertexId};
+use crate::domain::Domain;
+use crate::forest::{BisectionForest, Diamond, NONE};
+use crate::geometry::FACES;
+use crate::kuhn::Point;
+use crate::label_tree::LabelTree;
+use crate::lattice::{ABSENT, Lattice};
+
+impl BisectionForest {
+    /// True where every older vertex that `p` depends on is active.
+    pub fn is_ready(&self, p: Point) -> bool {
+        self.missing(p).next().is_none()
+    }
+
+    /// The direct dependencies of `p` that are inside the domain and not active.
+    pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
+        let dependencies = self.domain.lattice().dependencies(p);
+        (0..dependencies.as_slice().len())
+            .map(move |i| dependencies.as_slice()[i])
+            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
+    }
+
+    /// True where `vertex` may be merged: active, above the start mesh, without dependents.
+    pub fn is_mergeable(&self, vertex: VertexId) -> bool {
+        self.vertices.get(vertex.index()).is_some_and(|record| {
+            record.alive && record.generation > self.start_level && record.active_dependents == 0
+        })
+    }
+
+    /// The active vertex at a lattice point.
+    pub fn vertex_at(&self, p: Point) -> Option<VertexId> {
+        let id = self.by_point_checked(p);
+        (id != ABSENT)
+            .then(|| self.diamonds[id as usize].vertex)
+            .filter(|&v| v != NONE)
+            .map(VertexId)
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The labels inside.
+    pub fn tree(&self) -> &Arc<LabelTree> {
+        &self.tree
+    }
+
+    /// The floor of merging.
+    pub fn start_level(&self) -> u8 {
+        self.start_level
+    }
+
+    /// The finest level that splits reach.
+    pub fn max_level(&self) -> u8 {
+        self.max_level
+    }
+
+    /// Number of active vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of leaf tetrahedra.
+    pub fn leaf_count(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// One more than the largest vertex number ever in use: the length of arrays by vertex.
+    pub fn vertex_capacity(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// One more than the largest tetrahedron number ever in use.
+    pub fn tet_capacity(&self) -> usize {
+        self.tets.len()
+    }
+
+    /// Active vertices, ascending numbers.
+    pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        (0..self.vertices.len()).filter(|&i| self.vertices[i].alive).map(|i| VertexId(i as u32))
+    }
+
+    /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
+    pub fn leaves(&self) -> impl ExactSizeIterator<Item = Tet> + '_ {
+        self.leaves.iter().map(|&i| self.tet_at(i as usize))
+    }
+
+    /// The faces of leaves that lie on the domain's hull, corners ascending, in the order of
+    /// the leaves. Cost: O(leaves); which faces these are is kept with every split and merge.
+    pub fn boundary_faces(&self) -> Vec<[VertexId; 3]> {
+        let mut faces = Vec::new();
+        for &leaf in &self.leaves {
+            let record = &self.tets[leaf as usize];
+            for opposite in (0..4).filter(|i| record.hull & (1 << i) != 0) {
+                let mut face = FACES[opposite].map(|i| record.vertices[i]);
+                face.sort_unstable();
+                faces.push(face);
+            }
+        }
+        faces
+    }
+
+    /// Lattice point of an active vertex.
+    pub fn point(&self, vertex: VertexId) -> Point {
+        self.vertices[vertex.index()].point
+    }
+
+    /// Generation of an active vertex.
+    pub fn generation(&self, vertex: VertexId) -> u8 {
+        self.vertices[vertex.index()].generation
+    }
+
+    /// The point whose activation would bisect `tet`; none at the finest level.
+    pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
+        let diamond = self.tets[tet.index()].diamond;
+        (diamond != NONE).then(|| self.diamonds[diamond as usize].point)
+    }
+
+    /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
+    /// are given with the number of their parent. Returns false otherwise.
+    pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
+        let id = self.by_point_checked(p);
+        if id == ABSENT || self.diamonds[id as usize].vertex != NONE || !self.is_ready(p) {
+            return false;
+        }
+        self.parents_of(id, ring);
+        true
+    }
+
+    /// Fills `ring` with the coarse tetrahedra that a merge of `vertex` would restore, if it may
+    /// happen now. Returns false otherwise.
+    pub fn merge_ring(&self, vertex: VertexId, ring: &mut Vec<Tet>) -> bool {
+        if !self.is_mergeable(vertex) {
+            return false;
+        }
+        self.parents_of(self.vertices[vertex.index()].diamond, ring);
+        true
+    }
+
+    fn parents_of(&self, diamond: u32, ring: &mut Vec<Tet>) {
+        let Diamond { ring: members, len, .. } = self.diamonds[diamond as usize];
+        ring.clear();
+        ring.extend(members[..usize::from(len)].iter().map(|&t| self.tet_at(t as usize)));
+        ring.sort_unstable_by_key(|t| {
+            let record = &self.tets[t.id.index()];
+            (record.root, record.path)
+        });
+    }
+
+    /// Points at which a split may happen now, ascending keys.
+    pub fn candidates(&self) -> Vec<Point> {
+        let mut points: Vec<Point> = self
+            .diamonds
+            .iter()
+            .filter(|d| d.vertex == NONE && d.len > 0 && self.is_ready(d.point))
+            .map(|d| d.point)
+            .collect();
+        points.sort_unstable_by_key(|&p| Lattice::key(p));
+        points
+    }
+}
