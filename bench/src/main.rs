@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
-use yawara_bench::studies::inverse;
+use yawara_bench::studies::{inverse, mesh};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
@@ -19,11 +19,14 @@ struct Cli {
 enum Study {
     /// Maintainers of the inverse under random splits and merges of the liver phantom.
     Inverse(inverse::Arguments),
+    /// The bisection forest: shapes, closures, cost of a split, volume to label tree.
+    Mesh(mesh::Arguments),
 }
 
 fn run(study: &Study) -> Result<String, BenchError> {
     match study {
         Study::Inverse(arguments) => inverse::run(arguments),
+        Study::Mesh(arguments) => mesh::run(arguments),
     }
 }
 

@@ -203,6 +203,12 @@ impl PointMap {
         )
     }
 
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        let filled = self.pages.iter().flatten().count();
+        self.pages.len() * size_of::<Option<Box<[u32]>>>() + filled * (4 << (3 * self.shift))
+    }
+
     /// The value at `p`, or [`ABSENT`].
     pub fn get(&self, p: Point) -> u32 {
         let (page, local) = self.address(p);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::delta::{Tet, TetId, VertexId};
 use crate::domain::Domain;
-use crate::forest::{BisectionForest, Diamond, NONE};
+use crate::forest::{BisectionForest, Diamond, NONE, TetRecord, VertexRecord};
 use crate::geometry::FACES;
 use crate::kuhn::Point;
 use crate::label_tree::LabelTree;
@@ -78,6 +78,18 @@ impl BisectionForest {
     /// One more than the largest tetrahedron number ever in use.
     pub fn tet_capacity(&self) -> usize {
         self.tets.len()
+    }
+
+    /// Bytes held, without the label tree.
+    pub fn bytes(&self) -> usize {
+        self.vertices.capacity() * size_of::<VertexRecord>()
+            + self.tets.capacity() * size_of::<TetRecord>()
+            + self.diamonds.capacity() * size_of::<Diamond>()
+            + self.by_point.bytes()
+            + 4 * (self.free_vertices.capacity()
+                + self.free_pairs.capacity()
+                + self.free_diamonds.capacity()
+                + self.leaves.capacity())
     }
 
     /// Active vertices, ascending numbers.

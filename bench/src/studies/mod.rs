@@ -2,3 +2,4 @@
 
 pub mod inverse;
 mod inverse_report;
+pub mod mesh;
