@@ -9,12 +9,14 @@ mod domain;
 mod error;
 mod forest;
 pub mod geometry;
+pub mod isosurface;
 pub mod kuhn;
 mod label_tree;
 pub mod lattice;
 #[cfg(feature = "nifti")]
 mod nifti_reader;
 pub mod phantom;
+mod refine;
 pub mod volume;
 
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
@@ -25,3 +27,4 @@ pub use geometry::{Placement, Quality};
 pub use kuhn::Point;
 pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
 pub use lattice::Lattice;
+pub use refine::{LabelRefinement, Region};
