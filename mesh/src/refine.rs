@@ -48,8 +48,9 @@ impl BisectionForest {
     /// label tree, until it has none or lies at `max_level`, or the mesh would grow beyond
     /// `max_vertices`.
     ///
-    /// Largest tetrahedra first, those of one level in the order of their midpoints: the mesh
-    /// does not depend on history, also where the limit ends the refinement. Cost: O(n) per level
+    /// Largest tetrahedra first, those of one level in the order of their midpoints: the
+    /// result depends on the mesh alone, not on its history, also where the limit ends the
+    /// refinement. Cost: O(n) per level
     /// for n leaves, and the splits.
     ///
     /// # Errors
