@@ -175,7 +175,7 @@ fn shapes() -> Result<Vec<ShapeRow>, BenchError> {
 fn closures() -> Result<Vec<ClosureRow>, BenchError> {
     const MAX_LEVEL: u8 = 18;
     let mut f = forest(2, 0, MAX_LEVEL)?;
-    let mut random = SplitMix64::new(1);
+    let mut random = SplitMix64(1);
     let mut delta = MeshDelta::empty();
     let mut added = vec![Vec::new(); usize::from(MAX_LEVEL) + 1];
     while f.vertex_count() < 4000 {
@@ -205,7 +205,7 @@ const BATCH: usize = 512;
 
 fn update_row(cells: usize) -> Result<UpdateRow, BenchError> {
     let mut f = forest(cells, 3, 6)?;
-    let mut random = SplitMix64::new(2);
+    let mut random = SplitMix64(2);
     let all = f.candidates();
     let points: Vec<Point> = (0..BATCH * 8).map(|_| all[random.below(all.len())]).collect();
     let mut delta = MeshDelta::empty();

@@ -1,0 +1,96 @@
+//! Sizes and topology of a surface.
+
+use nalgebra::Vector3;
+
+use super::IsoSurface;
+use crate::error::MeshError;
+
+impl IsoSurface {
+    /// Area, Σ |(b − a) × (c − a)| / 2, in the squared unit of `points`.
+    ///
+    /// `points`: one per surface vertex, from [`IsoSurface::positions`]. Cost: O(triangles).
+    ///
+    /// # Errors
+    /// [`MeshError::EntryCount`].
+    pub fn area(&self, points: &[Vector3<f64>]) -> Result<f64, MeshError> {
+        self.check(points)?;
+        let double: f64 = self
+            .triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|v| points[v as usize]);
+                (b - a).cross(&(c - a)).norm()
+            })
+            .sum();
+        Ok(0.5 * double)
+    }
+
+    /// Volume enclosed, Σ a · (b × c) / 6, in the cubed unit of `points`; positive where the
+    /// normals point outwards. An open surface encloses none: the sum has no meaning then.
+    ///
+    /// `points`: one per surface vertex, from [`IsoSurface::positions`]. Cost: O(triangles).
+    ///
+    /// # Errors
+    /// [`MeshError::EntryCount`].
+    pub fn volume(&self, points: &[Vector3<f64>]) -> Result<f64, MeshError> {
+        self.check(points)?;
+        // Measured from a point of the surface: far from the origin large terms would cancel.
+        let origin = points.first().copied().unwrap_or_default();
+        let six: f64 = self
+            .triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|v| points[v as usize] - origin);
+                a.dot(&b.cross(&c))
+            })
+            .sum();
+        Ok(six / 6.0)
+    }
+
+    fn check(&self, points: &[Vector3<f64>]) -> Result<(), MeshError> {
+        let (found, want) = (points.len(), self.vertices.len());
+        if found != want {
+            return Err(MeshError::EntryCount { what: "points", found, want });
+        }
+        Ok(())
+    }
+
+    /// Euler characteristic V − E + F: 2 for each sphere, less 2 for each handle, where the
+    /// surface is closed. Cost: O(n log n).
+    pub fn euler_characteristic(&self) -> i64 {
+        let mut edges: Vec<[u32; 2]> = self
+            .triangles
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        self.vertices.len() as i64 - edges.len() as i64 + self.triangles.len() as i64
+    }
+
+    /// Number of pieces that share no vertex. Cost: O(n log n).
+    pub fn component_count(&self) -> usize {
+        let mut parent: Vec<u32> = (0..self.vertices.len() as u32).collect();
+        let mut count = parent.len();
+        for &[a, b, c] in &self.triangles {
+            for (one, other) in [(a, b), (b, c)] {
+                let (one, other) = (root(&mut parent, one), root(&mut parent, other));
+                if one != other {
+                    parent[one.max(other) as usize] = one.min(other);
+                    count -= 1;
+                }
+            }
+        }
+        count
+    }
+}
+
+/// The representative of a vertex's piece; halves the path on the way.
+fn root(parent: &mut [u32], mut v: u32) -> u32 {
+    while parent[v as usize] != v {
+        parent[v as usize] = parent[parent[v as usize] as usize];
+        v = parent[v as usize];
+    }
+    v
+}
