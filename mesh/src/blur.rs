@@ -13,7 +13,7 @@ const TRUNCATION: f64 = 4.0;
 /// those k for which voxel i + k exists.
 ///
 /// So a constant image stays the same bit by bit, and nothing leaks in over the border; the sum
-/// of all voxels is kept where the kernel stays inside. σ = 0 changes nothing.
+/// of all voxels is kept if none within 8σ of the border differs from 0. σ = 0 changes nothing.
 ///
 /// Units: σ in mm, h the grid's spacing. Cost: O(voxels · σ/h), in parallel; three copies of
 /// the image.
