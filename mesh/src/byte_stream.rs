@@ -2,6 +2,9 @@
 //!
 //! Memory grows with the bytes that arrive, never with what a header claims.
 
+// Each format needs another part.
+#![cfg_attr(not(all(feature = "nifti", feature = "nrrd", feature = "metaimage")), allow(dead_code))]
+
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};

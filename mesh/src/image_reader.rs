@@ -149,19 +149,16 @@ fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), MeshError> {
         return Err(MeshError::UnknownFormat { path: path.into(), start });
     };
     let (name, feature) = format.names();
-    let volume = match format {
+    match format {
         #[cfg(feature = "nifti")]
-        Format::Nifti => crate::nifti_reader::read_nifti(path)?,
+        Format::Nifti => Ok((name, crate::nifti_reader::read_nifti(path)?)),
         #[cfg(feature = "nrrd")]
-        Format::Nrrd => crate::nrrd_reader::read_nrrd(path)?,
+        Format::Nrrd => Ok((name, crate::nrrd_reader::read_nrrd(path)?)),
         #[cfg(feature = "metaimage")]
-        Format::MetaImage => crate::metaimage_reader::read_metaimage(path)?,
-        #[allow(unreachable_patterns)] // Reached in builds that leave a reader out.
-        _ => {
-            return Err(MeshError::FormatNotBuilt { path: path.into(), format: name, feature });
-        }
-    };
-    Ok((name, volume))
+        Format::MetaImage => Ok((name, crate::metaimage_reader::read_metaimage(path)?)),
+        // Formats whose reader this build leaves out.
+        _ => Err(MeshError::FormatNotBuilt { path: path.into(), format: name, feature }),
+    }
 }
 
 fn start_of(path: &Path) -> Result<Vec<u8>, MeshError> {
