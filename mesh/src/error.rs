@@ -15,7 +15,10 @@ pub enum MeshError {
         source: std::io::Error,
     },
     /// A path names a directory, a device or a pipe.
-    #[error("{}: is {found}, want a .nii or .nii.gz file", path.display())]
+    #[error(
+        "{}: is {found}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)",
+        path.display()
+    )]
     NotAFile {
         /// The path.
         path: PathBuf,
@@ -23,7 +26,7 @@ pub enum MeshError {
         found: &'static str,
     },
     /// A file of zero bytes.
-    #[error("{}: the file is empty, want a .nii or .nii.gz image", path.display())]
+    #[error("{}: the file is empty, want an image", path.display())]
     EmptyFile {
         /// The file.
         path: PathBuf,
@@ -49,32 +52,133 @@ pub enum MeshError {
         /// The file.
         path: PathBuf,
     },
-    /// A gzip stream that does not inflate.
-    #[error("{}: damaged gzip stream: {source}", path.display())]
-    Gzip {
+    /// A gzip or zlib stream that does not inflate.
+    #[error("{}: damaged compressed stream: {source}", path.display())]
+    Inflate {
         /// The file.
         path: PathBuf,
         /// What the inflater said.
         source: std::io::Error,
     },
-    /// Fewer bytes, or more, than the header announces.
+    /// Fewer bytes than the header announces.
     #[error(
-        "{}: {part} takes {want} bytes by the header, the file holds {}{found}; \
+        "{}: {part} takes {want} bytes by the header, the file holds {found}; \
          it is cut short or its header is damaged",
-        path.display(),
-        if *more { "more than " } else { "" }
+        path.display()
     )]
     Length {
         /// The file.
         path: PathBuf,
-        /// `header`, `extensions before vox_offset` or `voxel data`.
+        /// What is cut short: `header`, `voxel data` or what is skipped before it.
         part: &'static str,
-        /// Bytes that are there (inflated, for a .nii.gz).
+        /// Bytes that are there (inflated, where the file is compressed).
         found: u64,
-        /// Whether there are more than `found`.
-        more: bool,
         /// Bytes that should be there.
         want: u64,
+    },
+    /// A file that looks like none of the image formats.
+    #[error(
+        "{}: starts with {start}: no NIfTI-1, NRRD, MetaImage or DICOM image, \
+         and the name ends in none of their extensions",
+        path.display()
+    )]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes, escaped.
+        start: String,
+    },
+    /// An image whose reader was left out when the program was built.
+    #[error("{}: is a {format} image; build with the feature {feature:?} to read it", path.display())]
+    FormatNotBuilt {
+        /// The file.
+        path: PathBuf,
+        /// The format's name.
+        format: &'static str,
+        /// The cargo feature that brings its reader.
+        feature: &'static str,
+    },
+    /// A line of a text header (NRRD, MetaImage) that can't be followed.
+    #[error("{}: header line {line}: {field} is {value:?}, want {want}", path.display())]
+    TextHeader {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1.
+        line: usize,
+        /// The field as the file spells it.
+        field: String,
+        /// Its value, at most 80 characters of it.
+        value: String,
+        /// What would do.
+        want: &'static str,
+    },
+    /// A field that a text header must have and has not.
+    #[error("{}: the header has no field {field}", path.display())]
+    MissingField {
+        /// The file.
+        path: PathBuf,
+        /// The field's name, and its alternatives.
+        field: &'static str,
+    },
+    /// A text header that does not end.
+    #[error("{}: the header does not end within {limit} bytes", path.display())]
+    HeaderTooLong {
+        /// The file.
+        path: PathBuf,
+        /// The most that is accepted.
+        limit: u64,
+    },
+    /// A voxel written as text that is no number of the type the header announces.
+    #[error("{}: voxel {index} of the text data is {value:?}, want {want}", path.display())]
+    TextVoxel {
+        /// The file.
+        path: PathBuf,
+        /// Position in the file, from 0.
+        index: usize,
+        /// The word, at most 80 characters of it; empty where the data ends.
+        value: String,
+        /// The type.
+        want: &'static str,
+    },
+    /// Isotropic voxels so small that they would not fit in memory.
+    #[error(
+        "{}: voxels of {} × {} × {} mm resampled to {to_mm} mm make {voxels:.3e} of them, \
+         the limit is {limit}; ask for a larger spacing or check the header's",
+        path.display(), from_mm[0], from_mm[1], from_mm[2]
+    )]
+    ResampledVoxels {
+        /// The file.
+        path: PathBuf,
+        /// Stored spacings along right, anterior and superior, mm.
+        from_mm: [f64; 3],
+        /// The isotropic spacing, mm.
+        to_mm: f64,
+        /// Voxels that this would make.
+        voxels: f64,
+        /// The most that is accepted.
+        limit: u64,
+    },
+    /// A length, given by the caller, out of its range.
+    #[error("{field} is {value} mm, want {want}")]
+    LengthValue {
+        /// Which length.
+        field: &'static str,
+        /// What was given, mm.
+        value: f64,
+        /// What is accepted.
+        want: &'static str,
+    },
+    /// An image that the format of the written file can't hold.
+    #[error("{}: can't write NIfTI-1: {field} is {value}, want {want}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What would fit.
+        want: &'static str,
     },
     /// A header field out of its range.
     #[error("{}: header field {field} is {value}, want {want}", path.display())]
@@ -104,7 +208,7 @@ pub enum MeshError {
     },
     /// A time series or a multi-channel image.
     #[error(
-        "{}: holds {count} volumes (dim[0] = {rank}), want one; extract a single 3-D volume first",
+        "{}: holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D volume first",
         path.display()
     )]
     NotThreeDimensional {
@@ -112,12 +216,12 @@ pub enum MeshError {
         path: PathBuf,
         /// Number of dimensions.
         rank: i16,
-        /// Number of volumes, dim\[4\] · … · dim\[7\].
+        /// Number of volumes: the product of all dimensions but the three of space.
         count: u64,
     },
     /// More voxels than can be handled.
     #[error(
-        "{}: dim says {}×{}×{} = {voxels} voxels, the limit is {limit}",
+        "{}: the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",
         path.display(), dims[0], dims[1], dims[2]
     )]
     TooManyVoxels {
@@ -135,7 +239,7 @@ pub enum MeshError {
     SingularAffine {
         /// The file.
         path: PathBuf,
-        /// `sform` or `qform`.
+        /// The field that holds it, e.g. `sform` or `space directions`.
         form: &'static str,
         /// Determinant of the matrix with its columns normalised.
         determinant: f64,
@@ -149,29 +253,13 @@ pub enum MeshError {
     ShearedAffine {
         /// The file.
         path: PathBuf,
-        /// `sform` or `qform`.
+        /// The field that holds it, e.g. `sform` or `space directions`.
         form: &'static str,
         /// The two voxel axes, 0 to 2.
         axes: [usize; 2],
         /// Cosine of the angle between them.
         cosine: f64,
         /// Largest accepted absolute cosine.
-        limit: f64,
-    },
-    /// Voxels that are no cubes.
-    #[error(
-        "{}: spacing {:.4} × {:.4} × {:.4} mm has ratio {:.3}, limit {limit}; \
-         resample to isotropic voxels",
-        path.display(), spacing_mm[0], spacing_mm[1], spacing_mm[2],
-        spacing_mm.iter().copied().fold(f64::MIN, f64::max)
-            / spacing_mm.iter().copied().fold(f64::MAX, f64::min)
-    )]
-    Anisotropic {
-        /// The file.
-        path: PathBuf,
-        /// The spacings along the file's axes, mm.
-        spacing_mm: [f64; 3],
-        /// Largest accepted ratio.
         limit: f64,
     },
     /// A voxel of a label map whose value is no label.
@@ -200,15 +288,6 @@ pub enum MeshError {
         voxel: [usize; 3],
         /// Its value, scaled.
         value: f64,
-    },
-    /// The decoder refused data that had passed the checks of the header.
-    #[cfg(feature = "nifti")]
-    #[error("{}: voxel data: {source}", path.display())]
-    Decode {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder said.
-        source: nifti::NiftiError,
     },
     /// More labels than a dense u16 id can tell apart.
     #[error("the volume has at least {found} different labels besides 0, the limit is {limit}")]
@@ -363,5 +442,14 @@ pub enum MeshError {
         corner: u32,
         /// Number of points.
         points: usize,
+    },
+    /// The NIfTI decoder refused voxels whose header had passed.
+    #[cfg(feature = "nifti")]
+    #[error("{}: voxel data: {source}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder said.
+        source: nifti::NiftiError,
     },
 }

@@ -3,22 +3,37 @@
 //! This crate knows geometry and labels, no materials and no forces.
 #![forbid(unsafe_code)]
 
+pub mod blur;
+#[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
+mod byte_stream;
 mod closure;
 mod delta;
 mod domain;
 mod error;
 mod forest;
 pub mod geometry;
+mod image_reader;
 pub mod isosurface;
 pub mod kuhn;
 mod label_tree;
 pub mod lattice;
+#[cfg(feature = "metaimage")]
+pub mod metaimage_reader;
 #[cfg(feature = "nifti")]
-mod nifti_reader;
+pub mod nifti_reader;
+#[cfg(feature = "nifti")]
+mod nifti_writer;
+#[cfg(feature = "nrrd")]
+pub mod nrrd_reader;
 pub mod phantom;
 mod queries;
+pub mod raw_volume;
 mod refine;
+pub mod resample;
+#[cfg(any(feature = "nrrd", feature = "metaimage"))]
+mod text_header;
 pub mod volume;
+mod voxels;
 
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;

@@ -4,8 +4,11 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Vector3};
 
+pub use crate::image_reader::{
+    ReadReport, read_intensities, read_intensities_with, read_labels, read_labels_with,
+};
 #[cfg(feature = "nifti")]
-pub use crate::nifti_reader::{read_intensities, read_labels};
+pub use crate::nifti_writer::{write_field, write_labels};
 
 use crate::MeshError;
 

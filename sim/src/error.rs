@@ -119,6 +119,21 @@ pub enum SimError {
         /// The scene.
         scene: String,
     },
+    /// Voxels that are not cubes.
+    #[error(
+        "{image}: voxels of {x} x {y} x {z} mm, want spacings within 1 % of each other; \
+         resample the image to isotropic voxels first"
+    )]
+    Anisotropic {
+        /// The image.
+        image: String,
+        /// Spacing along the right, mm.
+        x: f64,
+        /// Spacing along the anterior, mm.
+        y: f64,
+        /// Spacing along the superior, mm.
+        z: f64,
+    },
     /// An image without any voxel of the body.
     #[error("{image}: nothing but background, want at least one voxel with a label other than 0")]
     Empty {

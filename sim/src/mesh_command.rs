@@ -42,14 +42,8 @@ pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError>
     out.print(&format!("written to {}\n", file.display()))
 }
 
-#[cfg(feature = "nifti")]
 fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
     Ok(yawara_mesh::volume::read_labels(path)?)
-}
-
-#[cfg(not(feature = "nifti"))]
-fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
-    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "nifti" })
 }
 
 fn refuse(key: &str, value: String, want: String) -> SimError {

@@ -8,6 +8,7 @@ use crate::stages::Stages;
 /// The plan of a scene, in the order of the pipeline.
 pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow> {
     vec![
+        image(setup),
         mesh(scene, setup),
         domain(setup),
         homogenisation(setup, stages),
@@ -23,6 +24,13 @@ pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow
 
 fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow {
     PlanRow { stage: stage.into(), choice: choice.into(), runs, why: why.into() }
+}
+
+fn image(setup: &Setup) -> PlanRow {
+    let [nx, ny, nz] = setup.grid.dims;
+    let why =
+        format!("{}; {nx} x {ny} x {nz} voxels of {} mm", setup.image_done, setup.grid.spacing_mm);
+    row("image", &setup.image_name, true, why)
 }
 
 fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {

@@ -1,12 +1,11 @@
 //! From a scene to labels, domain, materials and the start mesh.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use yawara_embed::Material;
 use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{Grid, LabelVolume};
+use yawara_mesh::volume::{Grid, LabelVolume, read_labels_with};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
 
 use crate::error::SimError;
@@ -16,6 +15,8 @@ use crate::scene::{Image, Phantom, Region, Scene};
 pub(crate) struct Setup {
     /// What the image is called in messages.
     pub image_name: String,
+    /// Where its voxels come from and whether they were resampled.
+    pub image_done: String,
     pub grid: Grid,
     pub label_values: Vec<i64>,
     pub tree: Arc<LabelTree>,
@@ -78,11 +79,17 @@ impl Region {
     }
 }
 
-/// The labels a scene asks for, and what to call them in messages.
-pub(crate) fn read_volume(scene: &Scene) -> Result<(LabelVolume, String), SimError> {
+/// The labels a scene asks for, what to call them in messages, and what was done to them.
+fn read_volume(scene: &Scene) -> Result<(LabelVolume, String, String), SimError> {
     let Image { path, phantom, length_mm, size_mm, voxel_mm } = &scene.image;
     if let Some(path) = path {
-        return Ok((read_labels(path)?, path.display().to_string()));
+        let (volume, report) = read_labels_with(path, None)?;
+        if let Some(resampling) = report.resampling {
+            let [x, y, z] = resampling.from_mm;
+            return Err(SimError::Anisotropic { image: path.display().to_string(), x, y, z });
+        }
+        let done = format!("{} label map", report.format);
+        return Ok((volume, path.display().to_string(), done));
     }
     let voxel_mm = voxel_mm.unwrap_or(2.0);
     match phantom {
@@ -91,31 +98,21 @@ pub(crate) fn read_volume(scene: &Scene) -> Result<(LabelVolume, String), SimErr
             if let Some(length_mm) = length_mm {
                 size.length_mm = *length_mm;
             }
-            Ok((liver(size)?, "the liver phantom".into()))
+            Ok((liver(size)?, "the liver phantom".into(), "procedural".into()))
         }
         Some(Phantom::Block) => {
             let size = size_mm.unwrap_or([voxel_mm; 3]);
             let cells = size.map(|s| (s / voxel_mm).round().max(1.0) as usize);
-            Ok((block(cells, voxel_mm)?, "the block phantom".into()))
+            Ok((block(cells, voxel_mm)?, "the block phantom".into(), "procedural".into()))
         }
         None => Err(SimError::NoImage { scene: scene.name.clone() }),
     }
 }
 
-#[cfg(feature = "nifti")]
-fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
-    Ok(yawara_mesh::volume::read_labels(path)?)
-}
-
-#[cfg(not(feature = "nifti"))]
-fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
-    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "nifti" })
-}
-
 impl Setup {
     /// Reads the image and builds everything that does not depend on stages.
     pub fn new(scene: &Scene) -> Result<Self, SimError> {
-        let (volume, image_name) = read_volume(scene)?;
+        let (volume, image_name, image_done) = read_volume(scene)?;
         let materials = materials(scene, &volume, &image_name)?;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
         let voxel_mm = volume.grid().spacing_mm;
@@ -130,6 +127,7 @@ impl Setup {
         };
         let mut setup = Self {
             image_name,
+            image_done,
             grid: volume.grid().clone(),
             label_values: volume.values().to_vec(),
             forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use nifti::{Endianness, NiftiType};
-
 use crate::MeshError;
+use crate::raw_volume::check_count;
+use crate::voxels::VoxelType;
 
 /// Length of a NIfTI-1 header.
 pub(super) const HEADER_BYTES: usize = 348;
@@ -15,15 +15,12 @@ const FIRST_OFFSET: f32 = 352.0;
 /// `vox_offset` is an f32 and a multiple of 16 by custom; beyond this it can't count them all.
 const LAST_OFFSET: f32 = 268_435_456.0;
 
-/// Voxels that are accepted at most.
-const MAX_VOXELS: u64 = 1 << 31;
-
 /// What the reader needs of a header, in range.
 pub(super) struct Header {
-    pub endianness: Endianness,
+    pub big_endian: bool,
     /// Voxels along the file's axes, each 1..=32767.
     pub dims: [usize; 3],
-    pub datatype: NiftiType,
+    pub datatype: VoxelType,
     pub vox_offset: u64,
     /// dims[0] · dims[1] · dims[2] · bytes per voxel.
     pub voxel_bytes: u64,
@@ -44,11 +41,11 @@ pub(super) struct Header {
 impl Header {
     /// Reads and checks the fields.
     pub fn parse(path: &Path, bytes: &[u8; HEADER_BYTES]) -> Result<Self, MeshError> {
-        let endianness = check_start(path, bytes)?;
-        let fields = Fields { path, bytes, big: endianness == Endianness::Big };
+        let big_endian = check_start(path, bytes)?;
+        let fields = Fields { path, bytes, big: big_endian };
         fields.check_magic()?;
         let dims = fields.dims()?;
-        let (datatype, bytes_per_voxel) = fields.datatype()?;
+        let datatype = fields.datatype()?;
         let voxels: u64 = dims.iter().map(|&d| d as u64).product();
         let unit = fields.unit_mm()?;
         let spacing_mm = fields.spacing(unit)?;
@@ -59,11 +56,11 @@ impl Header {
             [0.0; 3]
         };
         Ok(Self {
-            endianness,
+            big_endian,
             dims,
             datatype,
             vox_offset: fields.vox_offset()?,
-            voxel_bytes: voxels * bytes_per_voxel,
+            voxel_bytes: voxels * datatype.bytes(),
             scale: fields.scale()?,
             qfac: if fields.f32(76) < 0.0 { -1.0 } else { 1.0 },
             spacing_mm,
@@ -78,8 +75,8 @@ impl Header {
     }
 }
 
-/// Byte order by `sizeof_hdr`, the first field, or why this is no NIfTI-1 file.
-pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<Endianness, MeshError> {
+/// Whether the bytes are big-endian, by `sizeof_hdr`, the first field, or why this is no NIfTI-1 file.
+pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<bool, MeshError> {
     let refuse = |value: String| {
         let want = "348 in either byte order";
         Err(MeshError::NotNifti { path: path.into(), field: "sizeof_hdr", value, want })
@@ -88,8 +85,8 @@ pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<Endianness, MeshE
         return refuse(format!("missing ({} bytes in all)", bytes.len()));
     };
     match (i32::from_le_bytes(*first), i32::from_be_bytes(*first)) {
-        (348, _) => Ok(Endianness::Little),
-        (_, 348) => Ok(Endianness::Big),
+        (348, _) => Ok(false),
+        (_, 348) => Ok(true),
         (540, _) | (_, 540) => refuse("540 (NIfTI-2; convert it to NIfTI-1)".into()),
         (other, _) => refuse(other.to_string()),
     }
@@ -167,29 +164,25 @@ impl Fields<'_> {
             return Err(MeshError::NotThreeDimensional { path: self.path.into(), rank, count });
         }
         let dims = [dim[1] as u64, dim[2] as u64, dim[3] as u64];
-        let voxels = dims.iter().product();
-        if voxels > MAX_VOXELS {
-            let limit = MAX_VOXELS;
-            return Err(MeshError::TooManyVoxels { path: self.path.into(), dims, voxels, limit });
-        }
+        check_count(self.path, dims)?;
         Ok(dims.map(|d| d as usize))
     }
 
-    /// The type of a voxel and its bytes.
-    fn datatype(&self) -> Result<(NiftiType, u64), MeshError> {
+    /// The type of a voxel.
+    fn datatype(&self) -> Result<VoxelType, MeshError> {
         let code = self.i16(70);
         let refuse = |name| Err(MeshError::Datatype { path: self.path.into(), code, name });
         let (datatype, bits, want) = match code {
-            2 => (NiftiType::Uint8, 8, "8, as its datatype 2 (uint8)"),
-            4 => (NiftiType::Int16, 16, "16, as its datatype 4 (int16)"),
-            8 => (NiftiType::Int32, 32, "32, as its datatype 8 (int32)"),
-            16 => (NiftiType::Float32, 32, "32, as its datatype 16 (float32)"),
-            64 => (NiftiType::Float64, 64, "64, as its datatype 64 (float64)"),
-            256 => (NiftiType::Int8, 8, "8, as its datatype 256 (int8)"),
-            512 => (NiftiType::Uint16, 16, "16, as its datatype 512 (uint16)"),
-            768 => (NiftiType::Uint32, 32, "32, as its datatype 768 (uint32)"),
-            1024 => (NiftiType::Int64, 64, "64, as its datatype 1024 (int64)"),
-            1280 => (NiftiType::Uint64, 64, "64, as its datatype 1280 (uint64)"),
+            2 => (VoxelType::U8, 8, "8, as its datatype 2 (uint8)"),
+            4 => (VoxelType::I16, 16, "16, as its datatype 4 (int16)"),
+            8 => (VoxelType::I32, 32, "32, as its datatype 8 (int32)"),
+            16 => (VoxelType::F32, 32, "32, as its datatype 16 (float32)"),
+            64 => (VoxelType::F64, 64, "64, as its datatype 64 (float64)"),
+            256 => (VoxelType::I8, 8, "8, as its datatype 256 (int8)"),
+            512 => (VoxelType::U16, 16, "16, as its datatype 512 (uint16)"),
+            768 => (VoxelType::U32, 32, "32, as its datatype 768 (uint32)"),
+            1024 => (VoxelType::I64, 64, "64, as its datatype 1024 (int64)"),
+            1280 => (VoxelType::U64, 64, "64, as its datatype 1280 (uint64)"),
             1 => return refuse("binary, 1 bit"),
             32 => return refuse("complex64"),
             128 => return refuse("RGB24"),
@@ -203,7 +196,7 @@ impl Fields<'_> {
         if bitpix != bits {
             return Err(self.error("bitpix", bitpix.into(), want));
         }
-        Ok((datatype, bits as u64 / 8))
+        Ok(datatype)
     }
 
     fn vox_offset(&self) -> Result<u64, MeshError> {

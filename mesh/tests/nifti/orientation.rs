@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use yawara_mesh::MeshError;
+use yawara_mesh::volume::read_labels_with;
 
-use crate::file::{File, assert_says};
+use crate::file::{File, assert_says, scratch};
 
 /// All 48 ways to store a volume: `order[file axis]` is the RAS axis it runs along.
 fn stored_in_every_way() -> impl Iterator<Item = ([usize; 3], [bool; 3])> {
@@ -133,17 +134,28 @@ fn units_are_converted() {
 }
 
 #[test]
-fn anisotropic_voxels_are_refused_with_their_spacings() {
+fn nearly_cubic_voxels_stay_and_others_are_resampled() {
     let mut file = File::small();
-    file.sform(&Matrix3::from_diagonal(&Vector3::new(0.75, 0.75, 5.0)), Vector3::zeros());
-    let error = file.error();
-    assert!(matches!(error, MeshError::Anisotropic { .. }));
-    assert_says(&error, &["0.7500", "5.0000", "6.667", "1.01", "resample to isotropic"]);
     file.sform(&Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 2.019)), Vector3::zeros());
-    let spacing = file.labels().unwrap().grid().spacing_mm;
-    assert!((spacing.powi(3) / (4.0 * 2.019) - 1.0).abs() < 1e-6);
-    file.sform(&Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 2.021)), Vector3::zeros());
-    assert!(matches!(file.error(), MeshError::Anisotropic { .. }));
+    let grid = file.labels().unwrap().grid().clone();
+    assert_eq!(grid.dims, [2, 2, 1]);
+    assert!((grid.spacing_mm.powi(3) / (4.0 * 2.019) - 1.0).abs() < 1e-6);
+    file.sform(&Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 5.0)), Vector3::zeros());
+    let (volume, report) = scratch(&file.bytes(), |path| read_labels_with(path, None)).unwrap();
+    // 5 mm are closest to three voxels of 2 mm (2.5 rounds away from 0).
+    assert_eq!((volume.grid().dims, volume.grid().spacing_mm), ([2, 2, 3], 2.0));
+    assert_eq!(volume.labels(), [0, 1, 2, 1, 0, 1, 2, 1, 0, 1, 2, 1]);
+    assert_eq!(report.format, "NIfTI-1");
+    let text = report.resampling.unwrap().to_string();
+    for word in ["2×2×1", "2.0000 × 2.0000 × 5.0000", "2×2×3", "nearest"] {
+        assert!(text.contains(word), "{text}");
+    }
+    let (kept, report) =
+        scratch(&File::small().bytes(), |path| read_labels_with(path, None)).unwrap();
+    assert_eq!((report.resampling, kept.grid().dims), (None, [2, 2, 1]));
+    // Spacings so unequal that one voxel would become thousands.
+    file.sform(&Matrix3::from_diagonal(&Vector3::new(1e-4, 2.0, 2.0)), Vector3::zeros());
+    assert!(matches!(file.error(), MeshError::ResampledVoxels { limit: 1024, .. }));
 }
 
 #[test]

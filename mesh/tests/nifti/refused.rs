@@ -87,7 +87,7 @@ fn files_of_the_wrong_length_are_refused() {
     assert_eq!(whole.len(), 352 + 16);
     for length in [348, 351, 352, 367] {
         let error = scratch(&whole[..length], read_labels).unwrap_err();
-        assert!(matches!(error, MeshError::Length { want: 16, more: false, .. }), "{length}");
+        assert!(matches!(error, MeshError::Length { want: 16, .. }), "{length}");
         assert!(scratch(&gzip(&whole[..length]), read_labels).is_err(), "{length}");
     }
     let error = scratch(&whole[..200], read_labels).unwrap_err();
@@ -96,8 +96,9 @@ fn files_of_the_wrong_length_are_refused() {
     assert!(matches!(error, MeshError::Length { found: 8, want: 16, .. }), "{error}");
     let long = [&whole[..], &[0]].concat();
     for bytes in [gzip(&long), long] {
-        let error = scratch(&bytes, read_labels).unwrap_err();
-        assert!(matches!(error, MeshError::Length { found: 17, want: 16, .. }), "{error}");
+        // Some writers pad their files.
+        let padded = scratch(&bytes, read_labels).unwrap();
+        assert_eq!(padded, scratch(&whole, read_labels).unwrap());
     }
 }
 
@@ -111,7 +112,7 @@ fn damaged_gzip_streams_are_refused() {
     let mut damaged = intact.clone();
     damaged[intact.len() - 6] ^= 1;
     let error = scratch(&damaged, read_labels).unwrap_err();
-    assert!(matches!(error, MeshError::Gzip { .. }), "{error}");
+    assert!(matches!(error, MeshError::Inflate { .. }), "{error}");
 }
 
 #[test]
