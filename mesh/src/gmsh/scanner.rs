@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Version;
 use super::element::Element;
 use crate::MeshError;
+use crate::plain_mesh::file::shortened;
 
 /// How numbers stand in the file.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -47,11 +48,12 @@ impl<'a> Scanner<'a> {
     }
 
     pub(super) fn syntax(&self, found: String, want: impl Into<String>) -> MeshError {
-        let (path, place) = (self.path.into(), self.place());
+        let (path, place, found) = (self.path.into(), self.place(), shortened(&found));
         MeshError::MeshSyntax { path, place, found, want: want.into() }
     }
 
     pub(super) fn unsupported(&self, found: String, advice: &'static str) -> MeshError {
+        let found = shortened(&found);
         MeshError::MeshUnsupported { path: self.path.into(), place: self.place(), found, advice }
     }
 
@@ -101,19 +103,15 @@ impl<'a> Scanner<'a> {
         if word.is_empty() {
             return Err(self.syntax("the end of the file".into(), want));
         }
-        // Cut before it is shown: a damaged file may have words of megabytes.
-        let shown = || format!("{:?}", String::from_utf8_lossy(&word[..length.min(40)]));
-        let text = std::str::from_utf8(word).map_err(|_| self.syntax(shown(), want))?;
+        let text = std::str::from_utf8(word)
+            .map_err(|_| self.syntax(format!("{:?}", String::from_utf8_lossy(word)), want))?;
         self.at += length;
         Ok(text)
     }
 
     fn parse<T: std::str::FromStr>(&mut self, want: &str) -> Result<T, MeshError> {
         let word = self.word(want)?;
-        word.parse().map_err(|_| {
-            let shown: String = word.chars().take(40).collect();
-            self.syntax(format!("{shown:?}"), want)
-        })
+        word.parse().map_err(|_| self.syntax(format!("{word:?}"), want))
     }
 
     fn binary<const N: usize>(&mut self, want: &str) -> Result<[u8; N], MeshError> {
@@ -245,8 +243,7 @@ impl<'a> Scanner<'a> {
         if word == end {
             return Ok(());
         }
-        let shown: String = word.chars().take(40).collect();
-        Err(self.syntax(format!("{shown:?}"), end))
+        Err(self.syntax(format!("{word:?}"), end))
     }
 
     pub(super) fn skip_section(&mut self) -> Result<(), MeshError> {

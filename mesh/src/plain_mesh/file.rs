@@ -66,3 +66,12 @@ pub(crate) fn in_units(mesh: &PlainMesh, unit_m: f64) -> Result<Vec<Vector3<f64>
     }
     Ok(points)
 }
+
+/// The start of a text from a file: damaged ones have words of megabytes.
+pub(crate) fn shortened(text: &str) -> String {
+    const LONGEST: usize = 80;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into(),
+    }
+}

@@ -99,11 +99,12 @@ fn array<const N: usize>(
     let data: Vec<u8> = values.flatten().collect();
     let mut bytes = (data.len() as u64).to_le_bytes().to_vec();
     bytes.extend(data);
-    let _ = writeln!(
-        xml,
-        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" \
-         format=\"binary\">"
-    );
+    let _ = write!(xml, "<DataArray type=\"{kind}\" Name=\"{name}\" ");
+    // Said for scalars too, it makes meshio read columns in place of lists.
+    if components != 1 {
+        let _ = write!(xml, "NumberOfComponents=\"{components}\" ");
+    }
+    xml.push_str("format=\"binary\">\n");
     base64::encode_config_buf(&bytes, base64::STANDARD, xml);
     xml.push_str("\n</DataArray>\n");
 }

@@ -140,8 +140,7 @@ impl Array {
         let text = String::from_utf8_lossy(&self.text);
         let words = text.split_ascii_whitespace();
         let wrong = |word: &str| {
-            let shown: String = word.chars().take(40).collect();
-            document.syntax(self.place(), format!("{shown:?}"), "numbers of the array's type")
+            document.syntax(self.place(), format!("{word:?}"), "numbers of the array's type")
         };
         let numbers = if matches!(self.kind, Kind::Float(_)) {
             let values: Result<Vec<f64>, _> =

@@ -7,6 +7,7 @@ use quick_xml::events::{BytesStart, Event};
 
 use super::array::Array;
 use crate::MeshError;
+use crate::plain_mesh::file::shortened;
 
 /// A .vtu file, its arrays not yet decoded.
 pub(super) struct Document<'a> {
@@ -91,6 +92,7 @@ impl<'a> Document<'a> {
         found: String,
         want: impl Into<String>,
     ) -> MeshError {
+        let (place, found) = (shortened(&place), shortened(&found));
         MeshError::MeshSyntax { path: self.path.into(), place, found, want: want.into() }
     }
 
@@ -100,11 +102,12 @@ impl<'a> Document<'a> {
         found: &str,
         advice: &'static str,
     ) -> MeshError {
-        MeshError::MeshUnsupported { path: self.path.into(), place, found: found.into(), advice }
+        let (place, found) = (shortened(&place), shortened(found));
+        MeshError::MeshUnsupported { path: self.path.into(), place, found, advice }
     }
 
     pub(super) fn claim(&self, place: String, claimed: u64, limit: u64) -> MeshError {
-        let what = "numbers";
+        let (what, place) = ("numbers", shortened(&place));
         MeshError::MeshClaim { path: self.path.into(), place, what, claimed, limit }
     }
 
