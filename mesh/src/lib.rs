@@ -12,6 +12,8 @@ mod domain;
 mod error;
 mod forest;
 pub mod geometry;
+#[cfg(feature = "gmsh")]
+pub mod gmsh;
 mod image_reader;
 pub mod isosurface;
 pub mod kuhn;
@@ -26,6 +28,7 @@ mod nifti_writer;
 #[cfg(feature = "nrrd")]
 pub mod nrrd_reader;
 pub mod phantom;
+pub mod plain_mesh;
 mod queries;
 pub mod raw_volume;
 mod refine;
@@ -34,6 +37,8 @@ pub mod resample;
 mod text_header;
 pub mod volume;
 mod voxels;
+#[cfg(feature = "vtu")]
+pub mod vtu_reader;
 
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
@@ -43,4 +48,5 @@ pub use geometry::{Placement, Quality};
 pub use kuhn::Point;
 pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
 pub use lattice::Lattice;
+pub use plain_mesh::{PlainMesh, Repairs};
 pub use refine::{LabelRefinement, Region};
