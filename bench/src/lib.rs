@@ -11,6 +11,7 @@ mod error;
 mod history;
 mod organ;
 mod output;
+mod plot;
 mod random;
 mod slots;
 mod statistics;

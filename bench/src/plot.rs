@@ -61,9 +61,8 @@ fn draw(
             .draw_series(LineSeries::new(line.points.iter().copied(), colour.stroke_width(2)))?
             .label(line.name.as_str())
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
-        chart.draw_series(
-            line.points.iter().map(|&point| Circle::new(point, 4, colour.filled())),
-        )?;
+        chart
+            .draw_series(line.points.iter().map(|&point| Circle::new(point, 4, colour.filled())))?;
     }
     chart
         .configure_series_labels()

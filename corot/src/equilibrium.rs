@@ -80,7 +80,12 @@ impl Problem<'_> {
         let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
         let rounding = f64::EPSILON * self.body.stiffness_scale() * norm(positions);
         let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
-        if squares == 0.0 { 0.0 } else { squares.sqrt() / scale }
+        match squares.sqrt() {
+            0.0 => 0.0,
+            // An overflow is no small residual.
+            _ if !scale.is_finite() => f64::NAN,
+            size => size / scale,
+        }
     }
 
     /// step = T C Tᵀ residual with T the vertices' rotations of the last evaluation: the warped

@@ -83,7 +83,10 @@ impl RingStiffness {
             part.excess_columns(&mut positive, &mut negative);
         }
         let mut a12 = b.clone();
+        let a22 = 0.5 * (a22 + a22.transpose());
         condense_straight_edge(&mut k_c, &mut a12, &b, &a22, ends);
+        symmetrise(&mut k_p);
+        symmetrise(&mut k_c);
         Self {
             a22: Mat::from_fn(3, 3, |i, j| a22[(i, j)]),
             positive: columns(&vertices, &positive),
@@ -170,6 +173,18 @@ fn columns(vertices: &[VertexId], entries: &[RingColumn]) -> Mat<f64> {
         }
     }
     matrix
+}
+
+/// Takes out the rounding that differs between mirrored entries: near incompressibility it is
+/// that of the bulk modulus, far above the shear stiffness.
+fn symmetrise(k: &mut Mat<f64>) {
+    for j in 0..k.ncols() {
+        for i in 0..j {
+            let mean = 0.5 * (k[(i, j)] + k[(j, i)]);
+            k[(i, j)] = mean;
+            k[(j, i)] = mean;
+        }
+    }
 }
 
 fn scatter(target: &mut Mat<f64>, rows: &[usize; 4], k: &SMatrix<f64, 12, 12>) {

@@ -43,8 +43,8 @@ impl<const N: usize> Points<N> {
     }
 }
 
-/// The finest level whose lattice fits the 21 bits per coordinate of [`Lattice::key`].
-pub const MAX_LEVEL: u8 = 30;
+/// The finest level: 64 lattice units per root cube, whose [`PointMap`] page takes 1 MiB.
+pub const MAX_LEVEL: u8 = 18;
 
 /// Root cubes and lattice units: sizes only, no state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

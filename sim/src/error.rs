@@ -154,12 +154,15 @@ pub enum SimError {
     },
     /// Nothing holds the body.
     #[error(
-        "nothing of {image} is fixed: no region in [[fixed]] holds three vertices off one line, \
-         so the body could float away; enlarge a region (fractions of the organ's box)"
+        "nothing of {image} is fixed: no region in [[fixed]] holds three vertices off one line \
+         that touch material, on a mesh of {base_mm} mm base cells; enlarge a region (fractions \
+         of the organ's box) or choose a smaller mesh.base_mm"
     )]
     NothingFixed {
         /// The image.
         image: String,
+        /// Edge of a base cell, mm.
+        base_mm: f64,
     },
     /// A start mesh beyond the budget.
     #[error("the start mesh has {count} vertices, want at most mesh.max_vertices = {limit}")]

@@ -9,6 +9,7 @@ mod run_command;
 mod text;
 
 use std::io::IsTerminal;
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -51,7 +52,8 @@ fn main() -> ExitCode {
 /// One paragraph on stderr.
 fn refuse(message: &str) -> ExitCode {
     let words: Vec<&str> = message.split_whitespace().collect();
-    eprintln!("error: {}", words.join(" "));
+    // A closed or full standard error is no reason to panic.
+    let _ = writeln!(std::io::stderr(), "error: {}", words.join(" "));
     ExitCode::from(REFUSED)
 }
 

@@ -18,7 +18,12 @@ pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow
         refinement(scene, stages),
         inverse(scene),
         compliance(scene),
-        row("surface", "none", false, "no surface output is asked for"),
+        row(
+            "surface",
+            "none",
+            false,
+            "frames hold tetrahedra; embedded surfaces are not written yet",
+        ),
     ]
 }
 

@@ -16,6 +16,9 @@ use crate::report::StageTimes;
 use crate::scene::Refinement;
 use crate::tools::Hold;
 
+/// A question to a rest position.
+pub(crate) type RestTest = Box<dyn Fn(&Vector3<f64>) -> bool + Send>;
+
 /// The state that splits and merges change together.
 pub(crate) struct Adaptive {
     pub forest: BisectionForest,
@@ -26,6 +29,8 @@ pub(crate) struct Adaptive {
     pub rest: Vec<Vector3<f64>>,
     pub positions: Vec<Vector3<f64>>,
     pub holds: Vec<Hold>,
+    /// Whether a rest position lies in a fixed region.
+    is_fixed: RestTest,
     /// Step in which each vertex came in.
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.
@@ -48,6 +53,7 @@ impl Adaptive {
         embedding: Embedding,
         placement: Placement,
         holds: Vec<Hold>,
+        is_fixed: RestTest,
     ) -> Self {
         let capacity = forest.vertex_capacity();
         let mut rest = vec![Vector3::zeros(); capacity];
@@ -58,6 +64,7 @@ impl Adaptive {
             positions: rest.clone(),
             rest,
             holds,
+            is_fixed,
             born: vec![0; capacity],
             measured: Vec::new(),
             body: Body::new(),
@@ -229,7 +236,10 @@ impl Adaptive {
         self.positions[at] = position;
         self.born[at] = step;
         let ends = delta.edge.map(|v| self.holds[v.index()]);
-        self.holds[at] = if ends[0] == ends[1] { ends[0] } else { Hold::Free };
+        // Between two fixed regions that face each other the body is free.
+        let held =
+            ends[0] == ends[1] && (ends[0] != Hold::Fixed || (self.is_fixed)(&self.rest[at]));
+        self.holds[at] = if held { ends[0] } else { Hold::Free };
         for ring_tet in &delta.ring {
             let parent = self.body.remove(ring_tet.parent.id);
             let rotation = parent.map_or_else(nalgebra::Matrix3::identity, |e| e.rotation);

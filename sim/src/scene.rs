@@ -282,7 +282,7 @@ impl Default for Refinement {
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { residual: 1e-6, max_iterations: 60, max_halvings: 4 }
+        Self { residual: 1e-6, max_iterations: 60, max_halvings: 8 }
     }
 }
 

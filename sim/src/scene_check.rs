@@ -37,6 +37,8 @@ impl Scene {
             check.region(region, &format!("fixed[{i}]"))?;
         }
         check.vector("gravity_m_s2", &self.gravity_m_s2)?;
+        let bearable = self.gravity_m_s2.iter().all(|g| g.abs() <= 1e6);
+        check.that(bearable, "gravity_m_s2", self.gravity_m_s2, "at most 1e6 in each axis")?;
         for (i, tool) in self.tools.iter().enumerate() {
             check.tool(tool, &format!("tools[{i}]"))?;
         }
@@ -123,7 +125,9 @@ impl Check<'_> {
             let want = "a label other than 0, which is void ([void] says what stands for it)";
             self.that(*label != 0, &key("label"), label, want)?;
             self.that(seen.insert(*label), &key("label"), label, "each label once")?;
-            self.positive(&key("young_modulus_pa"), *young_modulus_pa)?;
+            let sane = (1e-6..=1e15).contains(young_modulus_pa);
+            let want = "between 1e-6 and 1e15";
+            self.that(sane, &key("young_modulus_pa"), *young_modulus_pa, want)?;
             self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
             let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
             self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
@@ -180,14 +184,17 @@ impl Check<'_> {
             let want = format!("more than the time before it, {last:?}");
             self.that(*time_s > last, &format!("{key}.time_s"), time_s, &want)?;
             self.vector(&format!("{key}.move_m"), move_m)?;
+            let near = move_m.iter().all(|x| x.abs() <= 1e3);
+            self.that(near, &format!("{key}.move_m"), move_m, "at most 1000 m in each axis")?;
             self.finite(&format!("{key}.turn_deg"), *turn_deg)?;
             last = *time_s;
         }
         let axis = format!("{key}.turn_axis");
         self.vector(&axis, turn_axis)?;
         // The square of a smaller axis underflows, and its direction with it.
-        let long = turn_axis.iter().any(|x| x.abs() > 1e-100);
-        self.that(long, &axis, turn_axis, "an axis of a length other than 0")?;
+        let long =
+            turn_axis.iter().any(|x| x.abs() > 1e-100) && turn_axis.iter().all(|x| x.abs() < 1e100);
+        self.that(long, &axis, turn_axis, "an axis of a length other than 0, below 1e100")?;
         let finite = release_s.is_none_or(f64::is_finite);
         self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
     }

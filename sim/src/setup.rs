@@ -140,7 +140,7 @@ impl Setup {
             excluded_components: 0,
             excluded_cells: 0,
         };
-        setup.drop_unheld_components(scene)?;
+        setup.drop_unheld_components(scene, &volume)?;
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
             setup.solid[v.index()] = touches_solid(&volume, &setup.rest(v));
@@ -164,17 +164,25 @@ impl Setup {
         scene.fixed.iter().any(|region| region.contains(&self.organ, &x))
     }
 
+    fn nothing_fixed(&self) -> SimError {
+        SimError::NothingFixed { image: self.image_name.clone(), base_mm: self.base_m * 1e3 }
+    }
+
     /// Groups of base cells that hang together by faces but are not held could move freely or
     /// turn about an edge: they are taken out and counted.
-    fn drop_unheld_components(&mut self, scene: &Scene) -> Result<(), SimError> {
+    fn drop_unheld_components(
+        &mut self,
+        scene: &Scene,
+        volume: &LabelVolume,
+    ) -> Result<(), SimError> {
         let fixed: Vec<[i32; 3]> = self
             .forest
             .vertices()
-            .filter(|&v| self.is_fixed(scene, v))
+            .filter(|&v| self.is_fixed(scene, v) && touches_solid(volume, &self.rest(v)))
             .map(|v| self.forest.point(v))
             .collect();
         if fixed.is_empty() {
-            return Err(SimError::NothingFixed { image: self.image_name.clone() });
+            return Err(self.nothing_fixed());
         }
         let mut domain = self.forest.domain().clone();
         let components = domain.components();
@@ -197,7 +205,7 @@ impl Setup {
             domain.exclude(&component);
         }
         if kept == 0 {
-            return Err(SimError::NothingFixed { image: self.image_name.clone() });
+            return Err(self.nothing_fixed());
         }
         if self.excluded_components > 0 {
             tracing::warn!(

@@ -38,6 +38,8 @@ pub struct Simulation {
     pub(crate) gravity: Vector3<f64>,
     /// Internal forces at the last solve, by vertex number, N.
     pub(crate) internal: Vec<Vector3<f64>>,
+    /// Time up to which equilibrium has been followed, s: behind the clock after a failed step.
+    pub(crate) reached_s: f64,
     /// Forces that a tool has just let go of; they fade to zero within the step of the release.
     pub(crate) fading: Vec<(VertexId, Vector3<f64>)>,
     pub(crate) tally: Tally,
@@ -54,10 +56,14 @@ impl Simulation {
         let setup = Setup::new(scene)?;
         let (tools, holds) = Grab::all(scene, &setup)?;
         let plan = plan::rows(scene, &setup, &stages);
-        let Setup { grid, label_values, tree, forest, placement, materials, .. } = setup;
+        let Setup { grid, label_values, tree, forest, placement, materials, organ, .. } = setup;
+        let regions = scene.fixed.clone();
+        let is_fixed = Box::new(move |x: &Vector3<f64>| {
+            regions.iter().any(|region| region.contains(&organ, x))
+        });
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
         let embedding = Embedding::new(tree, materials, homogenisation)?;
-        let state = Adaptive::new(forest, embedding, placement, holds);
+        let state = Adaptive::new(forest, embedding, placement, holds, is_fixed);
         let free: Vec<VertexId> =
             state.forest.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
         let capacity = state.forest.vertex_capacity();
@@ -76,6 +82,7 @@ impl Simulation {
             tally: Tally::new(begin, &state),
             state,
             inverse,
+            reached_s: 0.0,
             fading: Vec::new(),
         })
     }
@@ -99,13 +106,14 @@ impl Simulation {
         let begin = Instant::now();
         let step = self.tally.steps() + 1;
         let step_s = self.scene.time.step_s;
-        let span = Span { from: (step - 1) as f64 * step_s, to: step as f64 * step_s };
+        let span = Span { from: self.reached_s, to: step as f64 * step_s };
         let mut times = StageTimes::default();
         self.let_go(span);
         let outcome = self.advance(span, &mut times)?;
-        self.fading.clear();
-        let force = self.tool_force(span.to);
-        let remeshed = self.remesh(step, &mut times)?;
+        let force = self.tool_force(self.reached_s);
+        // What is no equilibrium says nothing about where to refine.
+        let remeshed =
+            if outcome.converged { self.remesh(step, &mut times)? } else { Remeshed::default() };
         if remeshed.splits + remeshed.merges > 0 {
             self.inverse.watch_drift(self.scene.seed.wrapping_add(step as u64));
         }
@@ -167,7 +175,7 @@ impl Simulation {
         for &v in &leaving {
             self.state.holds[v.index()] = Hold::Free;
         }
-        self.fading = leaving.into_iter().zip(reactions).collect();
+        self.fading.extend(leaving.into_iter().zip(reactions));
     }
 
     /// The current mesh with its fields, for output.

@@ -182,10 +182,10 @@ fn material_out_of_range() {
         ("poisson_ratio", "0.5", "less than 0.5"),
         ("poisson_ratio", "-1", "more than -1"),
         ("poisson_ratio", "nan", "NaN"),
-        ("young_modulus_pa", "0", "more than 0"),
+        ("young_modulus_pa", "0", "between 1e-6 and 1e15"),
         ("young_modulus_pa", "-5e3", "-5000"),
         ("young_modulus_pa", "nan", "NaN"),
-        ("young_modulus_pa", "inf", "finite"),
+        ("young_modulus_pa", "inf", "1e15"),
         ("density_kg_m3", "-1", "at least 0"),
         ("label", "0", "void"),
     ];
@@ -213,7 +213,7 @@ fn value_out_of_range() {
         ("time.step_s=nan", "NaN"),
         ("gravity_m_s2=[0, nan, 0]", "gravity_m_s2[1]"),
         ("mesh.base_mm=0", "more than 0"),
-        ("mesh.max_level=31", "at most 30"),
+        ("mesh.max_level=31", "at most 18"),
         ("mesh.start_level=4", "at most max_level, 3"),
         ("void.stiffness_ratio=1.5", "at most 1"),
         ("solver.residual=1", "less than 1"),
@@ -322,6 +322,6 @@ fn wrong_usage() {
     bench.refused(&["mesh", "phantom", "--out", "a.txt"], &["a.txt", ".vtu"]);
     bench
         .refused(&["mesh", "phantom", "--base-mm", "nan", "--out", "a.vtu"], &["--base-mm", "NaN"]);
-    bench.refused(&["mesh", "phantom", "--level", "30", "--out", "a.vtu"], &["--level", "at most"]);
-    bench.refused(&["mesh", "phantom", "--level", "31", "--out", "a.vtu"], &["--level", "30"]);
+    bench.refused(&["mesh", "phantom", "--level", "18", "--out", "a.vtu"], &["--level", "at most"]);
+    bench.refused(&["mesh", "phantom", "--level", "31", "--out", "a.vtu"], &["--level", "18"]);
 }

@@ -1,0 +1,75 @@
+//! What a user would notice at once: letting go works, held faces do not freeze the body between
+//! them, forces scale with stiffness.
+
+use yawara::report::{Frame, StepReport};
+use yawara::{Simulation, Stages, scene_file};
+
+/// Runs the beam with these settings.
+fn beam(set: &[&str]) -> (Vec<StepReport>, Frame) {
+    let overrides: Vec<String> = set.iter().map(|s| (*s).into()).collect();
+    let (scene, _) = scene_file::load("beam", &overrides).unwrap();
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    let mut reports = Vec::new();
+    while simulation.steps_left() > 0 {
+        reports.push(simulation.step().unwrap());
+    }
+    (reports, simulation.frame())
+}
+
+fn largest_displacement_mm(frame: &Frame) -> f64 {
+    frame.displacement_mm.iter().flatten().fold(0.0, |m: f64, u| m.max(u.abs()))
+}
+
+#[test]
+fn a_body_pulled_by_more_than_its_length_comes_back() {
+    let (reports, frame) =
+        beam(&["tools.0.path.1.move_m=[0.0, 0.0, 0.2]", "gravity_m_s2=[0.0, 0.0, 0.0]"]);
+    assert!(reports.iter().all(|r| r.converged));
+    assert!(reports.iter().any(|r| r.force_n[2] > 1.0));
+    assert!(largest_displacement_mm(&frame) < 1e-6);
+}
+
+#[test]
+fn a_bar_turned_by_half_a_turn_springs_back() {
+    let set = vec!["tools.0.release_s=2.0".to_string()];
+    let (scene, _) = scene_file::load("twist", &set).unwrap();
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    while simulation.steps_left() > 0 {
+        assert!(simulation.step().unwrap().converged);
+    }
+    assert!(largest_displacement_mm(&simulation.frame()) < 1e-6);
+}
+
+#[test]
+fn a_body_between_two_fixed_faces_sags() {
+    let (reports, frame) = beam(&[
+        "tools=[]",
+        "time.steps=5",
+        "image.size_mm=[160.0, 160.0, 20.0]",
+        "materials.0.young_modulus_pa=1000.0",
+        "refinement.split_above=1e-9",
+        "mesh.max_vertices=600",
+        "fixed=[{ shape = 'box', min = [0.0, 0.0, 0.0], max = [1.0, 1.0, 0.0] }, \
+         { shape = 'box', min = [0.0, 0.0, 1.0], max = [1.0, 1.0, 1.0] }]",
+        // One free vertex to start from: with a single layer of cells none would be left.
+        "mesh.start_level=1",
+    ]);
+    assert!(reports.iter().all(|r| r.converged));
+    let sag = largest_displacement_mm(&frame);
+    // 1-D column held at both ends: rho g h² / (8 M), M = E (1 − ν)/((1 + ν)(1 − 2ν)) at ν = 0.3.
+    let modulus = 1000.0 * 0.7 / (1.3 * 0.4);
+    let expected = 1e3 * 1000.0 * 9.81 * 0.02 * 0.02 / (8.0 * modulus);
+    assert!((sag / expected - 1.0).abs() < 0.3, "{sag} mm, want about {expected}");
+}
+
+#[test]
+fn force_goes_with_stiffness_and_not_with_the_unit_of_it() {
+    let pull = |young: &str| {
+        let young = format!("materials.0.young_modulus_pa={young}");
+        let set = ["time.steps=3", "gravity_m_s2=[0.0, 0.0, 0.0]", "mesh.max_level=0", &young];
+        beam(&set).0[2].force_n[2]
+    };
+    let (one, two) = (pull("5e4"), pull("1e5"));
+    // Both runs follow the same iterates up to rounding.
+    assert!((two / one - 2.0).abs() < 1e-6, "{one} {two}");
+}
