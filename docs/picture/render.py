@@ -2,9 +2,9 @@
 
 The picture is remade, from the root of the repository, by
 
-    cargo run --release -p yawara -- run liver --set output.frames_every=1 --out /tmp/liver
-    cargo run --release -p yawara -- mesh phantom --base-mm 16 --level 9 --out /tmp/voxels.vtu
-    python docs/picture/render.py /tmp/liver /tmp/voxels.vtu docs/picture/liver.png
+    cargo run --release -p yawara -- run liver --set output.frames_every=1 --out runs/picture
+    cargo run --release -p yawara -- mesh phantom --base-mm 16 --level 9 --out runs/voxels.vtu
+    python docs/picture/render.py runs/picture runs/voxels.vtu docs/picture/liver.png
 
 The second command writes the labels that the organ is meshed from, six tetrahedra a voxel, of a
 liver of 200 mm; they are scaled to the scene's length.
