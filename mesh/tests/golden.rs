@@ -127,11 +127,23 @@ fn interior_rings_have_the_known_sizes() {
             vertices.sort();
             vertices.dedup();
             assert_eq!((delta.ring.len(), vertices.len()), (tets, old));
+            // The ring without the edge's ends, and the younger vertices that need this one.
+            assert_eq!(vertices.len() - delta.edge.len(), tets);
+            assert_eq!(dependents(&lattice, p), tets);
             assert_eq!(lattice.dependencies(p).as_slice().len(), deps);
             seen += 1;
         }
         assert!(seen > 0, "{site:?}");
     }
+}
+
+/// How many lattice points around `p` depend on it.
+fn dependents(lattice: &Lattice, p: Point) -> usize {
+    let near = |i: usize| p[i] - lattice.units..=p[i] + lattice.units;
+    let around = near(0).flat_map(|x| near(1).flat_map(move |y| near(2).map(move |z| [x, y, z])));
+    around
+        .filter(|&q| lattice.contains(q) && lattice.dependencies(q).as_slice().contains(&p))
+        .count()
 }
 
 /// True where the point x/denominator lies in the closed tetrahedron.
