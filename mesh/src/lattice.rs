@@ -137,6 +137,19 @@ impl Lattice {
         result
     }
 
+    /// The ends of the edge whose midpoint `p` is: `None` for root vertices. They are older.
+    ///
+    /// Along each odd axis the edge runs from the coordinate ≡ 0 mod 4s to the other one: from
+    /// even corners of cubes to odd ones.
+    pub fn edge_ends(&self, p: Point) -> Option<[Point; 2]> {
+        let (site, s) = self.site(p);
+        if site == Site::Root {
+            return None;
+        }
+        let even = p.map(|c| if c & s == 0 { c } else { (c + s) & !(4 * s - 1) });
+        Some([even, std::array::from_fn(|i| 2 * p[i] - even[i])])
+    }
+
     /// The root cubes whose closure holds `p` (1, 2, 4 or 8), as linear cell numbers.
     pub fn cells_around(&self, p: Point) -> impl Iterator<Item = usize> + use<> {
         let (cells, units) = (self.cells, self.units);

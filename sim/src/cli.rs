@@ -82,7 +82,7 @@ pub struct MeshArguments {
     /// Bisections of every base tetrahedron; 3 halve the edges.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub level: u8,
-    /// The file to write.
+    /// The file to write: .vtu (VTK) or .msh (Gmsh).
     #[arg(long, value_name = "FILE.vtu")]
     pub out: PathBuf,
 }

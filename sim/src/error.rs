@@ -164,6 +164,25 @@ pub enum SimError {
         /// Edge of a base cell, mm.
         base_mm: f64,
     },
+    /// A tag of a mesh file that the scene says nothing about.
+    #[error("tag {tag} occurs in {mesh} ({tets} tetrahedra) but [[materials]] has no entry for it")]
+    TagWithoutMaterial {
+        /// The tag as in the file.
+        tag: i64,
+        /// The file.
+        mesh: String,
+        /// How many tetrahedra have it.
+        tets: u64,
+    },
+    /// Nothing holds a mesh from a file.
+    #[error(
+        "nothing of {mesh} is fixed: no region in [[fixed]] holds three vertices off one line; \
+         enlarge a region (fractions of the mesh's bounding box)"
+    )]
+    MeshNotFixed {
+        /// The file.
+        mesh: String,
+    },
     /// A start mesh beyond the budget.
     #[error("the start mesh has {count} vertices, want at most mesh.max_vertices = {limit}")]
     TooManyVertices {

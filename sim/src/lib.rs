@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod fixed_mesh;
 mod frame;
 pub mod indicator;
 mod inverse_link;
@@ -16,6 +17,9 @@ mod setup;
 mod simulation;
 mod solve;
 mod stages;
+mod start;
+mod state;
+mod surfaces;
 mod tally;
 mod tools;
 

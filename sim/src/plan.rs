@@ -1,29 +1,53 @@
 //! What a scene needs, what it does not, and why.
 
+use crate::fixed_mesh::FixedMesh;
 use crate::report::PlanRow;
 use crate::scene::{Scene, Tool};
 use crate::setup::Setup;
 use crate::stages::Stages;
+use crate::start::{Origin, Start};
+use crate::surfaces::surface_level;
 
 /// The plan of a scene, in the order of the pipeline.
-pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow> {
-    vec![
-        image(setup),
-        mesh(scene, setup),
-        domain(setup),
-        homogenisation(setup, stages),
+pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow> {
+    let mut rows = match &start.origin {
+        Origin::Image(setup) => {
+            vec![image(setup), mesh(scene, setup), domain(setup), homogenisation(setup, stages)]
+        }
+        Origin::MeshFile(mesh) => mesh_file(mesh, stages),
+    };
+    rows.extend([
         row("element", "p1", true, "linear displacement; locks from a Poisson ratio of 0.45 on"),
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         refinement(scene, stages),
         inverse(scene),
         compliance(scene),
-        row(
-            "surface",
-            "none",
-            false,
-            "frames hold tetrahedra; embedded surfaces are not written yet",
+        surface(scene, start),
+    ]);
+    rows
+}
+
+/// The rows of a mesh that is what it is.
+fn mesh_file(mesh: &FixedMesh, stages: &Stages) -> Vec<PlanRow> {
+    let domain = match mesh.excluded_components {
+        0 => row("domain", "all parts", true, "every part is held by a fixed region"),
+        parts => row(
+            "domain",
+            "held parts",
+            true,
+            format!(
+                "{parts} part(s) with {} tetrahedra are not held by a fixed region and left out",
+                mesh.excluded_tets
+            ),
         ),
+    };
+    let why = format!("every tetrahedron has one of {} material(s)", mesh.material_count);
+    vec![
+        row("image", "none", false, "the scene names a mesh file"),
+        row("mesh", &mesh.name, true, &mesh.done),
+        domain,
+        row("homogenisation", stages.homogenisation.name(), false, why),
     ]
 }
 
@@ -32,15 +56,15 @@ fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow
 }
 
 fn image(setup: &Setup) -> PlanRow {
-    let [nx, ny, nz] = setup.grid.dims;
-    let why =
-        format!("{}; {nx} x {ny} x {nz} voxels of {} mm", setup.image_done, setup.grid.spacing_mm);
+    let grid = setup.volume.grid();
+    let [nx, ny, nz] = grid.dims;
+    let why = format!("{}; {nx} x {ny} x {nz} voxels of {} mm", setup.image_done, grid.spacing_mm);
     row("image", &setup.image_name, true, why)
 }
 
 fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
-    let asked = scene.mesh.base_mm;
     let used = setup.base_m * 1e3;
+    let asked = scene.mesh.base_mm.unwrap_or(used);
     let rounded = if (asked - used).abs() > 1e-9 * used {
         format!("; {asked} mm were asked for, rounded to a power of two of voxels")
     } else {
@@ -50,7 +74,7 @@ fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
         "{} base cells of {used} mm, level {} to {}, {} vertices at the start{rounded}",
         setup.forest.domain().cells().count(),
         scene.mesh.start_level,
-        scene.mesh.max_level,
+        scene.mesh.finest_level(),
         setup.forest.vertex_count(),
     );
     row("mesh", "bisection", true, why)
@@ -86,7 +110,10 @@ fn homogenisation(setup: &Setup, stages: &Stages) -> PlanRow {
 
 fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     let indicator = &stages.indicator;
-    if scene.mesh.max_level == scene.mesh.start_level {
+    if scene.mesh.path.is_some() {
+        return row("refinement", indicator.name(), false, "a mesh from a file has no levels");
+    }
+    if !scene.mesh.refines() {
         return row("refinement", indicator.name(), false, "max_level equals start_level");
     }
     let rules = &scene.refinement;
@@ -102,7 +129,7 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
 
 fn inverse(scene: &Scene) -> PlanRow {
     let name = &scene.stages.inverse;
-    if scene.mesh.max_level == scene.mesh.start_level {
+    if !scene.mesh.refines() {
         return row("inverse update", name, false, "the mesh never changes: inverted once");
     }
     row("inverse update", name, true, "the mesh changes while the body moves")
@@ -114,4 +141,18 @@ fn compliance(scene: &Scene) -> PlanRow {
         return row("compliance columns", "none", false, "no tool touches the body");
     }
     row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)"))
+}
+
+fn surface(scene: &Scene, start: &Start) -> PlanRow {
+    let asked = &scene.output.surfaces;
+    let Origin::Image(setup) = &start.origin else {
+        return row("surface", "none", false, "a mesh from a file has faces of its own");
+    };
+    if asked.is_empty() {
+        return row("surface", "none", false, "output.surfaces names no label");
+    }
+    let level = surface_level(scene, setup);
+    let labels: Vec<String> = asked.iter().map(|one| one.label.to_string()).collect();
+    let why = format!("labels {}, cut at level {level}", labels.join(", "));
+    row("surface", "marching tetrahedra", true, why)
 }

@@ -17,6 +17,7 @@ pub struct Scene {
     #[serde(default = "default_seed")]
     pub seed: u64,
     /// Where the labels come from.
+    #[serde(default)]
     pub image: Image,
     /// One entry per label that occurs in the image.
     #[serde(default)]
@@ -110,20 +111,40 @@ pub struct Void {
     pub poisson_ratio: f64,
 }
 
-/// Base cells and levels.
+/// Base cells and levels, or a mesh from a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshOptions {
+    /// Tetrahedra from a Gmsh (.msh) or VTK (.vtu) file in place of an image; never refined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Length of a unit of that file, m.
+    #[serde(default = "default_unit")]
+    pub unit_m: f64,
     /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
-    pub base_mm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base_mm: Option<f64>,
     /// Level of the uniform mesh at the start, the floor of merging.
     #[serde(default)]
     pub start_level: u8,
-    /// Finest level the simulation may refine to.
-    pub max_level: u8,
+    /// Finest level the simulation may refine to; not beyond `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_level: Option<u8>,
     /// Most vertices the mesh may have.
     #[serde(default = "default_max_vertices")]
     pub max_vertices: usize,
+}
+
+impl MeshOptions {
+    /// Finest level the simulation may refine to.
+    pub fn finest_level(&self) -> u8 {
+        self.max_level.unwrap_or(self.start_level)
+    }
+
+    /// Whether the simulation may refine at all.
+    pub fn refines(&self) -> bool {
+        self.finest_level() > self.start_level
+    }
 }
 
 /// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
@@ -236,8 +257,26 @@ pub struct Solver {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
-    /// A VTU frame every so many steps (and at the start and the end); 0 for none.
+    /// A frame every so many steps (and at the start and the end); 0 for none.
     pub frames_every: usize,
+    /// Every frame as a Gmsh mesh (.msh) too.
+    pub msh: bool,
+    /// Finest level of the mesh that carries the surfaces; that of one voxel if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface_level: Option<u8>,
+    /// Labels whose outlines every frame has.
+    pub surfaces: Vec<SurfaceEntry>,
+}
+
+/// The outline of a label.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceEntry {
+    /// The label as it stands in the image.
+    pub label: i64,
+    /// Width of the blur that rounds off the voxels' stairs; thin tubes (r < 1.18 σ) vanish.
+    #[serde(default = "default_sigma")]
+    pub sigma_voxels: f64,
 }
 
 fn default_seed() -> u64 {
@@ -246,6 +285,14 @@ fn default_seed() -> u64 {
 
 fn default_density() -> f64 {
     1000.0
+}
+
+fn default_sigma() -> f64 {
+    1.0
+}
+
+fn default_unit() -> f64 {
+    1e-3
 }
 
 fn default_axis() -> [f64; 3] {
@@ -288,6 +335,6 @@ impl Default for Solver {
 
 impl Default for Output {
     fn default() -> Self {
-        Self { frames_every: 5 }
+        Self { frames_every: 5, msh: false, surface_level: None, surfaces: Vec::new() }
     }
 }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use yawara_embed::Material;
 use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{Grid, LabelVolume, read_labels_with};
+use yawara_mesh::volume::{LabelVolume, read_labels_with};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
 
 use crate::error::SimError;
 use crate::scene::{Image, Phantom, Region, Scene};
+use crate::start::spans_a_plane;
 
 /// What a body is made of, before anything moves.
 pub(crate) struct Setup {
@@ -17,8 +18,7 @@ pub(crate) struct Setup {
     pub image_name: String,
     /// Where its voxels come from and whether they were resampled.
     pub image_done: String,
-    pub grid: Grid,
-    pub label_values: Vec<i64>,
+    pub volume: LabelVolume,
     pub tree: Arc<LabelTree>,
     pub forest: BisectionForest,
     pub placement: Placement,
@@ -116,10 +116,10 @@ impl Setup {
         let materials = materials(scene, &volume, &image_name)?;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
         let voxel_mm = volume.grid().spacing_mm;
-        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm, voxel_mm);
+        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
-        let lattice = Lattice::new(grid.cells, scene.mesh.max_level);
+        let lattice = Lattice::new(grid.cells, scene.mesh.finest_level());
         let base_m = voxels_per_cell as f64 * voxel_mm * 1e-3;
         let placement = Placement {
             origin: Vector3::from_fn(|i, _| grid.first_voxel[i] as f64 * voxel_mm * 1e-3),
@@ -128,8 +128,7 @@ impl Setup {
         let mut setup = Self {
             image_name,
             image_done,
-            grid: volume.grid().clone(),
-            label_values: volume.values().to_vec(),
+            volume,
             forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,
             tree,
             placement,
@@ -140,10 +139,10 @@ impl Setup {
             excluded_components: 0,
             excluded_cells: 0,
         };
-        setup.drop_unheld_components(scene, &volume)?;
+        setup.drop_unheld_components(scene)?;
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
-            setup.solid[v.index()] = touches_solid(&volume, &setup.rest(v));
+            setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
         }
         Ok(setup)
     }
@@ -170,15 +169,11 @@ impl Setup {
 
     /// Groups of base cells that hang together by faces but are not held could move freely or
     /// turn about an edge: they are taken out and counted.
-    fn drop_unheld_components(
-        &mut self,
-        scene: &Scene,
-        volume: &LabelVolume,
-    ) -> Result<(), SimError> {
+    fn drop_unheld_components(&mut self, scene: &Scene) -> Result<(), SimError> {
         let fixed: Vec<[i32; 3]> = self
             .forest
             .vertices()
-            .filter(|&v| self.is_fixed(scene, v) && touches_solid(volume, &self.rest(v)))
+            .filter(|&v| self.is_fixed(scene, v) && touches_solid(&self.volume, &self.rest(v)))
             .map(|v| self.forest.point(v))
             .collect();
         if fixed.is_empty() {
@@ -189,12 +184,12 @@ impl Setup {
         let lattice = *domain.lattice();
         let mut kept = 0;
         for component in components {
-            let held: Vec<[i32; 3]> = fixed
+            let held: Vec<Vector3<f64>> = fixed
                 .iter()
                 .filter(|&&p| {
                     lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
                 })
-                .copied()
+                .map(|&p| self.placement.position(p))
                 .collect();
             if spans_a_plane(&held) {
                 kept += 1;
@@ -225,7 +220,7 @@ fn start_forest(
     domain: Domain,
     tree: &Arc<LabelTree>,
 ) -> Result<BisectionForest, SimError> {
-    let (start, max) = (scene.mesh.start_level, scene.mesh.max_level);
+    let (start, max) = (scene.mesh.start_level, scene.mesh.finest_level());
     let forest = BisectionForest::new(domain, Arc::clone(tree), start, max)?;
     let (count, limit) = (forest.vertex_count(), scene.mesh.max_vertices);
     if count > limit {
@@ -253,19 +248,6 @@ fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
 pub(crate) fn voxels_per_cell(base_mm: f64, voxel_mm: f64) -> usize {
     let power = (base_mm / voxel_mm).log2().round().clamp(0.0, 10.0);
     1 << power as u32
-}
-
-/// True where the points do not lie on one line: enough to hold a rigid body.
-fn spans_a_plane(points: &[[i32; 3]]) -> bool {
-    let Some(first) = points.first() else {
-        return false;
-    };
-    let from_first = |p: &[i32; 3]| Vector3::from_fn(|i, _| i64::from(p[i] - first[i]));
-    let directions: Vec<Vector3<i64>> = points.iter().map(from_first).collect();
-    let Some(line) = directions.iter().find(|d| d.iter().any(|&c| c != 0)) else {
-        return false;
-    };
-    directions.iter().any(|d| d.cross(line).iter().any(|&c| c != 0))
 }
 
 /// One material per dense label, void first.

@@ -67,6 +67,19 @@ pub fn summary(summary: &Summary) -> String {
         ),
     );
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    for surface in &summary.surfaces {
+        line(
+            "surface",
+            format!(
+                "label {}: {} triangles in {} pieces, {:.2} mL at rest, {:.2} mL at the end",
+                surface.label,
+                surface.triangles,
+                surface.pieces,
+                1e6 * surface.volume_rest_m3,
+                1e6 * surface.volume_end_m3
+            ),
+        );
+    }
     line("time", format!("{:.2} s in all", summary.wall_s));
     for row in summary.plan.iter().filter(|row| !row.runs) {
         line("left out", format!("{}: {}", row.stage, row.why));

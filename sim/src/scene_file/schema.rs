@@ -12,7 +12,7 @@ use super::nearest;
 use crate::SimError;
 use crate::scene::{
     Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region, Scene, Solver,
-    StageNames, Time, Tool, Void,
+    StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -252,7 +252,14 @@ fn example(phantom: Phantom) -> Scene {
         },
         materials: vec![material],
         void: Void::default(),
-        mesh: MeshOptions { base_mm: 32.0, start_level: 0, max_level: 6, max_vertices: 1000 },
+        mesh: MeshOptions {
+            path: Some("tets.msh".into()),
+            unit_m: 1e-3,
+            base_mm: Some(32.0),
+            start_level: 0,
+            max_level: Some(6),
+            max_vertices: 1000,
+        },
         fixed: vec![boxed.clone(), sphere.clone()],
         gravity_m_s2: [0.0; 3],
         tools: vec![grab(boxed), grab(sphere)],
@@ -260,7 +267,11 @@ fn example(phantom: Phantom) -> Scene {
         stages: StageNames::default(),
         refinement: Refinement::default(),
         solver: Solver::default(),
-        output: Output::default(),
+        output: Output {
+            surface_level: Some(9),
+            surfaces: vec![SurfaceEntry { label: 1, sigma_voxels: 1.0 }],
+            ..Output::default()
+        },
     }
 }
 
