@@ -11,6 +11,7 @@
 
 mod cases;
 mod export;
+mod label_boundary;
 mod label_field;
 mod measure;
 mod ply;
@@ -19,6 +20,7 @@ mod vtp;
 use nalgebra::Vector3;
 
 pub use export::SurfaceData;
+pub use label_boundary::LabelBoundary;
 pub use label_field::LabelField;
 pub use ply::{PlyEncoding, write_ply};
 pub use vtp::write_vtp;
