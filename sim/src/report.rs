@@ -2,6 +2,11 @@
 
 use serde::Serialize;
 
+pub use crate::body_report::{
+    BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
+    Part,
+};
+
 /// One stage of a run and why it does or does not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct PlanRow {
@@ -185,6 +190,9 @@ pub struct Summary {
     pub seed: u64,
     /// What ran, what did not, and why.
     pub plan: Vec<PlanRow>,
+    /// What the body was made of: `image`, `domain` and `label_refinement` in JSON.
+    #[serde(flatten)]
+    pub body: BodySummary,
     /// The mesh.
     pub mesh: MeshSummary,
     /// The steps.

@@ -1,10 +1,9 @@
 //! Which values of a scene are in range.
 
-use std::collections::BTreeSet;
 use std::fmt::Debug;
 
 use crate::SimError;
-use crate::scene::{Image, Key, MaterialEntry, Phantom, Region, Scene, Tool};
+use crate::scene::{Image, Key, Phantom, Region, Scene, Tool};
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -31,8 +30,10 @@ impl Scene {
         let storable = i64::try_from(self.seed).is_ok();
         check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
         check.image(&self.image)?;
+        check.image_content(self)?;
         check.materials(self)?;
         check.mesh(self)?;
+        check.label_refinement(&self.mesh)?;
         for (i, region) in self.fixed.iter().enumerate() {
             check.region(region, &format!("fixed[{i}]"))?;
         }
@@ -47,12 +48,12 @@ impl Scene {
     }
 }
 
-struct Check<'a> {
-    place: &'a str,
+pub(crate) struct Check<'a> {
+    pub place: &'a str,
 }
 
 impl Check<'_> {
-    fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
+    pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
         if ok {
             return Ok(());
         }
@@ -91,7 +92,7 @@ impl Check<'_> {
         }
         if let Some(path) = &image.path {
             let blank = path.as_os_str().is_empty();
-            return self.that(!blank, "image.path", path, "the path of a label map");
+            return self.that(!blank, "image.path", path, "the path of a label map or an image");
         }
         let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
                     `liver` or `block`, in image.phantom)";
@@ -116,32 +117,6 @@ impl Check<'_> {
         }
     }
 
-    fn materials(&self, scene: &Scene) -> Result<(), SimError> {
-        let mut seen = BTreeSet::new();
-        for (i, material) in scene.materials.iter().enumerate() {
-            let key = |name: &str| format!("materials[{i}].{name}");
-            let MaterialEntry { label, young_modulus_pa, poisson_ratio, density_kg_m3, .. } =
-                material;
-            let want = "a label other than 0, which is void ([void] says what stands for it)";
-            self.that(*label != 0, &key("label"), label, want)?;
-            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
-            let sane = (1e-6..=1e15).contains(young_modulus_pa);
-            let want = "between 1e-6 and 1e15";
-            self.that(sane, &key("young_modulus_pa"), *young_modulus_pa, want)?;
-            self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
-            let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
-            self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
-        }
-        let ratio = scene.void.stiffness_ratio;
-        let in_range = ratio > 0.0 && ratio <= 1.0;
-        self.that(in_range, "void.stiffness_ratio", ratio, "more than 0 and at most 1")?;
-        self.poisson("void.poisson_ratio", scene.void.poisson_ratio)
-    }
-
-    fn poisson(&self, key: &str, ratio: f64) -> Result<(), SimError> {
-        self.that(ratio > -1.0 && ratio < 0.5, key, ratio, "more than -1 and less than 0.5")
-    }
-
     fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
         let mesh = &scene.mesh;
         let finest = yawara_mesh::lattice::MAX_LEVEL;
@@ -154,7 +129,7 @@ impl Check<'_> {
         self.that(mesh.max_vertices >= 4, "mesh.max_vertices", mesh.max_vertices, "at least 4")
     }
 
-    fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
+    pub fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
         match region {
             Region::Box { min, max } => {
                 self.vector(&format!("{key}.min"), min)?;

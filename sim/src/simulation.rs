@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
 use yawara_embed::Embedding;
 use yawara_mesh::VertexId;
-use yawara_mesh::volume::Grid;
+use yawara_mesh::volume::{Grid, LabelVolume};
 
 use crate::error::SimError;
 use crate::frame;
@@ -14,7 +14,7 @@ use crate::indicator::Indicator;
 use crate::inverse_link::InverseLink;
 use crate::plan;
 use crate::refinement::{Adaptive, Remeshed, milliseconds};
-use crate::report::{Frame, PlanRow, StageTimes, StepReport, Summary};
+use crate::report::{BodySummary, Frame, PlanRow, StageTimes, StepReport, Summary};
 use crate::scene::Scene;
 use crate::setup::Setup;
 use crate::solve::Span;
@@ -29,7 +29,10 @@ pub struct Simulation {
     pub(crate) equilibrium: Box<dyn Equilibrium>,
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,
-    grid: Grid,
+    body_summary: BodySummary,
+    /// The labels, if fields are to be written on their grid.
+    pub(crate) volume: Option<LabelVolume>,
+    pub(crate) grid: Grid,
     label_values: Vec<i64>,
     pub(crate) tools: Vec<Grab>,
     pub(crate) state: Adaptive,
@@ -57,6 +60,7 @@ impl Simulation {
         let (tools, holds) = Grab::all(scene, &setup)?;
         let plan = plan::rows(scene, &setup, &stages);
         let Setup { grid, label_values, tree, forest, placement, materials, organ, .. } = setup;
+        let (body_summary, volume) = (setup.summary, setup.volume);
         let regions = scene.fixed.clone();
         let is_fixed = Box::new(move |x: &Vector3<f64>| {
             regions.iter().any(|region| region.contains(&organ, x))
@@ -75,6 +79,8 @@ impl Simulation {
             equilibrium,
             indicator,
             plan,
+            body_summary,
+            volume,
             grid,
             label_values,
             tools,
@@ -186,6 +192,6 @@ impl Simulation {
 
     /// Everything that happened so far.
     pub fn summary(&self) -> Summary {
-        self.tally.summary(&self.scene, &self.plan, &self.inverse)
+        self.tally.summary(&self.scene, &self.plan, &self.body_summary, &self.inverse)
     }
 }

@@ -7,8 +7,8 @@ use yawara_mesh::Quality;
 use crate::inverse_link::InverseLink;
 use crate::refinement::Adaptive;
 use crate::report::{
-    ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
-    StepSummary, Summary,
+    BodySummary, ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
+    StepReport, StepSummary, Summary,
 };
 use crate::scene::Scene;
 
@@ -78,12 +78,19 @@ impl Tally {
         self.force_end = force;
     }
 
-    pub fn summary(&self, scene: &Scene, plan: &[PlanRow], inverse: &InverseLink) -> Summary {
+    pub fn summary(
+        &self,
+        scene: &Scene,
+        plan: &[PlanRow],
+        body: &BodySummary,
+        inverse: &InverseLink,
+    ) -> Summary {
         Summary {
             schema: SCHEMA,
             scene: scene.name.clone(),
             seed: scene.seed,
             plan: plan.to_vec(),
+            body: body.clone(),
             mesh: MeshSummary {
                 vertices: self.vertices,
                 tets: self.tets,

@@ -109,7 +109,7 @@ fn reach(
         Some(&v) if distance(&v) <= setup.start_edge_m() => Ok(vec![v]),
         _ => Err(SimError::ToolOutside {
             key: format!("tools[{number}].region"),
-            image: setup.image_name.clone(),
+            image: setup.image_name().into(),
             distance_mm: nearest.map_or(f64::INFINITY, |v| distance(v) * 1e3),
             limit_mm: setup.start_edge_m() * 1e3,
         }),
