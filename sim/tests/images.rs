@@ -193,6 +193,19 @@ fn an_oblique_anisotropic_ct_lies_in_scanner_coordinates() {
         checked += usize::from(want != 0);
     }
     assert_eq!(checked, 8 * 6 * 4);
+    // Faces to a tenth of a millimetre: bone begins half a voxel after the last soft one, air
+    // half a voxel after that; along the third axis the body ends in the middle of a stored voxel.
+    for (at, axis, face_mm, labels) in
+        [([5, 4, 4], 0, 1.5, [2, 70]), ([3, 7, 4], 1, 1.5, [2, 0]), ([3, 4, 6], 2, 0.0, [2, 0])]
+    {
+        for (side, want) in [(-0.1, labels[0]), (0.1, labels[1])] {
+            let mut off = Vector3::repeat(0.1);
+            off[axis] = face_mm + side;
+            let found = mesh.at_rest(&(centre_mm(at) + axes() * off));
+            assert!(want == 0 || !found.is_empty(), "{at:?}");
+            assert!(found.iter().all(|(tet, _)| mesh.label[*tet] == want), "{at:?}, axis {axis}");
+        }
+    }
 }
 
 #[test]
