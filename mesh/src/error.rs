@@ -537,6 +537,33 @@ pub enum MeshError {
         /// Corners of the face, ascending.
         face: [u32; 3],
     },
+    /// A range of values that holds none, or stands for the background.
+    #[error("range {index} for label {label} is [{low}, {high}): want {want}")]
+    ValueRange {
+        /// Its position in the list.
+        index: usize,
+        /// The label.
+        label: i64,
+        /// Its lower end.
+        low: f64,
+        /// Its upper end.
+        high: f64,
+        /// What it should be.
+        want: &'static str,
+    },
+    /// Two ranges of values share some, or a label.
+    #[error(
+        "ranges {first} and {second} share {what}: want each value in one range at most, and each \
+         label once"
+    )]
+    RangesMeet {
+        /// The position of one in the list.
+        first: usize,
+        /// The position of the other.
+        second: usize,
+        /// What they share: values or the label.
+        what: &'static str,
+    },
     /// A length of a file unit that is no length.
     #[error("unit is {value} m, want a finite length > 0")]
     LengthUnit {

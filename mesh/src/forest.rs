@@ -25,6 +25,8 @@ pub(crate) struct VertexRecord {
     pub(crate) active_dependents: u8,
     pub(crate) diamond: u32,
     pub(crate) alive: bool,
+    /// Belongs to the mesh that merging never goes below.
+    pub(crate) floor: bool,
 }
 
 /// The ring around an edge, known by the edge's midpoint.
@@ -116,6 +118,14 @@ impl BisectionForest {
         Ok(forest)
     }
 
+    /// Makes the current mesh the floor of merging: none of its vertices can be merged from now
+    /// on, whatever the start level. Cost: O(vertices).
+    pub fn make_floor(&mut self) {
+        for record in self.vertices.iter_mut().filter(|record| record.alive) {
+            record.floor = true;
+        }
+    }
+
     fn plant_roots(&mut self) {
         let lattice = *self.domain.lattice();
         let cells: Vec<usize> = self.domain.cells().collect();
@@ -152,7 +162,14 @@ impl BisectionForest {
     }
 
     fn new_vertex(&mut self, point: Point, generation: u8, diamond: u32) -> VertexId {
-        let record = VertexRecord { point, generation, active_dependents: 0, diamond, alive: true };
+        let record = VertexRecord {
+            point,
+            generation,
+            active_dependents: 0,
+            diamond,
+            alive: true,
+            floor: false,
+        };
         let id = match self.free_vertices.pop() {
             Some(id) => {
                 self.vertices[id as usize] = record;

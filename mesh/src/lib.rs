@@ -6,6 +6,7 @@
 pub mod blur;
 #[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
 mod byte_stream;
+pub mod classify;
 mod closure;
 mod delta;
 mod domain;
@@ -49,4 +50,4 @@ pub use kuhn::Point;
 pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
 pub use lattice::Lattice;
 pub use plain_mesh::{PlainMesh, Repairs};
-pub use refine::{LabelRefinement, Region};
+pub use refine::{LabelRefinement, Region, Wants};

@@ -24,10 +24,12 @@ impl BisectionForest {
             .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
     }
 
-    /// True where `vertex` may be merged: active, above the start mesh, without dependents.
+    /// True where `vertex` may be merged: active, above the start mesh and not of the floor that
+    /// [`Self::make_floor`] set, without dependents.
     pub fn is_mergeable(&self, vertex: VertexId) -> bool {
         self.vertices.get(vertex.index()).is_some_and(|record| {
-            record.alive && record.generation > self.start_level && record.active_dependents == 0
+            let above = record.generation > self.start_level && !record.floor;
+            record.alive && above && record.active_dependents == 0
         })
     }
 
@@ -50,7 +52,7 @@ impl BisectionForest {
         &self.tree
     }
 
-    /// The floor of merging.
+    /// The uniform level that merging never goes below.
     pub fn start_level(&self) -> u8 {
         self.start_level
     }

@@ -24,6 +24,8 @@ pub enum Command {
     Plan(PlanArguments),
     /// Writes the undeformed tetrahedra of a label map.
     Mesh(MeshArguments),
+    /// Writes the labels that a scene would use of an image: resampled to cubes, classified.
+    Labels(LabelsArguments),
     /// Lists the built-in scenes.
     Scenes,
     /// Lists the graphics adapters (needs the feature `gpu`).
@@ -85,6 +87,25 @@ pub struct MeshArguments {
     /// The file to write: .vtu (VTK) or .msh (Gmsh).
     #[arg(long, value_name = "FILE.vtu")]
     pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct LabelsArguments {
+    /// A label map or, with --range, an image of intensities (NIfTI, NRRD, MetaImage).
+    pub image: PathBuf,
+    /// The file to write.
+    #[arg(long, value_name = "FILE.nii.gz")]
+    pub out: PathBuf,
+    /// Edge of the voxels in mm [default: the image's, its smallest where they differ].
+    #[arg(long, value_name = "F")]
+    pub voxel_mm: Option<f64>,
+    /// Standard deviation in mm of a Gaussian that smooths intensities first.
+    #[arg(long, value_name = "F")]
+    pub blur_mm: Option<f64>,
+    /// Gives LABEL to intensities from LOW on and below HIGH (inf and -inf allowed); repeatable.
+    /// What is in no range becomes 0.
+    #[arg(long, value_name = "LABEL:LOW:HIGH", allow_hyphen_values = true)]
+    pub range: Vec<String>,
 }
 
 /// The message of a usage error as one paragraph, without the usage lines.

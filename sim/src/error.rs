@@ -119,30 +119,28 @@ pub enum SimError {
         /// The scene.
         scene: String,
     },
-    /// Voxels that are not cubes.
-    #[error(
-        "{image}: voxels of {x} x {y} x {z} mm, want spacings within 1 % of each other; \
-         resample the image to isotropic voxels first"
-    )]
-    Anisotropic {
-        /// The image.
-        image: String,
-        /// Spacing along the right, mm.
-        x: f64,
-        /// Spacing along the anterior, mm.
-        y: f64,
-        /// Spacing along the superior, mm.
-        z: f64,
-    },
     /// An image without any voxel of the body.
     #[error("{image}: nothing but background, want at least one voxel with a label other than 0")]
     Empty {
         /// The image.
         image: String,
     },
+    /// An image of which no intensity lies in a material's range.
+    #[error(
+        "{image}: no voxel lies in a range of [[materials]]; its values go from {low} to {high}"
+    )]
+    NothingInRange {
+        /// The image.
+        image: String,
+        /// Its smallest value, after smoothing.
+        low: f32,
+        /// Its largest.
+        high: f32,
+    },
     /// A label of the image that the scene says nothing about.
     #[error(
-        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it"
+        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it \
+         (nor one with other = true, and image.ignore_labels does not name it)"
     )]
     LabelWithoutMaterial {
         /// The label as in the image.

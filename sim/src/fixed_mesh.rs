@@ -10,7 +10,7 @@ use yawara_mesh::plain_mesh::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
 
 use crate::error::SimError;
-use crate::scene::Scene;
+use crate::scene::{MaterialEntry, Scene};
 use crate::setup::OrganBox;
 use crate::start::spans_a_plane;
 use crate::state::{Cell, State};
@@ -210,11 +210,17 @@ fn materials(
     }
     let mut materials = BTreeMap::new();
     for (tag, count) in counts {
-        let Some(entry) = scene.materials.iter().find(|m| m.label == tag) else {
+        let Some(entry) = material_of(scene, tag) else {
             return Err(SimError::TagWithoutMaterial { tag, mesh: name.into(), tets: count });
         };
         let (e, nu) = (entry.young_modulus_pa, entry.poisson_ratio);
         materials.insert(tag, Material::new(e, nu, entry.density_kg_m3)?);
     }
     Ok(materials)
+}
+
+/// The entry that names the tag, else the one for all others.
+fn material_of(scene: &Scene, tag: i64) -> Option<&MaterialEntry> {
+    let named = scene.materials.iter().find(|material| material.label == Some(tag));
+    named.or_else(|| scene.materials.iter().find(|material| material.other))
 }

@@ -55,7 +55,7 @@ fn isotropic_part(d: &Matrix6<f64>) -> f64 {
     9.0 * bulk * shear_modulus / (3.0 * bulk + shear_modulus)
 }
 
-fn von_mises(s: &Strain) -> f64 {
+pub(crate) fn von_mises(s: &Strain) -> f64 {
     let normal = Vector3::new(s[0] - s[1], s[1] - s[2], s[2] - s[0]).norm_squared();
     let shear = Vector3::new(s[3], s[4], s[5]).norm_squared();
     (0.5 * normal + 3.0 * shear).sqrt()

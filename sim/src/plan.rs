@@ -56,10 +56,29 @@ fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow
 }
 
 fn image(setup: &Setup) -> PlanRow {
-    let grid = setup.volume.grid();
-    let [nx, ny, nz] = grid.dims;
-    let why = format!("{}; {nx} x {ny} x {nz} voxels of {} mm", setup.image_done, grid.spacing_mm);
-    row("image", &setup.image_name, true, why)
+    let image = &setup.summary.image;
+    let [nx, ny, nz] = image.dims;
+    let mut why = image.format.clone();
+    if image.format != "procedural" {
+        why += &format!(" {}", image.content);
+    }
+    if image.resampled {
+        why += &format!("; {}", image.resampling());
+    }
+    why += &format!("; {nx} x {ny} x {nz} voxels of {} mm", image.voxel_mm);
+    if image.blur_mm > 0.0 {
+        why += &format!(", smoothed by {} mm", image.blur_mm);
+    }
+    if !image.ignored_labels.is_empty() {
+        why += &format!("; {} label(s) ignored", image.ignored_labels.len());
+    }
+    for other in image.materials.iter().filter(|material| material.other) {
+        why += &format!("; {} label(s) take the material of others", other.labels.len());
+    }
+    for empty in image.empty_ranges() {
+        why += &format!("; WARNING: no voxel lies in the range of \"{}\"", empty.name);
+    }
+    row("image", setup.image_name(), true, why)
 }
 
 fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
@@ -70,23 +89,43 @@ fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
     } else {
         String::new()
     };
-    let why = format!(
+    let mut why = format!(
         "{} base cells of {used} mm, level {} to {}, {} vertices at the start{rounded}",
         setup.forest.domain().cells().count(),
         scene.mesh.start_level,
         scene.mesh.finest_level(),
         setup.forest.vertex_count(),
     );
+    if let Some(refined) = &setup.summary.label_refinement {
+        why += &format!(
+            "; {} of them towards labels down to level {}",
+            refined.vertices, refined.level
+        );
+        if refined.tets_left > 0 {
+            why += &format!(
+                ", WARNING: max_vertices = {} ended it with {} tetrahedra of several labels left",
+                scene.mesh.max_vertices, refined.tets_left
+            );
+        }
+    }
     row("mesh", "bisection", true, why)
 }
 
 fn domain(setup: &Setup) -> PlanRow {
-    if setup.excluded_components == 0 {
-        return row("domain", "all parts", true, "every part is held by a fixed region");
+    let domain = &setup.summary.domain;
+    let (kept, cells, voxels) = domain.total(true);
+    let (excluded, without_cells, without_voxels) = domain.total(false);
+    let mut why = format!(
+        "{kept} of {} part(s) joined by faces, with {cells} base cells and {voxels} voxels, held by \
+         a fixed region",
+        domain.components
+    );
+    if excluded == 0 {
+        return row("domain", "all parts", true, why);
     }
-    let why = format!(
-        "{} part(s) with {} base cells are not held by a fixed region and left out",
-        setup.excluded_components, setup.excluded_cells
+    why += &format!(
+        "; {excluded} part(s) with {without_cells} base cells and {without_voxels} voxels are not \
+         held and left out"
     );
     row("domain", "held parts", true, why)
 }

@@ -3,6 +3,11 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
+pub use crate::body_report::{
+    BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
+    Part,
+};
+
 /// One stage of a run and why it does or does not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct PlanRow {
@@ -218,6 +223,10 @@ pub struct Summary {
     pub seed: u64,
     /// What ran, what did not, and why.
     pub plan: Vec<PlanRow>,
+    /// What the body was made of: `image`, `domain` and `label_refinement` in JSON. None of it for
+    /// a mesh from a file.
+    #[serde(flatten)]
+    pub body: Option<BodySummary>,
     /// The mesh.
     pub mesh: MeshSummary,
     /// The steps.

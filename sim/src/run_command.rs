@@ -18,6 +18,9 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     let mut overrides = arguments.set.clone();
     overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
     let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
+    if scene.output.field && !cfg!(feature = "nifti") {
+        return Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" });
+    }
     let target = match &arguments.out {
         Some(path) => path.clone(),
         None => Path::new("runs").join(&scene.name),
@@ -54,6 +57,9 @@ fn run_scene(
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let Some(fields) = simulation.fields()? {
+        directory.write_fields(&fields)?;
+    }
     let summary = simulation.summary()?;
     directory.write_summary(&summary)?;
     Ok((summary, directory.finish()?))

@@ -19,7 +19,7 @@ pub struct Scene {
     /// Where the labels come from.
     #[serde(default)]
     pub image: Image,
-    /// One entry per label that occurs in the image.
+    /// One entry per label that occurs in the image, or per range of its intensities.
     #[serde(default)]
     pub materials: Vec<MaterialEntry>,
     /// What stands for the void inside base cells.
@@ -52,11 +52,12 @@ pub struct Scene {
     pub output: Output,
 }
 
-/// A label volume: a file if `path` is given, else a phantom.
+/// A volume: a file if `path` is given, else a phantom. A file holds intensities if the materials
+/// have ranges, else labels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Image {
-    /// NIfTI label map; replaces the phantom.
+    /// Label map or intensity image (NIfTI, NRRD, MetaImage); replaces the phantom.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathBuf>,
     /// Procedural body.
@@ -68,9 +69,16 @@ pub struct Image {
     /// Size of the `block` phantom, mm: a whole number of voxels each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 3]>,
-    /// Voxel edge of a phantom, mm.
+    /// Voxel edge of a phantom, mm; or the voxel edge to which a file is resampled, by default
+    /// its smallest one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_mm: Option<f64>,
+    /// Standard deviation of a Gaussian that smooths intensities before they are classified, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blur_mm: Option<f64>,
+    /// Labels of a label map that become void.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore_labels: Vec<i64>,
 }
 
 /// Procedural bodies.
@@ -83,12 +91,20 @@ pub enum Phantom {
     Block,
 }
 
-/// Material of a label.
+/// Material of a label, of a range of intensities, or of all labels that no other entry names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialEntry {
-    /// The label as it stands in the image.
-    pub label: i64,
+    /// The label as it stands in the image; with `range`, the label in outputs (by default the
+    /// entry's position counted from 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<i64>,
+    /// Intensities from the first number on and below the second, in the image's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Takes all labels that neither another entry nor `ignore_labels` names.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub other: bool,
     /// What it is, for people.
     #[serde(default)]
     pub name: String,
@@ -133,6 +149,13 @@ pub struct MeshOptions {
     /// Most vertices the mesh may have.
     #[serde(default = "default_max_vertices")]
     pub max_vertices: usize,
+    /// Level down to which the start mesh is refined where tetrahedra hold several labels, which
+    /// merging keeps; `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_level: Option<u8>,
+    /// Where `label_level` applies; everywhere if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_region: Option<Region>,
 }
 
 impl MeshOptions {
@@ -261,6 +284,8 @@ pub struct Output {
     pub frames_every: usize,
     /// Every frame as a Gmsh mesh (.msh) too.
     pub msh: bool,
+    /// Fields on the image's grid at the end, as NIfTI.
+    pub field: bool,
     /// Finest level of the mesh that carries the surfaces; that of one voxel if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surface_level: Option<u8>,
@@ -335,6 +360,12 @@ impl Default for Solver {
 
 impl Default for Output {
     fn default() -> Self {
-        Self { frames_every: 5, msh: false, surface_level: None, surfaces: Vec::new() }
+        Self {
+            frames_every: 5,
+            msh: false,
+            field: false,
+            surface_level: None,
+            surfaces: Vec::new(),
+        }
     }
 }

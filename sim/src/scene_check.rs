@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::SimError;
-use crate::scene::{Image, Key, MaterialEntry, Phantom, Region, Scene, SurfaceEntry, Tool};
+use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -35,8 +35,10 @@ impl Scene {
             Some(path) => check.mesh_file(self, path)?,
             None => check.image(&self.image)?,
         }
+        check.image_content(self)?;
         check.materials(self)?;
         check.mesh(self)?;
+        check.label_refinement(&self.mesh)?;
         for (i, region) in self.fixed.iter().enumerate() {
             check.region(region, &format!("fixed[{i}]"))?;
         }
@@ -52,12 +54,12 @@ impl Scene {
     }
 }
 
-struct Check<'a> {
-    place: &'a str,
+pub(crate) struct Check<'a> {
+    pub place: &'a str,
 }
 
 impl Check<'_> {
-    fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
+    pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
         if ok {
             return Ok(());
         }
@@ -96,7 +98,7 @@ impl Check<'_> {
         }
         if let Some(path) = &image.path {
             let blank = path.as_os_str().is_empty();
-            return self.that(!blank, "image.path", path, "the path of a label map");
+            return self.that(!blank, "image.path", path, "the path of a label map or an image");
         }
         let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
                     `liver` or `block`, in image.phantom)";
@@ -135,35 +137,8 @@ impl Check<'_> {
                     image instead to refine)";
         self.that(mesh.max_level.is_none(), "mesh.max_level", mesh.max_level, want)?;
         self.that(mesh.start_level == 0, "mesh.start_level", mesh.start_level, want)?;
+        self.that(mesh.label_level.is_none(), "mesh.label_level", mesh.label_level, want)?;
         self.that(mesh.base_mm.is_none(), "mesh.base_mm", mesh.base_mm, want)
-    }
-
-    fn materials(&self, scene: &Scene) -> Result<(), SimError> {
-        let mut seen = BTreeSet::new();
-        for (i, material) in scene.materials.iter().enumerate() {
-            let key = |name: &str| format!("materials[{i}].{name}");
-            let MaterialEntry { label, young_modulus_pa, poisson_ratio, density_kg_m3, .. } =
-                material;
-            let want = "a label other than 0, which is void ([void] says what stands for it)";
-            // Files of meshes without groups have the tag 0 throughout.
-            let solid = *label != 0 || scene.mesh.path.is_some();
-            self.that(solid, &key("label"), label, want)?;
-            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
-            let sane = (1e-6..=1e15).contains(young_modulus_pa);
-            let want = "between 1e-6 and 1e15";
-            self.that(sane, &key("young_modulus_pa"), *young_modulus_pa, want)?;
-            self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
-            let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
-            self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
-        }
-        let ratio = scene.void.stiffness_ratio;
-        let in_range = ratio > 0.0 && ratio <= 1.0;
-        self.that(in_range, "void.stiffness_ratio", ratio, "more than 0 and at most 1")?;
-        self.poisson("void.poisson_ratio", scene.void.poisson_ratio)
-    }
-
-    fn poisson(&self, key: &str, ratio: f64) -> Result<(), SimError> {
-        self.that(ratio > -1.0 && ratio < 0.5, key, ratio, "more than -1 and less than 0.5")
     }
 
     fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
@@ -182,7 +157,7 @@ impl Check<'_> {
         self.that(mesh.max_vertices >= 4, "mesh.max_vertices", mesh.max_vertices, "at least 4")
     }
 
-    fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
+    pub fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
         match region {
             Region::Box { min, max } => {
                 self.vector(&format!("{key}.min"), min)?;
@@ -271,6 +246,9 @@ impl Check<'_> {
         self.that(in_range, "output.surface_level", output.surface_level, &want)?;
         let msh = cfg!(feature = "gmsh") || !output.msh;
         self.that(msh, "output.msh", output.msh, "false: this build leaves the feature gmsh out")?;
+        let on_image = scene.mesh.path.is_none() || !output.field;
+        let want = "false: a mesh from a file has no grid of voxels";
+        self.that(on_image, "output.field", output.field, want)?;
         let mut seen = BTreeSet::new();
         for (i, SurfaceEntry { label, sigma_voxels }) in output.surfaces.iter().enumerate() {
             let key = |name: &str| format!("output.surfaces[{i}].{name}");

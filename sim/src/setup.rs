@@ -4,20 +4,20 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use yawara_embed::Material;
-use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{LabelVolume, read_labels_with};
+use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
 
+use crate::body_report::{BodySummary, DomainSummary};
 use crate::error::SimError;
-use crate::scene::{Image, Phantom, Region, Scene};
+use crate::image_source::ImageSource;
+use crate::scene::{Region, Scene};
 use crate::start::spans_a_plane;
+use crate::{label_floor, parts};
 
 /// What a body is made of, before anything moves.
 pub(crate) struct Setup {
-    /// What the image is called in messages.
-    pub image_name: String,
-    /// Where its voxels come from and whether they were resampled.
-    pub image_done: String,
+    /// Image, parts and label refinement, for the plan and the summary.
+    pub summary: BodySummary,
     pub volume: LabelVolume,
     pub tree: Arc<LabelTree>,
     pub forest: BisectionForest,
@@ -29,9 +29,6 @@ pub(crate) struct Setup {
     pub base_m: f64,
     /// By start vertex number: true where it touches a voxel that is not void.
     pub solid: Vec<bool>,
-    /// Face-connected groups of base cells that nothing holds, and their cells.
-    pub excluded_components: usize,
-    pub excluded_cells: usize,
 }
 
 /// The bounding box of all non-void voxels, in solver coordinates (m).
@@ -79,42 +76,13 @@ impl Region {
     }
 }
 
-/// The labels a scene asks for, what to call them in messages, and what was done to them.
-fn read_volume(scene: &Scene) -> Result<(LabelVolume, String, String), SimError> {
-    let Image { path, phantom, length_mm, size_mm, voxel_mm } = &scene.image;
-    if let Some(path) = path {
-        let (volume, report) = read_labels_with(path, None)?;
-        if let Some(resampling) = report.resampling {
-            let [x, y, z] = resampling.from_mm;
-            return Err(SimError::Anisotropic { image: path.display().to_string(), x, y, z });
-        }
-        let done = format!("{} label map", report.format);
-        return Ok((volume, path.display().to_string(), done));
-    }
-    let voxel_mm = voxel_mm.unwrap_or(2.0);
-    match phantom {
-        Some(Phantom::Liver) => {
-            let mut size = LiverPhantom { voxel_mm, seed: scene.seed, ..Default::default() };
-            if let Some(length_mm) = length_mm {
-                size.length_mm = *length_mm;
-            }
-            Ok((liver(size)?, "the liver phantom".into(), "procedural".into()))
-        }
-        Some(Phantom::Block) => {
-            let size = size_mm.unwrap_or([voxel_mm; 3]);
-            let cells = size.map(|s| (s / voxel_mm).round().max(1.0) as usize);
-            Ok((block(cells, voxel_mm)?, "the block phantom".into(), "procedural".into()))
-        }
-        None => Err(SimError::NoImage { scene: scene.name.clone() }),
-    }
-}
-
 impl Setup {
     /// Reads the image and builds everything that does not depend on stages.
     pub fn new(scene: &Scene) -> Result<Self, SimError> {
-        let (volume, image_name, image_done) = read_volume(scene)?;
-        let materials = materials(scene, &volume, &image_name)?;
-        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
+        let source = ImageSource::read(scene)?;
+        let materials = source.materials(scene)?;
+        let ImageSource { volume, summary: image, .. } = source;
+        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image.name.clone() })?;
         let voxel_mm = volume.grid().spacing_mm;
         let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
@@ -126,8 +94,11 @@ impl Setup {
             unit: base_m / f64::from(lattice.units),
         };
         let mut setup = Self {
-            image_name,
-            image_done,
+            summary: BodySummary {
+                image,
+                domain: DomainSummary::default(),
+                label_refinement: None,
+            },
             volume,
             forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,
             tree,
@@ -136,15 +107,20 @@ impl Setup {
             organ,
             base_m,
             solid: Vec::new(),
-            excluded_components: 0,
-            excluded_cells: 0,
         };
         setup.drop_unheld_components(scene)?;
+        setup.summary.label_refinement =
+            label_floor::refine(&mut setup.forest, scene, &organ, &placement)?;
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
             setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
         }
         Ok(setup)
+    }
+
+    /// What the image is called in messages.
+    pub fn image_name(&self) -> &str {
+        &self.summary.image.name
     }
 
     /// Length of a cube's edge at the start level, m.
@@ -164,7 +140,7 @@ impl Setup {
     }
 
     fn nothing_fixed(&self) -> SimError {
-        SimError::NothingFixed { image: self.image_name.clone(), base_mm: self.base_m * 1e3 }
+        SimError::NothingFixed { image: self.image_name().into(), base_mm: self.base_m * 1e3 }
     }
 
     /// Groups of base cells that hang together by faces but are not held could move freely or
@@ -182,35 +158,37 @@ impl Setup {
         let mut domain = self.forest.domain().clone();
         let components = domain.components();
         let lattice = *domain.lattice();
-        let mut kept = 0;
-        for component in components {
+        let is_held = |component: &[usize]| {
+            let touches = |p: [i32; 3]| {
+                lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
+            };
             let held: Vec<Vector3<f64>> = fixed
                 .iter()
-                .filter(|&&p| {
-                    lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
-                })
+                .filter(|&&p| touches(p))
                 .map(|&p| self.placement.position(p))
                 .collect();
-            if spans_a_plane(&held) {
-                kept += 1;
-                continue;
-            }
-            self.excluded_components += 1;
-            self.excluded_cells += component.len();
-            domain.exclude(&component);
-        }
-        if kept == 0 {
+            spans_a_plane(&held)
+        };
+        let voxels = parts::solid_voxels(&self.volume, self.tree.grid());
+        let found = parts::summary(&components, is_held, &voxels);
+        if found.kept == 0 {
             return Err(self.nothing_fixed());
         }
-        if self.excluded_components > 0 {
+        let (parts, cells, voxels) = found.total(false);
+        if parts > 0 {
             tracing::warn!(
-                "{} part(s) of {} ({} base cells) are not held by a fixed region and left out",
-                self.excluded_components,
-                self.image_name,
-                self.excluded_cells
+                "{parts} part(s) of {} ({cells} base cells, {voxels} voxels) are not held by a \
+                 fixed region and left out",
+                self.image_name(),
             );
+            for (component, part) in components.iter().zip(&found.parts) {
+                if !part.kept {
+                    domain.exclude(component);
+                }
+            }
             self.forest = start_forest(scene, domain, &self.tree)?;
         }
+        self.summary.domain = found;
         Ok(())
     }
 }
@@ -248,35 +226,4 @@ fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
 pub(crate) fn voxels_per_cell(base_mm: f64, voxel_mm: f64) -> usize {
     let power = (base_mm / voxel_mm).log2().round().clamp(0.0, 10.0);
     1 << power as u32
-}
-
-/// One material per dense label, void first.
-fn materials(
-    scene: &Scene,
-    volume: &LabelVolume,
-    image_name: &str,
-) -> Result<Vec<Material>, SimError> {
-    let counts = volume.counts();
-    let mut softest = f64::INFINITY;
-    let mut solid = Vec::new();
-    for (dense, &value) in volume.values().iter().enumerate().skip(1) {
-        let Some(entry) = scene.materials.iter().find(|m| m.label == value) else {
-            return Err(SimError::LabelWithoutMaterial {
-                label: value,
-                image: image_name.into(),
-                voxels: counts[dense],
-            });
-        };
-        softest = softest.min(entry.young_modulus_pa);
-        solid.push(Material::new(
-            entry.young_modulus_pa,
-            entry.poisson_ratio,
-            entry.density_kg_m3,
-        )?);
-    }
-    if solid.is_empty() {
-        return Err(SimError::Empty { image: image_name.into() });
-    }
-    let void = Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
-    Ok(std::iter::once(void).chain(solid).collect())
 }

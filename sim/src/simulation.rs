@@ -5,6 +5,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
 use yawara_embed::Embedding;
+use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{TetId, VertexId};
 
 use crate::error::SimError;
@@ -13,7 +14,7 @@ use crate::indicator::Indicator;
 use crate::inverse_link::InverseLink;
 use crate::plan;
 use crate::refinement::{Demand, Refiner, Remeshed, milliseconds};
-use crate::report::{Frame, PlanRow, StageTimes, StepReport, Summary};
+use crate::report::{BodySummary, Frame, PlanRow, StageTimes, StepReport, Summary};
 use crate::scene::Scene;
 use crate::setup::Setup;
 use crate::solve::Span;
@@ -32,6 +33,10 @@ pub struct Simulation {
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,
     axes: ScannerAxes,
+    /// None for a mesh from a file.
+    body_summary: Option<BodySummary>,
+    /// The labels, if fields are to be written on their grid.
+    pub(crate) volume: Option<LabelVolume>,
     pub(crate) tools: Vec<Grab>,
     pub(crate) state: State,
     /// None for a mesh from a file.
@@ -62,6 +67,7 @@ impl Simulation {
         let plan = plan::rows(scene, &start, &stages);
         let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
+        let (mut body_summary, mut volume) = (None, None);
         let (state, refiner, surfaces) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
             Origin::Image(setup) => {
@@ -70,9 +76,10 @@ impl Simulation {
                 let is_fixed = Box::new(move |x: &Vector3<f64>| {
                     regions.iter().any(|region| region.contains(&organ, x))
                 });
-                let Setup { volume, tree, forest, placement, materials, .. } = *setup;
-                let label_values = volume.values().to_vec();
-                drop(volume);
+                let Setup { tree, forest, placement, materials, .. } = *setup;
+                let label_values = setup.volume.values().to_vec();
+                body_summary = Some(setup.summary);
+                volume = scene.output.field.then_some(setup.volume);
                 let embedding = Embedding::new(tree, materials, homogenisation)?;
                 let (refiner, state) =
                     Refiner::new(forest, embedding, placement, label_values, &holds, is_fixed);
@@ -91,6 +98,8 @@ impl Simulation {
             indicator,
             plan,
             axes,
+            body_summary,
+            volume,
             tools,
             internal: vec![Vector3::zeros(); capacity],
             tally: Tally::new(begin, &state),
@@ -209,6 +218,7 @@ impl Simulation {
             (Some(surfaces), Some(refiner)) => surfaces.summary(refiner, &self.state.positions)?,
             _ => Vec::new(),
         };
-        Ok(self.tally.summary(&self.scene, &self.plan, &self.inverse, surfaces))
+        let body = self.body_summary.as_ref();
+        Ok(self.tally.summary(&self.scene, &self.plan, body, &self.inverse, surfaces))
     }
 }

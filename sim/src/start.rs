@@ -79,7 +79,7 @@ impl Start {
             rest[v.index()] = setup.rest(v);
         }
         Self {
-            name: setup.image_name.clone(),
+            name: setup.image_name().into(),
             axes: ScannerAxes::of_grid(setup.volume.grid()),
             organ: setup.organ,
             edge_m: setup.start_edge_m(),

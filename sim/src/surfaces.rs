@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use yawara_embed::DetailMesh;
-use yawara_mesh::isosurface::{IsoSurface, LabelField, SurfaceOptions};
+use yawara_mesh::isosurface::{IsoSurface, LabelBoundary, LabelField, SurfaceOptions};
 use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, Domain, Lattice, Region};
@@ -13,6 +13,10 @@ use crate::report::{SurfaceFrame, SurfaceSummary};
 use crate::scene::Scene;
 use crate::setup::Setup;
 use crate::start::ScannerAxes;
+
+/// How far around a label's voxels its mesh is fine, voxels: the field between centres of voxels
+/// ends half a voxel beyond them.
+const MARGIN: f64 = 0.5;
 
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
@@ -44,15 +48,24 @@ impl Surfaces {
         domain.exclude(&dropped);
         let start = scene.mesh.start_level.min(level);
         let mut forest = BisectionForest::new(domain, setup.tree.clone(), start, level)?;
-        forest.refine_to_labels(level, usize::MAX, Region::Everywhere)?;
-        let mut parts = Vec::new();
+        let mut labels = Vec::new();
         for (i, one) in asked.iter().enumerate() {
-            let dense = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
+            labels.push(dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
                 place: scene.name.clone(),
                 key: format!("output.surfaces[{i}].label"),
                 value: one.label.to_string(),
-                want: format!("a label that occurs in {}", setup.image_name),
-            })?;
+                want: format!("a label that occurs in {}", setup.image_name()),
+            })?);
+        }
+        let boundaries: Vec<LabelBoundary> = labels
+            .iter()
+            .map(|&label| LabelBoundary::new(&setup.volume, label))
+            .collect::<Result<_, _>>()?;
+        forest.refine_where(level, usize::MAX, Region::Everywhere, &|forest, tet| {
+            boundaries.iter().any(|boundary| boundary.crosses(forest, tet, MARGIN))
+        })?;
+        let mut parts = Vec::new();
+        for (i, (one, dense)) in asked.iter().zip(labels).enumerate() {
             let field = LabelField::blurred(&setup.volume, dense, one.sigma_voxels)?;
             let values = field.on_vertices(&forest);
             let surface = IsoSurface::of_forest(&forest, &values, SurfaceOptions::of_label(dense))?;

@@ -6,8 +6,8 @@ use yawara_mesh::Quality;
 
 use crate::inverse_link::InverseLink;
 use crate::report::{
-    ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
-    StepSummary, Summary, SurfaceSummary,
+    BodySummary, ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
+    StepReport, StepSummary, Summary, SurfaceSummary,
 };
 use crate::scene::Scene;
 use crate::state::State;
@@ -82,6 +82,7 @@ impl Tally {
         &self,
         scene: &Scene,
         plan: &[PlanRow],
+        body: Option<&BodySummary>,
         inverse: &InverseLink,
         surfaces: Vec<SurfaceSummary>,
     ) -> Summary {
@@ -90,6 +91,7 @@ impl Tally {
             scene: scene.name.clone(),
             seed: scene.seed,
             plan: plan.to_vec(),
+            body: body.cloned(),
             mesh: MeshSummary {
                 vertices: self.vertices,
                 tets: self.tets,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use yawara::report::{PlanRow, Summary};
+use yawara::report::{BodySummary, PlanRow, Summary};
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {
@@ -22,11 +22,27 @@ pub fn plan(rows: &[PlanRow]) -> String {
 
 /// The summary, a line per subject.
 pub fn summary(summary: &Summary) -> String {
-    let Summary { mesh, steps, inverse, force, .. } = summary;
+    let Summary { body, mesh, steps, inverse, force, .. } = summary;
     let mut text = String::from("\n");
     let mut line = |title: &str, words: String| {
         let _ = writeln!(text, "{title:<9} {words}");
     };
+    if let Some(body) = body {
+        let image = &body.image;
+        let mut done = format!("{} {}", image.format, image.content);
+        if image.resampled {
+            done += &format!(", {} to {} mm", image.resampling(), image.voxel_mm);
+        }
+        line("image", done);
+        let (parts, cells, voxels) = body.domain.total(true);
+        line(
+            "domain",
+            format!(
+                "{parts} of {} part(s), {cells} base cells, {voxels} voxels",
+                body.domain.components
+            ),
+        );
+    }
     let range = |r: &yawara::report::Range| format!("{} → {} → {}", r.start, r.max, r.end);
     line(
         "mesh",
@@ -81,6 +97,9 @@ pub fn summary(summary: &Summary) -> String {
         );
     }
     line("time", format!("{:.2} s in all", summary.wall_s));
+    for warning in body.iter().flat_map(body_warnings) {
+        line("warning", warning);
+    }
     for row in summary.plan.iter().filter(|row| !row.runs) {
         line("left out", format!("{}: {}", row.stage, row.why));
     }
@@ -92,4 +111,27 @@ pub fn summary(summary: &Summary) -> String {
         );
     }
     text
+}
+
+/// What of the body is not as the scene asked for.
+fn body_warnings(body: &BodySummary) -> Vec<String> {
+    let empty = body.image.empty_ranges();
+    let mut warnings: Vec<String> =
+        empty.map(|range| format!("no voxel lies in the range of \"{}\"", range.name)).collect();
+    let (parts, cells, voxels) = body.domain.total(false);
+    if parts > 0 {
+        warnings.push(format!(
+            "{parts} part(s) with {cells} base cells and {voxels} voxels are left out: no fixed \
+             region holds them"
+        ));
+    }
+    let refined = body.label_refinement.filter(|refined| refined.tets_left > 0);
+    if let Some(refined) = refined {
+        warnings.push(format!(
+            "max_vertices ended the refinement towards labels: {} tetrahedra above level {} still \
+             hold several",
+            refined.tets_left, refined.level
+        ));
+    }
+    warnings
 }

@@ -1,5 +1,6 @@
 //! What a run leaves on disk: a run directory, written aside and moved into place when whole.
 
+mod fields;
 #[cfg(feature = "gmsh")]
 mod msh;
 mod pvd;

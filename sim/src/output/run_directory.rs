@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
 use crate::SimError;
+use crate::fields::Fields;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
-use crate::output::{pvd, steps_csv, write_vtu};
+use crate::output::{fields, pvd, steps_csv, write_vtu};
 use crate::report::{Frame, StepReport, Summary};
 use crate::scene::Scene;
 
@@ -128,6 +129,16 @@ impl RunDirectory {
         Ok(())
     }
 
+    /// Writes the fields on the image's grid: `fields/displacement_mm.nii.gz`,
+    /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
+    ///
+    /// # Errors
+    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in a build without
+    /// NIfTI.
+    pub fn write_fields(&mut self, fields: &Fields) -> Result<(), SimError> {
+        fields::write(&self.aside, fields)
+    }
+
     /// Writes `summary.json`.
     ///
     /// # Errors
@@ -165,7 +176,7 @@ impl RunDirectory {
     /// Replaces the files of an earlier run in an existing directory.
     fn move_files(&self) -> Result<(), SimError> {
         // Without a summary nobody takes a mixture of two runs for a whole one.
-        for name in [SUMMARY, COLLECTION, STEPS, SCENE] {
+        for name in [SUMMARY, COLLECTION, STEPS, SCENE].into_iter().chain(fields::FILES) {
             remove_if_there(&self.target.join(name))?;
         }
         let frames = self.target.join(FRAMES);
@@ -179,7 +190,15 @@ impl RunDirectory {
         } else {
             fs::create_dir(&frames).map_err(at(&frames))?;
         }
-        let others = [STEPS, SCENE, COLLECTION, SUMMARY].into_iter().map(str::to_owned);
+        let folder = self.target.join(fields::FOLDER);
+        if self.aside.join(fields::FOLDER).is_dir() {
+            fs::create_dir_all(&folder).map_err(at(&folder))?;
+        } else {
+            // Of an earlier run; it stays if foreign files lie in it.
+            let _ = fs::remove_dir(&folder);
+        }
+        let others = fields::FILES.into_iter().chain([STEPS, SCENE, COLLECTION, SUMMARY]);
+        let others = others.map(str::to_owned);
         let frames = self.frames.iter().flat_map(|(_, files)| files).chain(&self.others);
         for name in frames.cloned().chain(others) {
             let (from, to) = (self.aside.join(&name), self.target.join(&name));
@@ -187,8 +206,12 @@ impl RunDirectory {
                 fs::rename(&from, &to).map_err(at(&to))?;
             }
         }
-        let left = self.aside.join(FRAMES);
-        fs::remove_dir(&left).map_err(at(&left))
+        for left in [FRAMES, fields::FOLDER].map(|folder| self.aside.join(folder)) {
+            if left.is_dir() {
+                fs::remove_dir(&left).map_err(at(&left))?;
+            }
+        }
+        Ok(())
     }
 }
 
