@@ -8,6 +8,8 @@ pub mod blur;
 mod byte_stream;
 mod closure;
 mod delta;
+#[cfg(feature = "dicom")]
+pub mod dicom_reader;
 mod domain;
 mod error;
 mod forest;
