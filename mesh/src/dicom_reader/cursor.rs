@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::error::DicomError;
-use super::tag::Number;
+use super::tag::named;
 
 /// A length that stands for "up to the delimiter".
 const UNDEFINED: u32 = u32::MAX;
@@ -87,7 +87,7 @@ impl<'a> Cursor<'a> {
     fn take(&mut self, count: usize, tag: Option<u32>) -> Result<&'a [u8], DicomError> {
         let left = self.end - self.at;
         if count > left {
-            let place = tag.map_or("an element's head".into(), |tag| Number(tag).to_string());
+            let place = tag.map_or("an element's head".into(), named);
             let found = format!("{count} bytes announced, {left} left");
             return Err(self.error(self.at, &place, &found, "no more bytes than are left"));
         }
@@ -124,7 +124,7 @@ impl<'a> Cursor<'a> {
         let tag = self.tag()?;
         if tag >> 16 == 0xfffe {
             let want = "an element of a data set";
-            return Err(self.error(offset, &Number(tag).to_string(), "a stray delimiter", want));
+            return Err(self.error(offset, &named(tag), "a stray delimiter", want));
         }
         let (vr, length) = self.representation(tag)?;
         let (start, delimited) = (self.at, length == UNDEFINED);
@@ -150,7 +150,7 @@ impl<'a> Cursor<'a> {
         if !vr.iter().all(u8::is_ascii_uppercase) {
             let found = format!("value representation \"{}\"", vr.escape_ascii());
             let want = "two capital letters";
-            return Err(self.error(offset, &Number(tag).to_string(), &found, want));
+            return Err(self.error(offset, &named(tag), &found, want));
         }
         if LONG.contains(&&vr) {
             self.take(2, Some(tag))?;
@@ -164,7 +164,7 @@ impl<'a> Cursor<'a> {
     fn pass_items(&mut self, sequence: u32, depth: usize) -> Result<usize, DicomError> {
         if depth > MAX_DEPTH {
             let found = format!("items {depth} deep in one another");
-            let place = Number(sequence).to_string();
+            let place = named(sequence);
             return Err(self.error(self.at, &place, &found, "at most 32"));
         }
         loop {
@@ -182,9 +182,9 @@ impl<'a> Cursor<'a> {
         let offset = self.at;
         let tag = self.tag()?;
         if tag != ITEM {
-            let found = Number(tag).to_string();
+            let found = named(tag);
             let want = "an item (FFFE,E000) or the end (FFFE,E0DD) of the sequence";
-            return Err(self.error(offset, &Number(sequence).to_string(), &found, want));
+            return Err(self.error(offset, &named(sequence), &found, want));
         }
         let length = self.length(sequence)?;
         let start = self.at;

@@ -187,12 +187,15 @@ fn check_pixels(
     // Below 2³³: the voxels were counted.
     let want = (format.frame_bytes() * count) as u64;
     let found = pixels.bytes.len() as u64;
-    // Odd lengths are padded; where bytes stand in words, they must be.
-    let padded = want + want % 2;
-    if found == padded || found == want && !pixels.encoding.big_endian {
-        return Ok(());
+    // Where bytes stand in words, the last word must be whole.
+    let want = if pixels.encoding.big_endian { want.next_multiple_of(2) } else { want };
+    if found > want + 1 && found < want + format.frame_bytes() as u64 {
+        let path = data.path().display();
+        tracing::warn!("{path}: {found} bytes of pixels where {want} belong; the rest left unread");
+    } else if found < want || found > want + 1 {
+        return Err(DicomError::PixelLength { path: data.path().into(), found, want });
     }
-    Err(DicomError::PixelLength { path: data.path().into(), found, want: padded })
+    Ok(())
 }
 
 /// Where all frames lie: by the image itself, or by its functional groups.

@@ -24,9 +24,17 @@ impl fmt::Display for Number {
     }
 }
 
+/// Number of any element, with its keyword if the reader looks at it.
+pub(super) fn named(number: u32) -> String {
+    let known = KNOWN.iter().find(|tag| tag.number == number);
+    known.map_or_else(|| Number(number).to_string(), Tag::to_string)
+}
+
 macro_rules! tags {
     ($($name:ident $number:literal $keyword:literal;)*) => {
         $(pub(super) const $name: Tag = Tag { number: $number, keyword: $keyword };)*
+
+        const KNOWN: &[Tag] = &[$($name),*];
     };
 }
 tags! {

@@ -17,6 +17,8 @@ const TRANSFORMATION: Tag = Tag(0x0028, 0x9145);
 /// An enhanced image of the slices `order` of the small series, as its frames.
 fn enhanced(order: &[i16], scale: impl Fn(i16) -> Option<[String; 2]>) -> File {
     let mut shared = InMemDicomObject::new_empty();
+    // For frames without their own; the image's own counts for none that a group speaks of.
+    shared.put(group(TRANSFORMATION, item(vec![(SLOPE, "1"), (INTERCEPT, "0")])));
     shared.put(group(PLANE_ORIENTATION, item(vec![(ORIENTATION, "1\\0\\0\\0\\1\\0")])));
     shared.put(group(MEASURES, item(vec![(SPACING, "2\\2")])));
     let frames = order.iter().map(|&z| {
@@ -33,6 +35,7 @@ fn enhanced(order: &[i16], scale: impl Fn(i16) -> Option<[String; 2]>) -> File {
     let rows = 2 * order.len() as u16;
     File::slice(0, 2, rows, &pixels)
         .number(ROWS, 2)
+        .text(SLOPE, VR::DS, "5")
         .without(POSITION)
         .without(ORIENTATION)
         .without(SPACING)

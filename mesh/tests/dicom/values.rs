@@ -5,7 +5,7 @@ use yawara_mesh::MeshError;
 use yawara_mesh::volume::{read_intensities, read_labels};
 
 use super::writer::*;
-use super::{SMALL, small, values};
+use super::{SMALL, assert_says, error, small, values};
 
 #[test]
 fn signs_and_spare_bits_are_taken_as_declared() {
@@ -92,4 +92,26 @@ fn values_beyond_f32_are_refused() {
     let slices = small().map(|file| file.text(SLOPE, VR::DS, "1e300"));
     let error = read_intensities(Folder::of(&slices).path()).unwrap_err();
     assert!(matches!(error, MeshError::IntensityValue { .. }), "{error}");
+}
+
+#[test]
+fn odd_lengths_and_padding_are_read() {
+    let file = |z, vr, pixels: &[u8]| {
+        let file = File::slice(z, 5, 1, &[0; 5]).bits(8, 8, 7, false);
+        file.bytes_of_pixels(vr, pixels.into())
+    };
+    // 5 bytes of pixels, which the writer pads to 6, or with 2 bytes more.
+    for pixels in [&[1, 2, 3, 4, 5][..], &[1, 2, 3, 4, 5, 99, 99]] {
+        for syntax in [EXPLICIT, BIG_ENDIAN] {
+            let slices = [0, 1].map(|z| file(z, VR::OB, pixels).syntax(syntax));
+            let read = values(Folder::of(&slices).path());
+            let want = [5.0, 4.0, 3.0, 2.0, 1.0];
+            assert_eq!(read, [want, want].concat(), "{pixels:?} {syntax}");
+        }
+    }
+    let words = [0, 1].map(|z| file(z, VR::OW, &[2, 1, 4, 3, 0, 5]).syntax(BIG_ENDIAN));
+    assert_eq!(values(Folder::of(&words).path())[..5], [5.0, 4.0, 3.0, 2.0, 1.0]);
+    // As many bytes as two frames contradict the header.
+    let slices = [0, 1].map(|z| file(z, VR::OB, &[5; 10]));
+    assert_says(&error(&Folder::of(&slices)), &["PixelData (7FE0,0010) has 10 bytes, want 5"]);
 }

@@ -171,7 +171,7 @@ impl Folder {
     pub fn of(slices: &[File]) -> Self {
         let count = slices.len();
         // Multiplying by 7 permutes where 7 does not divide the count.
-        assert!(count % 7 != 0);
+        assert!(!count.is_multiple_of(7));
         let name = |i: usize| format!("IM{:04}", i * 7 % count);
         let files: Vec<(String, Vec<u8>)> =
             slices.iter().enumerate().map(|(i, slice)| (name(i), slice.bytes())).collect();
