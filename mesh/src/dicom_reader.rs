@@ -33,11 +33,12 @@ pub use error::DicomError;
 /// A slice per file or several (Enhanced CT and MR), 8, 16 or 32 bits, signed or not, one
 /// component. Slices are ordered by ImagePositionPatient along the normal of the rows and columns,
 /// never by name or instance number; their spacing is that of the positions. Positions may be off
-/// an even grid by 0.01 mm and 1 % of the spacing. Values are slope · stored + intercept by the
-/// slice's own RescaleSlope and RescaleIntercept; PixelPaddingValue stays what it is. Transfer
-/// syntaxes: implicit and explicit VR, little and big endian, deflated, RLE, JPEG of 8 bits, JPEG
-/// lossless, JPEG 2000. In a directory, files that are no DICOM images are left out, with a
-/// warning that counts them; folders in it are not entered.
+/// an even grid by 0.01 mm plus 1 % of the spacing. Values are slope · stored + intercept by the
+/// slice's own RescaleSlope and RescaleIntercept; pixels of PixelPaddingValue stay what they are,
+/// and those of MONOCHROME1 are not inverted. Transfer syntaxes: implicit and explicit VR, little
+/// and big endian, deflated, RLE, JPEG of 8 bits, JPEG lossless, JPEG 2000. In a directory, files
+/// that are no DICOM images are left out, with a warning that counts them; folders in it are not
+/// entered.
 ///
 /// Cost: O(bytes of the directory), the series' files read twice; the voxels and the largest file
 /// in memory; the headers of every file.

@@ -25,6 +25,10 @@ pub(super) enum Codec {
     Rle,
     Jpeg,
     Jpeg2000,
+    /// Only the data set around the pixels is.
+    Unread {
+        name: &'static str,
+    },
 }
 
 /// A file in memory.
@@ -38,6 +42,7 @@ pub(super) struct DicomFile {
     pub codec: Codec,
     /// MediaStorageSOPClassUID of the meta group, or "".
     pub storage_class: String,
+    syntax: String,
 }
 
 impl DicomFile {
@@ -81,11 +86,19 @@ impl DicomFile {
         let (encoding, codec, deflated) = transfer_syntax(path, &syntax)?;
         let (bytes, start) =
             if deflated { (inflate(path, &bytes[end..])?, 0) } else { (bytes, end) };
-        Ok(Self { path: path.into(), bytes, start, encoding, codec, storage_class })
+        Ok(Self { path: path.into(), bytes, start, encoding, codec, storage_class, syntax })
     }
 
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Refuses pixels that are not decoded.
+    pub fn check_codec(&self) -> Result<(), DicomError> {
+        match self.codec {
+            Codec::Unread { name } => Err(unread(&self.path, &self.syntax, name)),
+            _ => Ok(()),
+        }
     }
 
     /// The elements, the structure of which is checked.
@@ -130,7 +143,6 @@ fn meta(path: &Path, all: &[u8]) -> Result<Meta, DicomError> {
 /// Encoding, codec of the pixels, and whether the data set is deflated.
 fn transfer_syntax(path: &Path, uid: &str) -> Result<(Encoding, Codec, bool), DicomError> {
     const PREFIX: &str = "1.2.840.10008.1.2";
-    const DECOMPRESS: &str = "decompress the series first (gdcmconv --raw IN OUT)";
     let big = Encoding { explicit: true, big_endian: true };
     let number = uid.strip_prefix(PREFIX).unwrap_or("unknown");
     let codec = match number {
@@ -141,21 +153,20 @@ fn transfer_syntax(path: &Path, uid: &str) -> Result<(Encoding, Codec, bool), Di
         ".5" => Codec::Rle,
         ".4.50" | ".4.51" | ".4.57" | ".4.70" => Codec::Jpeg,
         ".4.90" | ".4.91" => Codec::Jpeg2000,
-        _ => {
-            let name = match number {
-                ".1.98" => "encapsulated uncompressed",
-                ".4.80" | ".4.81" => "JPEG-LS",
-                ".4.92" | ".4.93" => "JPEG 2000 of several components",
-                ".4.110" | ".4.111" | ".4.112" => "JPEG XL",
-                ".4.201" | ".4.202" | ".4.203" => "High-Throughput JPEG 2000",
-                other if other.starts_with(".4.10") => "video",
-                _ => "unknown",
-            };
-            let (path, uid) = (path.into(), uid.into());
-            return Err(DicomError::TransferSyntax { path, uid, name, advice: DECOMPRESS });
-        }
+        ".1.98" => Codec::Unread { name: "encapsulated uncompressed" },
+        ".4.80" | ".4.81" => Codec::Unread { name: "JPEG-LS" },
+        ".4.92" | ".4.93" => Codec::Unread { name: "JPEG 2000 of several components" },
+        ".4.110" | ".4.111" | ".4.112" => Codec::Unread { name: "JPEG XL" },
+        ".4.201" | ".4.202" | ".4.203" => Codec::Unread { name: "High-Throughput JPEG 2000" },
+        video if video.starts_with(".4.10") => Codec::Unread { name: "video" },
+        _ => return Err(unread(path, uid, "unknown")),
     };
     Ok((EXPLICIT_LITTLE, codec, false))
+}
+
+fn unread(path: &Path, uid: &str, name: &'static str) -> DicomError {
+    let advice = "decompress the series first (gdcmconv --raw IN OUT)";
+    DicomError::TransferSyntax { path: path.into(), uid: uid.into(), name, advice }
 }
 
 fn inflate(path: &Path, deflated: &[u8]) -> Result<Vec<u8>, DicomError> {

@@ -73,7 +73,7 @@ impl<'a> Frames<'a> {
         let (name, result) = match codec {
             Codec::Jpeg => ("JPEG", jpeg::decode(&bytes, format)),
             Codec::Jpeg2000 => ("JPEG 2000", jpeg2000::decode(&bytes, format)),
-            Codec::Rle | Codec::Raw => ("RLE", rle::decode(&bytes, format)),
+            _ => ("RLE", rle::decode(&bytes, format)),
         };
         result.map_err(|Refusal { found, want }| {
             let (path, frame) = (data.path().into(), frame + 1);

@@ -79,6 +79,7 @@ pub(super) struct Plane {
 #[derive(Debug, Clone)]
 pub(super) struct Image {
     pub format: Format,
+    /// One per frame, at least one.
     pub planes: Vec<Plane>,
 }
 
@@ -86,6 +87,7 @@ impl Image {
     /// Reads and checks the header, and that the pixels can be there.
     pub fn of(file: &DicomFile, data: &DataSet) -> Result<Self, MeshError> {
         check_kind(data)?;
+        file.check_codec()?;
         let pixels = data.require(PIXELS)?;
         let format = format(data)?;
         let count = frame_count(data)?;

@@ -31,7 +31,7 @@ const SLICE_CLASSES: [&str; 9] = [
 /// Extensions of files that must be DICOM.
 const EXTENSIONS: [&str; 3] = ["dcm", "dicom", "ima"];
 
-/// The files of one series, in the order of their names.
+/// The files of one series, at least one, in the order of their names.
 pub(super) struct Series {
     pub uid: String,
     pub directory: PathBuf,

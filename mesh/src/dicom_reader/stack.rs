@@ -46,16 +46,13 @@ pub(super) struct Slice<'a> {
 /// All slices in their order along the normal, and the grid that they make.
 ///
 /// The normal is along_row × along_column of the first member; neither names nor instance
-/// numbers count. `series` is for messages.
+/// numbers count. There is at least one member; `series` is for messages.
 pub(super) fn stack<'a>(
     members: &[Member<'a>],
     series: &str,
 ) -> Result<(Vec<Slice<'a>>, VoxelAffine), DicomError> {
-    let Some(first) = members.first().filter(|member| !member.image.planes.is_empty()) else {
-        let (path, series, slices) = (Path::new("").into(), series.into(), 0);
-        return Err(DicomError::TooFewSlices { path, series, slices });
-    };
     check_alike(members)?;
+    let first = &members[0];
     let reference = &first.image.planes[0];
     let normal = reference.along_row.cross(&reference.along_column).normalize();
     let mut slices = Vec::new();

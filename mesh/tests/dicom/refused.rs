@@ -232,9 +232,24 @@ fn other_kinds_of_images_are_refused_by_name() {
     assert_says(&error, &["BitsAllocated (0028,0100) is 32", "big endian"]);
 }
 
+/// A slice whose header names another transfer syntax.
+fn with_syntax(file: &File, uid: &str) -> Vec<u8> {
+    let mut bytes = file.bytes();
+    let at = bytes.windows(EXPLICIT.len()).position(|w| w == EXPLICIT.as_bytes()).unwrap();
+    let [old, new] = [EXPLICIT, uid].map(|uid| uid.len().next_multiple_of(2));
+    let padded: Vec<u8> = uid.bytes().chain([0]).take(new).collect();
+    bytes.splice(at..at + old, padded);
+    bytes[at - 2] = new as u8;
+    // The group's length.
+    bytes[140] = (usize::from(bytes[140]) + new - old) as u8;
+    bytes
+}
+
 #[test]
 fn transfer_syntaxes_that_are_not_read_are_named() {
+    let [a, b, c] = small().map(|file| file.bytes());
     for (uid, name) in [
+        ("1.2.840.10008.1.2.1.98", "encapsulated uncompressed"),
         ("1.2.840.10008.1.2.4.80", "JPEG-LS"),
         ("1.2.840.10008.1.2.4.81", "JPEG-LS"),
         ("1.2.840.10008.1.2.4.110", "JPEG XL"),
@@ -243,20 +258,16 @@ fn transfer_syntaxes_that_are_not_read_are_named() {
         ("1.2.840.10008.1.2.77", "unknown"),
         ("1.2.8", "unknown"),
     ] {
-        // The same length, so that the rest stays where it is.
-        let mut bytes = small()[0].bytes();
-        let at = bytes.windows(EXPLICIT.len()).position(|w| w == EXPLICIT.as_bytes()).unwrap();
-        let old = EXPLICIT.len().next_multiple_of(2);
-        let new = uid.len().next_multiple_of(2);
-        let padded: Vec<u8> = uid.bytes().chain([0, 0]).take(new).collect();
-        bytes.splice(at..at + old, padded);
-        bytes[at - 2] = new as u8;
-        // The group's length.
-        bytes[140] = (usize::from(bytes[140]) + new - old) as u8;
-        let folder = Folder::new(&[("a", bytes)]);
+        let bytes = with_syntax(&small()[0].clone().series("1.2.4"), uid);
+        let folder = Folder::new(&[("x", bytes.clone())]);
         let error = error(&folder);
         assert!(matches!(error, DicomError::TransferSyntax { .. }), "{error}");
         assert_says(&error, &[uid, name, "gdcmconv"]);
+        // Beside a series that can be read it does no harm.
+        let files = [("a", a.clone()), ("b", b.clone()), ("c", c.clone()), ("x", bytes)];
+        if name != "unknown" {
+            assert_eq!(values(&Folder::new(&files).file("b")), SMALL);
+        }
     }
 }
 
