@@ -16,16 +16,22 @@ mod tag;
 
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use crate::MeshError;
 use crate::raw_volume::{RawVolume, check_count};
-use crate::voxels::Voxels;
+use crate::voxels::{VoxelType, Voxels};
 use file::DicomFile;
-use frames::Frames;
-use image::{Format, Plane};
+use frames::{Cells, Frames};
+use image::{Format, Image, Plane};
 use scan::Series;
 use stack::{Member, Slice, stack};
 
 pub use error::DicomError;
+
+/// Slices that are decoded at a time, by all threads; a file of several frames is read once per
+/// batch.
+const BATCH: usize = 64;
 
 /// Reads the one image series of a directory, or that series of a file's directory to which the
 /// file belongs.
@@ -40,8 +46,8 @@ pub use error::DicomError;
 /// that are no DICOM images are left out, with a warning that counts them; folders in it are not
 /// entered.
 ///
-/// Cost: O(bytes of the directory), the series' files read twice; the voxels and the largest file
-/// in memory; the headers of every file.
+/// Cost: O(bytes of the directory), the series' files read twice, decoded in parallel; in memory
+/// the voxels, up to 64 slices with 4 bytes a pixel and their files.
 ///
 /// # Errors
 /// [`MeshError::Dicom`] that names file and element: see [`DicomError`]; besides
@@ -71,27 +77,38 @@ fn read_voxels(
     let scale = slices[0].plane.scale;
     let alike = slices.iter().all(|slice| slice.plane.scale == scale)
         && members.iter().all(|m| m.image.format.voxel_type() == format.voxel_type());
-    let kind = if alike { format.voxel_type() } else { crate::voxels::VoxelType::F64 };
+    let kind = if alike { format.voxel_type() } else { VoxelType::F64 };
     let mut voxels = Voxels::decode(kind, false, &[]);
-    // Files of several frames are opened once per run of neighbours.
-    for run in slices.chunk_by(|a, b| a.member == b.member) {
-        let Member { path, image } = &members[run[0].member];
-        let file = DicomFile::require(path)?;
-        let data = file.data_set()?;
-        // Once more, for a file that changed meanwhile.
-        let now = image::Image::of(&file, &data)?;
-        if now.format != image.format || now.planes.len() != image.planes.len() {
-            return Err(DicomError::Changed { path: path.to_path_buf() }.into());
-        }
-        let frames = Frames::of(&data, file.codec, image.planes.len())?;
-        for Slice { plane, .. } in run {
-            let cells = frames.decode(&data, &image.format, plane.frame)?;
-            let start = voxels.count();
-            frames::append(&mut voxels, &image.format, &cells);
-            rescale(&mut voxels, start, plane);
+    for batch in slices.chunks(BATCH) {
+        let runs: Vec<&[Slice]> = batch.chunk_by(|a, b| a.member == b.member).collect();
+        let decoded: Vec<_> =
+            runs.par_iter().map(|run| decode(&members[run[0].member], run)).collect();
+        for (run, cells) in runs.iter().zip(decoded) {
+            // In the order of the slices, so that the first error is always the same.
+            for (Slice { member, plane, .. }, cells) in run.iter().zip(cells?) {
+                let start = voxels.count();
+                frames::append(&mut voxels, &members[*member].image.format, &cells);
+                rescale(&mut voxels, start, plane);
+            }
         }
     }
     Ok((voxels, (alike && scale != [1.0, 0.0]).then_some(scale)))
+}
+
+/// The pixels of slices that lie in one file.
+fn decode(member: &Member, run: &[Slice]) -> Result<Vec<Cells>, MeshError> {
+    let Member { path, image } = member;
+    let file = DicomFile::require(path)?;
+    let data = file.data_set()?;
+    // Once more, for a file that changed meanwhile.
+    let now = Image::of(&file, &data)?;
+    if now.format != image.format || now.planes.len() != image.planes.len() {
+        return Err(DicomError::Changed { path: path.to_path_buf() }.into());
+    }
+    let frames = Frames::of(&data, file.codec, image.planes.len())?;
+    let decode = |slice: &Slice| frames.decode(&data, &image.format, slice.plane.frame);
+    let cells: Vec<_> = run.par_iter().map(decode).collect();
+    Ok(cells.into_iter().collect::<Result<_, _>>()?)
 }
 
 /// Scales the voxels from `start` on where they are to be scaled one slice at a time.
