@@ -629,4 +629,15 @@ pub enum MeshError {
         /// Its name, if any.
         name: String,
     },
+    /// A DICOM file or series.
+    #[cfg(feature = "dicom")]
+    #[error(transparent)]
+    Dicom(Box<crate::dicom_reader::DicomError>),
+}
+
+#[cfg(feature = "dicom")]
+impl From<crate::dicom_reader::DicomError> for MeshError {
+    fn from(error: crate::dicom_reader::DicomError) -> Self {
+        Self::Dicom(Box::new(error))
+    }
 }

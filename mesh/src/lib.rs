@@ -9,6 +9,8 @@ mod byte_stream;
 pub mod classify;
 mod closure;
 mod delta;
+#[cfg(feature = "dicom")]
+pub mod dicom_reader;
 mod domain;
 mod error;
 mod forest;
