@@ -8,6 +8,7 @@ pub mod blur;
 mod byte_stream;
 mod closure;
 mod delta;
+mod diamond;
 mod domain;
 mod error;
 mod forest;
@@ -33,8 +34,10 @@ mod queries;
 pub mod raw_volume;
 mod refine;
 pub mod resample;
+mod ring_shape;
 #[cfg(any(feature = "nrrd", feature = "metaimage"))]
 mod text_header;
+mod update;
 pub mod volume;
 mod voxels;
 #[cfg(feature = "vtu")]
