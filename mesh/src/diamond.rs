@@ -24,6 +24,8 @@ pub(crate) struct Diamond {
     /// The diamonds whose splits made the members, or NONE: the older vertices that a vertex
     /// here depends on, as far as they are active.
     pub(crate) dependencies: [u32; 4],
+    /// Where the map of points keeps this diamond.
+    pub(crate) place: usize,
     /// Position in the list of open diamonds (those whose members are leaves), or NONE.
     pub(crate) open_at: u32,
     /// Level of the members.
@@ -60,6 +62,7 @@ impl TetRecord {
     };
 
     /// The tetrahedron as others see it.
+    #[inline]
     pub(crate) fn tet(&self, id: u32) -> Tet {
         Tet { id: TetId(id), vertices: self.vertices, level: self.level, node: self.node }
     }
@@ -67,11 +70,12 @@ impl TetRecord {
 
 impl Diamond {
     /// A diamond without members.
-    pub(crate) fn new(point: Point, level: u8) -> Self {
+    pub(crate) fn new(point: Point, place: usize, level: u8) -> Self {
         Self {
             point,
             vertex: NONE,
             dependencies: [NONE; 4],
+            place,
             open_at: NONE,
             level,
             members: 0,
@@ -81,32 +85,38 @@ impl Diamond {
     }
 
     /// Makes a diamond that went out of use a new one; the slots need no cleaning.
-    pub(crate) fn renew(&mut self, point: Point, level: u8) {
+    #[inline]
+    pub(crate) fn renew(&mut self, point: Point, place: usize, level: u8) {
         self.point = point;
         self.vertex = NONE;
         self.dependencies = [NONE; 4];
+        self.place = place;
         self.level = level;
         self.members = 0;
         self.active_dependents = 0;
     }
 
     /// How many older vertices have made members.
+    #[inline]
     pub(crate) fn makers(&self) -> usize {
         self.dependencies.iter().filter(|&&d| d != NONE).count()
     }
 }
 
 /// Number of the tetrahedron in a slot.
+#[inline]
 pub(crate) fn tet_number(diamond: u32, slot: usize) -> u32 {
     diamond * SLOTS as u32 + slot as u32
 }
 
 /// Diamond and slot of a tetrahedron.
+#[inline]
 pub(crate) fn tet_place(number: u32) -> (usize, usize) {
     (number as usize / SLOTS, number as usize % SLOTS)
 }
 
 /// The slots that hold a tetrahedron, ascending.
+#[inline]
 pub(crate) fn occupied(mut members: u8) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let slot = members.trailing_zeros() as usize;

@@ -91,6 +91,7 @@ impl BisectionForest {
             return Err(MeshError::NothingInside);
         }
         forest.refine_uniformly(start_level)?;
+        forest.sort_diamonds();
         Ok(forest)
     }
 
@@ -104,7 +105,8 @@ impl BisectionForest {
                 let corners = root_corners(coordinates, order, lattice.units);
                 let vertices = corners.map(|p| self.root_vertex(p));
                 if home == NONE {
-                    home = self.new_diamond(midpoint(&corners, 0), 0);
+                    let centre = midpoint(&corners, 0);
+                    home = self.new_diamond(centre, self.by_point.find(centre).0, 0);
                 }
                 let shape = self.shapes.of_root(&corners);
                 let slot = usize::from(self.shapes.get(shape).slot);
@@ -128,8 +130,9 @@ impl BisectionForest {
         if known != ABSENT {
             return VertexId(self.diamonds[known as usize].vertex);
         }
-        let diamond = self.take_diamond(p, 0);
-        self.by_point.set(p, diamond);
+        let place = self.by_point.find(p).0;
+        let diamond = self.take_diamond(p, place, 0);
+        self.by_point.set_at(place, diamond);
         self.new_vertex(p, 0, diamond)
     }
 
@@ -150,41 +153,44 @@ impl BisectionForest {
         VertexId(id)
     }
 
-    /// An open diamond for tetrahedra of `level`; those of the finest level have no point.
-    pub(crate) fn new_diamond(&mut self, point: Point, level: u8) -> u32 {
-        let id = self.take_diamond(point, level);
+    /// An open diamond for tetrahedra of `level`, whose point has this place in the map of
+    /// points; those of the finest level have neither.
+    pub(crate) fn new_diamond(&mut self, point: Point, place: usize, level: u8) -> u32 {
+        let id = self.take_diamond(point, place, level);
         if level < self.max_level {
-            self.by_point.set(point, id);
+            self.by_point.set_at(place, id);
         }
         self.open_diamond(id);
         id
     }
 
-    fn take_diamond(&mut self, point: Point, level: u8) -> u32 {
+    fn take_diamond(&mut self, point: Point, place: usize, level: u8) -> u32 {
         if let Some(id) = self.free_diamonds.pop() {
-            self.diamonds[id as usize].renew(point, level);
+            self.diamonds[id as usize].renew(point, place, level);
             return id;
         }
         assert!(self.diamonds.len() < MAX_DIAMONDS, "more tetrahedra than 32-bit numbers");
-        self.diamonds.push(Diamond::new(point, level));
+        self.diamonds.push(Diamond::new(point, place, level));
         self.diamonds.len() as u32 - 1
     }
 
     /// Takes an empty diamond out of use.
     pub(crate) fn drop_diamond(&mut self, id: u32) {
         self.close_diamond(id);
-        let Diamond { point, level, .. } = self.diamonds[id as usize];
-        if level < self.max_level {
-            self.by_point.set(point, ABSENT);
+        let diamond = &self.diamonds[id as usize];
+        if diamond.level < self.max_level {
+            self.by_point.set_at(diamond.place, ABSENT);
         }
         self.free_diamonds.push(id);
     }
 
+    #[inline]
     pub(crate) fn open_diamond(&mut self, id: u32) {
         self.diamonds[id as usize].open_at = self.open.len() as u32;
         self.open.push(id);
     }
 
+    #[inline]
     pub(crate) fn close_diamond(&mut self, id: u32) {
         let at = std::mem::replace(&mut self.diamonds[id as usize].open_at, NONE);
         self.open.swap_remove(at as usize);

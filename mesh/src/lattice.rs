@@ -7,6 +7,7 @@
 
 use crate::domain::Domain;
 use crate::kuhn::Point;
+use crate::locality::z_order;
 
 /// Which of three kinds of older vertices a split needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -201,15 +202,18 @@ impl PointMap {
     pub fn over(domain: &Domain) -> Self {
         let lattice = domain.lattice();
         let mut map = Self::new(lattice);
-        let mut count = 0;
+        let mut corners: Vec<[usize; 3]> = Vec::new();
         for cell in domain.cells() {
             let low = lattice.cell_coordinates(cell);
-            for corner in 0..8 {
-                let page = map.page([0, 1, 2].map(|axis| low[axis] + (corner >> axis & 1)));
-                if map.pages[page] == ABSENT {
-                    map.pages[page] = count;
-                    count += 1;
-                }
+            corners.extend((0..8).map(|c| [0, 1, 2].map(|axis| low[axis] + (c >> axis & 1))));
+        }
+        corners.sort_by_key(|corner| z_order(corner.map(|c| c as i32)));
+        let mut count = 0;
+        for corner in corners {
+            let page = map.page(corner);
+            if map.pages[page] == ABSENT {
+                map.pages[page] = count;
+                count += 1;
             }
         }
         map.values = vec![ABSENT; (count as usize) << (3 * map.shift)];
@@ -222,13 +226,34 @@ impl PointMap {
     }
 
     /// Place of `p` in the list of pages and on its page.
+    #[inline]
     fn address(&self, p: Point) -> (usize, usize) {
         let mask = (1i32 << self.shift) - 1;
-        let local = p.map(|c| (c & mask) as usize);
+        let local = |axis: usize| (p[axis] & mask) as usize;
+        let page = |axis: usize| (p[axis] >> self.shift) as usize;
         (
-            self.page(p.map(|c| (c >> self.shift) as usize)),
-            local[0] | local[1] << self.shift | local[2] << (2 * self.shift),
+            self.page([page(0), page(1), page(2)]),
+            local(0) | local(1) << self.shift | local(2) << (2 * self.shift),
         )
+    }
+
+    /// Where `p` is kept, and the value there; (usize::MAX, [`ABSENT`]) off all pages.
+    #[inline]
+    pub(crate) fn find(&self, p: Point) -> (usize, u32) {
+        let (page, local) = self.address(p);
+        match self.pages[page] {
+            ABSENT => (usize::MAX, ABSENT),
+            number => {
+                let place = (number as usize) << (3 * self.shift) | local;
+                (place, self.values[place])
+            }
+        }
+    }
+
+    /// Sets the value at a place that [`Self::find`] gave.
+    #[inline]
+    pub(crate) fn set_at(&mut self, place: usize, value: u32) {
+        self.values[place] = value;
     }
 
     /// Bytes held.
@@ -237,12 +262,9 @@ impl PointMap {
     }
 
     /// The value at `p`, or [`ABSENT`].
+    #[inline]
     pub fn get(&self, p: Point) -> u32 {
-        let (page, local) = self.address(p);
-        match self.pages[page] {
-            ABSENT => ABSENT,
-            number => self.values[(number as usize) << (3 * self.shift) | local],
-        }
+        self.find(p).1
     }
 
     /// Sets the value at `p`; [`ABSENT`] removes it.

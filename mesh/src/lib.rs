@@ -20,6 +20,7 @@ pub mod isosurface;
 pub mod kuhn;
 mod label_tree;
 pub mod lattice;
+mod locality;
 #[cfg(feature = "metaimage")]
 pub mod metaimage_reader;
 #[cfg(feature = "nifti")]

@@ -136,11 +136,13 @@ impl RingShapes {
     }
 
     /// The shape of a number.
+    #[inline]
     pub(crate) fn get(&self, number: u8) -> &RingShape {
         &self.shapes[usize::from(number)]
     }
 
     /// [`bisect_hull`], looked up.
+    #[inline]
     pub(crate) fn bisect_hull(&self, hull: u8, level: u8) -> [u8; 2] {
         self.hulls[usize::from(level % 3)][usize::from(hull & 15)]
     }

@@ -1,7 +1,7 @@
 //! One vertex in, one vertex out: the two steps that all changes of a forest are made of.
 
-use crate::delta::{Change, MeshDelta, RingTet, VertexId};
-use crate::diamond::{Diamond, NONE, SLOTS, TetRecord, occupied, tet_number, tet_place};
+use crate::delta::{Change, MeshDelta, RingTet, Tet, VertexId};
+use crate::diamond::{NONE, SLOTS, TetRecord, occupied, tet_number, tet_place};
 use crate::error::MeshError;
 use crate::forest::BisectionForest;
 use crate::kuhn::{Point, bisect, bisected_corner};
@@ -21,6 +21,8 @@ struct Arrival {
     spacing: i32,
     /// The diamonds that take the halves in, by direction (or in twos at the finest level).
     homes: [u32; SLOTS],
+    /// Where the map of points keeps them.
+    places: [usize; SLOTS],
 }
 
 impl BisectionForest {
@@ -67,65 +69,71 @@ impl BisectionForest {
         let lattice = self.domain.lattice();
         let level = lattice.generation(point) - 1;
         let spacing = lattice.units / 2 >> ((level + 1) / 3);
-        let mut homes = [NONE; SLOTS];
+        let (mut homes, mut places) = ([NONE; SLOTS], [0; SLOTS]);
         if level + 1 < self.max_level {
             // From the place alone, so that no look-up waits for the ring's memory. Towards its
             // dependencies and outside the domain a point has no dependents: those go unused.
-            for (home, step) in homes.iter_mut().zip(DIRECTIONS[usize::from(level % 3)]) {
-                *home =
-                    self.by_point_checked(std::array::from_fn(|i| point[i] + spacing * step[i]));
+            for (way, step) in DIRECTIONS[usize::from(level % 3)].iter().enumerate() {
+                let next = [0, 1, 2].map(|i| point[i] + spacing * step[i]);
+                if lattice.contains(next) {
+                    (places[way], homes[way]) = self.by_point.find(next);
+                }
             }
         }
-        Arrival { vertex: VertexId(NONE), point, level, diamond, spacing, homes }
+        Arrival { vertex: VertexId(NONE), point, level, diamond, spacing, homes, places }
     }
 
     /// Bisects one tetrahedron of the ring.
+    #[inline]
     fn bisect_tet(&mut self, slot: usize, arrival: &mut Arrival) -> RingTet {
-        let Arrival { vertex, level, diamond, .. } = *arrival;
-        let parent = self.diamonds[diamond as usize].tets[slot];
+        let parent = self.diamonds[arrival.diamond as usize].tets[slot];
         let shape = *self.shapes.get(parent.shape);
-        let halves = bisect(&parent.vertices, level, vertex);
+        let [first, second] = bisect(&parent.vertices, arrival.level, arrival.vertex);
         let nodes = self.tree.children(parent.node);
-        let hulls = self.shapes.bisect_hull(parent.hull, level);
-        let finest = level + 1 == self.max_level;
-        let children: [(u32, TetRecord); 2] = [0, 1].map(|side| {
-            let child = TetRecord {
-                vertices: halves[side],
-                node: nodes[side],
-                children: [NONE; 2],
-                level: level + 1,
-                hull: hulls[side],
-                shape: shape.children[side],
-            };
-            let next = self.shapes.get(child.shape);
-            let (way, at) = if finest {
-                (slot / 4, slot % 4 * 2 + side)
-            } else {
-                (usize::from(shape.towards[side]), usize::from(next.slot))
-            };
-            let home = self.home(arrival, way);
-            let place = &mut self.diamonds[home as usize];
-            place.members |= 1 << at;
-            place.dependencies[usize::from(next.dependency)] = diamond;
-            place.tets[at] = child;
-            (tet_number(home, at), child)
-        });
-        let numbers = children.map(|(number, _)| number);
-        self.diamonds[diamond as usize].tets[slot].children = numbers;
+        let hulls = self.shapes.bisect_hull(parent.hull, arrival.level);
+        let child = |side: usize, vertices| TetRecord {
+            vertices,
+            node: nodes[side],
+            children: [NONE; 2],
+            level: arrival.level + 1,
+            hull: hulls[side],
+            shape: shape.children[side],
+        };
+        let (first, second) = (child(0, first), child(1, second));
+        let ways = if arrival.level + 1 == self.max_level {
+            [(slot / 4, slot % 4 * 2), (slot / 4, slot % 4 * 2 + 1)]
+        } else {
+            let at = |side: usize| usize::from(self.shapes.get(shape.children[side]).slot);
+            [(usize::from(shape.towards[0]), at(0)), (usize::from(shape.towards[1]), at(1))]
+        };
+        let one = self.settle(&first, ways[0], arrival);
+        let two = self.settle(&second, ways[1], arrival);
+        self.diamonds[arrival.diamond as usize].tets[slot].children = [one, two];
         RingTet {
-            parent: parent.tet(tet_number(diamond, slot)),
-            children: children.map(|(number, child)| child.tet(number)),
+            parent: parent.tet(tet_number(arrival.diamond, slot)),
+            children: [first.tet(one), second.tet(two)],
         }
     }
 
-    /// The diamond that takes in the halves on one side of an arriving vertex.
-    fn home(&mut self, arrival: &mut Arrival, way: usize) -> u32 {
+    /// Puts a half where it belongs, given as direction and slot; returns its number.
+    #[inline]
+    fn settle(
+        &mut self,
+        half: &TetRecord,
+        (way, slot): (usize, usize),
+        arrival: &mut Arrival,
+    ) -> u32 {
         if arrival.homes[way] == NONE {
             let step = DIRECTIONS[usize::from(arrival.level % 3)][way];
-            let point = std::array::from_fn(|i| arrival.point[i] + arrival.spacing * step[i]);
-            arrival.homes[way] = self.new_diamond(point, arrival.level + 1);
+            let point = [0, 1, 2].map(|i| arrival.point[i] + arrival.spacing * step[i]);
+            arrival.homes[way] = self.new_diamond(point, arrival.places[way], half.level);
         }
-        arrival.homes[way]
+        let home = arrival.homes[way];
+        let diamond = &mut self.diamonds[home as usize];
+        diamond.members |= 1 << slot;
+        diamond.dependencies[usize::from(self.shapes.get(half.shape).dependency)] = arrival.diamond;
+        diamond.tets[slot] = *half;
+        tet_number(home, slot)
     }
 
     fn count_dependents(&mut self, id: u32, step: i8) {
@@ -153,7 +161,8 @@ impl BisectionForest {
         delta.ring.clear();
         for slot in occupied(self.diamonds[id as usize].members) {
             let parent = self.diamonds[id as usize].tets[slot];
-            let children = parent.children.map(|child| self.take_out(child).tet(child));
+            let [one, two] = parent.children;
+            let children = [self.take_out(one), self.take_out(two)];
             delta.ring.push(RingTet { parent: parent.tet(tet_number(id, slot)), children });
         }
         self.count_dependents(id, -1);
@@ -169,16 +178,18 @@ impl BisectionForest {
     }
 
     /// Takes one leaf out of its diamond.
-    fn take_out(&mut self, number: u32) -> TetRecord {
+    #[inline]
+    fn take_out(&mut self, number: u32) -> Tet {
         let (home, slot) = tet_place(number);
-        let Diamond { members, dependencies, tets, .. } = &mut self.diamonds[home];
-        let record = tets[slot];
-        dependencies[usize::from(self.shapes.get(record.shape).dependency)] = NONE;
-        *members &= !(1 << slot);
-        if *members == 0 {
+        let diamond = &mut self.diamonds[home];
+        let record = &diamond.tets[slot];
+        let tet = record.tet(number);
+        diamond.dependencies[usize::from(self.shapes.get(record.shape).dependency)] = NONE;
+        diamond.members &= !(1 << slot);
+        if diamond.members == 0 {
             self.drop_diamond(home as u32);
         }
-        record
+        tet
     }
 }
 
