@@ -7,6 +7,7 @@ pub mod blur;
 #[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
 mod byte_stream;
 mod closure;
+mod closure_queue;
 mod delta;
 mod diamond;
 mod domain;
@@ -44,6 +45,7 @@ mod voxels;
 #[cfg(feature = "vtu")]
 pub mod vtu_reader;
 
+pub use closure_queue::ClosureQueue;
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
 pub use error::MeshError;

@@ -137,10 +137,10 @@ impl BisectionForest {
     /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
     /// are given with the number of their parent. Returns false otherwise.
     pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
-        let id = self.by_point_checked(p);
-        if id == ABSENT || !self.is_splittable(id) {
+        if !self.is_candidate(p) {
             return false;
         }
+        let id = self.by_point.get(p);
         self.parents_of(id, ring);
         true
     }
@@ -165,6 +165,12 @@ impl BisectionForest {
     fn record(&self, tet: TetId) -> &TetRecord {
         let (diamond, slot) = tet_place(tet.0);
         &self.diamonds[diamond].tets[slot]
+    }
+
+    /// True where a split may happen now.
+    pub(crate) fn is_candidate(&self, p: Point) -> bool {
+        let id = self.by_point_checked(p);
+        id != ABSENT && self.is_splittable(id)
     }
 
     /// Points at which a split may happen now, ascending keys.

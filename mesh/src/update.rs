@@ -68,7 +68,7 @@ impl BisectionForest {
     fn arrival(&self, point: Point, diamond: u32) -> Arrival {
         let lattice = self.domain.lattice();
         let level = lattice.generation(point) - 1;
-        let spacing = lattice.units / 2 >> ((level + 1) / 3);
+        let spacing = (lattice.units / 2) >> ((level + 1) / 3);
         let (mut homes, mut places) = ([NONE; SLOTS], [0; SLOTS]);
         if level + 1 < self.max_level {
             // From the place alone, so that no look-up waits for the ring's memory. Towards its
