@@ -84,7 +84,8 @@ impl Diamond {
         }
     }
 
-    /// Makes a diamond that went out of use a new one; the slots need no cleaning.
+    /// Makes a diamond that went out of use a new one; the slots need no cleaning, and
+    /// its dependents have gone before it.
     #[inline]
     pub(crate) fn renew(&mut self, point: Point, place: usize, level: u8) {
         self.point = point;
@@ -93,7 +94,6 @@ impl Diamond {
         self.place = place;
         self.level = level;
         self.members = 0;
-        self.active_dependents = 0;
     }
 
     /// How many older vertices have made members.

@@ -207,7 +207,7 @@ impl PointMap {
             let low = lattice.cell_coordinates(cell);
             corners.extend((0..8).map(|c| [0, 1, 2].map(|axis| low[axis] + (c >> axis & 1))));
         }
-        corners.sort_by_key(|corner| z_order(corner.map(|c| c as i32)));
+        corners.sort_by_cached_key(|corner| z_order(corner.map(|c| c as i32)));
         let mut count = 0;
         for corner in corners {
             let page = map.page(corner);

@@ -25,7 +25,7 @@ impl BisectionForest {
     /// the ring. Cost: O(n log n).
     pub(crate) fn sort_diamonds(&mut self) {
         let mut order: Vec<u32> = (0..self.diamonds.len() as u32).collect();
-        order.sort_by_key(|&id| z_order(self.diamonds[id as usize].point));
+        order.sort_by_cached_key(|&id| z_order(self.diamonds[id as usize].point));
         let mut number = vec![0; order.len()];
         for (new, &old) in order.iter().enumerate() {
             number[old as usize] = new as u32;
@@ -71,7 +71,36 @@ impl BisectionForest {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::diamond::occupied;
+    use crate::{Domain, LabelTree, Lattice};
+
+    /// The halves of a start mesh's tetrahedra are found by their numbers, and hold the vertex.
+    #[test]
+    fn numbers_of_halves_follow() {
+        let cells = [2, 1, 2];
+        let domain = Domain::full(Lattice::new(cells, 5));
+        let tree = Arc::new(LabelTree::homogeneous(cells, 1));
+        let forest = BisectionForest::new(domain, tree, 4, 5).unwrap();
+        let keys: Vec<u64> = forest.diamonds.iter().map(|d| z_order(d.point)).collect();
+        assert!(keys.is_sorted());
+        let mut halves = 0;
+        for diamond in forest.diamonds.iter().filter(|d| d.vertex != NONE) {
+            for slot in occupied(diamond.members) {
+                for child in diamond.tets[slot].children {
+                    let (home, at) = tet_place(child);
+                    let half = &forest.diamonds[home].tets[at];
+                    assert!(forest.diamonds[home].members & (1 << at) != 0);
+                    assert_eq!(half.level, diamond.level + 1);
+                    assert!(half.vertices.iter().any(|v| v.0 == diamond.vertex));
+                    halves += 1;
+                }
+            }
+        }
+        assert_eq!(halves, 4 * 6 * (2 + 4 + 8 + 16));
+    }
 
     #[test]
     fn z_order_interleaves_bits() {
