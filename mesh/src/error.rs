@@ -378,6 +378,14 @@ pub enum MeshError {
         /// The lattice point.
         point: [i32; 3],
     },
+    /// A priority of a split request that orders nothing.
+    #[error("split request at lattice point {point:?} has priority {value}, want a finite number")]
+    PriorityNotFinite {
+        /// The lattice point.
+        point: [i32; 3],
+        /// Its priority.
+        value: f64,
+    },
     /// A vertex that can't go out now.
     #[error(
         "no merge of vertex {vertex}: not active, part of the start mesh, \

@@ -29,6 +29,9 @@ pub enum Content {
 const HOMOGENEOUS: u32 = 1 << 31;
 
 impl NodeRef {
+    /// A tetrahedron of background.
+    pub(crate) const VOID: Self = Self(HOMOGENEOUS);
+
     /// A tetrahedron of one dense label.
     pub fn label(label: u16) -> Self {
         Self(HOMOGENEOUS | u32::from(label))

@@ -8,9 +8,11 @@ pub mod blur;
 mod byte_stream;
 pub mod classify;
 mod closure;
+mod closure_queue;
 mod delta;
 #[cfg(feature = "dicom")]
 pub mod dicom_reader;
+mod diamond;
 mod domain;
 mod error;
 mod forest;
@@ -22,6 +24,7 @@ pub mod isosurface;
 pub mod kuhn;
 mod label_tree;
 pub mod lattice;
+mod locality;
 #[cfg(feature = "metaimage")]
 pub mod metaimage_reader;
 #[cfg(feature = "nifti")]
@@ -36,13 +39,16 @@ mod queries;
 pub mod raw_volume;
 mod refine;
 pub mod resample;
+mod ring_shape;
 #[cfg(any(feature = "nrrd", feature = "metaimage"))]
 mod text_header;
+mod update;
 pub mod volume;
 mod voxels;
 #[cfg(feature = "vtu")]
 pub mod vtu_reader;
 
+pub use closure_queue::ClosureQueue;
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
 pub use error::MeshError;

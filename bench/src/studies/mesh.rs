@@ -1,7 +1,6 @@
 //! `mesh`: shapes, closures, the cost of a split, and what a volume costs to take in.
 
 use std::fmt::Write;
-use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,14 +10,14 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, Point, Quality,
+    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality,
 };
 
 use crate::error::BenchError;
 use crate::output::Output;
 use crate::plot::{Line, log_log, slope};
 use crate::random::SplitMix64;
-use crate::statistics::median;
+use crate::studies::mesh_updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -58,21 +57,6 @@ pub struct ClosureRow {
     pub most: usize,
 }
 
-/// A split and its merge at random places of a mesh of fixed depth.
-#[derive(Clone, Debug, Serialize)]
-pub struct UpdateRow {
-    /// Leaves of the mesh.
-    pub leaves: usize,
-    /// Median time of a split with its merge, ns.
-    pub split_and_merge_ns: f64,
-    /// Reading and writing as many bytes as the ring holds, once, at random places, ns.
-    pub ring_pass_ns: f64,
-    /// Their ratio.
-    pub ratio: f64,
-    /// Bytes of the forest per leaf.
-    pub bytes_per_leaf: f64,
-}
-
 /// A liver phantom taken into a label tree.
 #[derive(Clone, Debug, Serialize)]
 pub struct VolumeRow {
@@ -101,8 +85,8 @@ pub struct Report {
     pub closures: Vec<ClosureRow>,
     /// Updates by size.
     pub updates: Vec<UpdateRow>,
-    /// Exponent of time over leaves.
-    pub update_slope: f64,
+    /// Exponents of their times over leaves.
+    pub update_slopes: UpdateSlopes,
     /// Volumes by size.
     pub volumes: Vec<VolumeRow>,
     /// Exponent of time over heterogeneous tetrahedra.
@@ -120,16 +104,15 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     } else {
         (&[3, 6, 13, 28], &[64, 96, 128, 192, 256])
     };
-    let updates: Vec<UpdateRow> = cells.iter().map(|&n| update_row(n)).collect::<Result<_, _>>()?;
+    let updates: Vec<UpdateRow> =
+        cells.iter().map(|&n| update_row(&mut forest(n, 3, 6)?)).collect::<Result<_, _>>()?;
     let volumes: Vec<VolumeRow> = sizes.iter().map(|&n| volume_row(n)).collect::<Result<_, _>>()?;
-    let times: Vec<(f64, f64)> =
-        updates.iter().map(|r| (r.leaves as f64, r.split_and_merge_ns)).collect();
     let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
     let report = Report {
-        schema: 1,
+        schema: 2,
         shapes: shapes()?,
         closures: closures()?,
-        update_slope: slope(&times),
+        update_slopes: UpdateSlopes::of(&updates),
         updates,
         volume_time_slope: slope(&trees),
         volumes,
@@ -137,7 +120,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let table = table(&report);
     output.write("mesh.csv", &csv(&report))?;
     output.write("mesh.txt", &table)?;
-    for (name, svg) in plots(&report, times, trees) {
+    for (name, svg) in plots(&report, trees) {
         output.write(name, &svg)?;
     }
     let json = serde_json::to_string_pretty(&report).map_err(|error| BenchError::Io {
@@ -197,55 +180,6 @@ fn closures() -> Result<Vec<ClosureRow>, BenchError> {
     Ok(added.iter().enumerate().filter(|(_, a)| !a.is_empty()).map(row).collect())
 }
 
-/// Bytes that a split touches of one tetrahedron: its own record and its children's.
-const BYTES_PER_RING_TET: usize = 3 * 64;
-
-/// Splits per sample: long enough for the clock, short enough for many samples.
-const BATCH: usize = 512;
-
-fn update_row(cells: usize) -> Result<UpdateRow, BenchError> {
-    let mut f = forest(cells, 3, 6)?;
-    let mut random = SplitMix64(2);
-    let all = f.candidates();
-    let points: Vec<Point> = (0..BATCH * 8).map(|_| all[random.below(all.len())]).collect();
-    let mut delta = MeshDelta::empty();
-    let ring_bytes = 6 * BYTES_PER_RING_TET;
-    let mut memory = vec![1u8; (f.leaf_count() * 64).max(4 * ring_bytes)];
-    let (mut times, mut passes) = (Vec::new(), Vec::new());
-    for round in 0..5 {
-        for batch in points.chunks(BATCH) {
-            let begin = Instant::now();
-            for &p in batch {
-                let v = f.split(p, &mut delta)?;
-                f.merge(v, &mut delta)?;
-            }
-            let split = begin.elapsed().as_nanos() as f64 / batch.len() as f64;
-            let starts: Vec<usize> =
-                batch.iter().map(|_| random.below(memory.len() - ring_bytes)).collect();
-            let begin = Instant::now();
-            for &start in &starts {
-                for byte in black_box(&mut memory[start..start + ring_bytes]) {
-                    *byte = byte.wrapping_add(1);
-                }
-            }
-            let pass = begin.elapsed().as_nanos() as f64 / batch.len() as f64;
-            // The first round warms caches and free lists.
-            if round > 0 {
-                times.push(split);
-                passes.push(pass);
-            }
-        }
-    }
-    let (split_and_merge_ns, ring_pass_ns) = (median(&times), median(&passes));
-    Ok(UpdateRow {
-        leaves: f.leaf_count(),
-        split_and_merge_ns,
-        ring_pass_ns,
-        ratio: split_and_merge_ns / ring_pass_ns,
-        bytes_per_leaf: f.bytes() as f64 / f.leaf_count() as f64,
-    })
-}
-
 fn volume_row(size: usize) -> Result<VolumeRow, BenchError> {
     let length_mm = 200.0;
     // The organ with its margin of background fills the grid along its longest side.
@@ -271,17 +205,20 @@ fn volume_row(size: usize) -> Result<VolumeRow, BenchError> {
     })
 }
 
-fn plots(
-    report: &Report,
-    times: Vec<(f64, f64)>,
-    trees: Vec<(f64, f64)>,
-) -> Vec<(&'static str, String)> {
-    let passes = report.updates.iter().map(|r| (r.leaves as f64, r.ring_pass_ns)).collect();
+fn plots(report: &Report, trees: Vec<(f64, f64)>) -> Vec<(&'static str, String)> {
     let line = |name: &str, points| Line { name: name.into(), points };
+    let over_leaves = |name: &str, value: &dyn Fn(&UpdateRow) -> f64| {
+        line(name, report.updates.iter().map(|r| (r.leaves as f64, value(r))).collect())
+    };
     let updates = log_log(
         "One vertex in and out again",
         ["leaves", "ns"],
-        &[line("split + merge", times), line("one pass over the ring's bytes", passes)],
+        &[
+            over_leaves("random places", &|r| r.random.split_and_merge_ns),
+            over_leaves("a sweep", &|r| r.local.split_and_merge_ns),
+            over_leaves("one pass over the rings' memory, random", &|r| r.random.ring_pass_ns),
+            over_leaves("one pass over the rings' memory, sweep", &|r| r.local.ring_pass_ns),
+        ],
     );
     let volumes = log_log(
         "Volume to label tree",
@@ -304,9 +241,11 @@ fn csv(report: &Report) -> String {
         let _ = writeln!(text, "closure,{},{},{},{},", r.generation, r.requests, r.mean, r.most);
     }
     for r in &report.updates {
-        let (time, pass) = (r.split_and_merge_ns, r.ring_pass_ns);
-        let _ =
-            writeln!(text, "update,{},{time},{pass},{},{}", r.leaves, r.ratio, r.bytes_per_leaf);
+        for (places, cost) in [("random", &r.random), ("local", &r.local)] {
+            let UpdateCost { split_and_merge_ns: time, ring_pass_ns: pass, ratio } = cost;
+            let (leaves, bytes) = (r.leaves, r.bytes_per_leaf);
+            let _ = writeln!(text, "update_{places},{leaves},{time},{pass},{ratio},{bytes}");
+        }
     }
     for r in &report.volumes {
         let (nodes, seconds) = (r.nodes, r.seconds);
@@ -332,14 +271,20 @@ fn table(report: &Report) -> String {
         .iter()
         .fold((0, 0.0), |(n, a), r| (n + r.requests, a + r.mean * r.requests as f64));
     let _ = writeln!(text, "all         {requests:8}  {:20.2}", added / requests as f64);
-    text += "\nleaves    split + merge, ns  one pass over the ring, ns  ratio  bytes/leaf\n";
+    text += "\n          random places: split + merge, a pass over the rings, ratio; a sweep: the same\n";
+    text += "leaves          ns      ns  ratio      ns      ns  ratio  bytes/leaf\n";
     for r in &report.updates {
-        let (time, pass) = (r.split_and_merge_ns, r.ring_pass_ns);
-        let (ratio, bytes) = (r.ratio, r.bytes_per_leaf);
-        let _ =
-            writeln!(text, "{:8}  {time:17.0}  {pass:26.0}  {ratio:5.1}  {bytes:10.0}", r.leaves);
+        let columns = [&r.random, &r.local].map(|c| {
+            format!("{:6.0}  {:6.0}  {:5.1}", c.split_and_merge_ns, c.ring_pass_ns, c.ratio)
+        });
+        let _ = writeln!(text, "{:8}  {}  {:10.0}", r.leaves, columns.join("  "), r.bytes_per_leaf);
     }
-    let _ = writeln!(text, "time goes with leaves^{:.3}", report.update_slope);
+    let UpdateSlopes { random, local, ring_pass, random_ratio } = report.update_slopes;
+    let _ = writeln!(
+        text,
+        "time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep;\n\
+         at random places the pass with leaves^{ring_pass:.3}, the ratio with leaves^{random_ratio:.3}"
+    );
     text += "\nsize  voxels     heterogeneous tets  s       Mvoxel/s  bytes/tet\n";
     for r in &report.volumes {
         let speed = r.voxels_per_second / 1e6;
