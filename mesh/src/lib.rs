@@ -10,9 +10,9 @@ pub mod classify;
 mod closure;
 mod closure_queue;
 mod delta;
+mod diamond;
 #[cfg(feature = "dicom")]
 pub mod dicom_reader;
-mod diamond;
 mod domain;
 mod error;
 mod forest;

@@ -3,21 +3,18 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
-use yawara_mesh::phantom::{LiverPhantom, liver};
-use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality,
-};
+use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
 
 use crate::error::BenchError;
 use crate::output::Output;
 use crate::plot::{Line, log_log, slope};
 use crate::random::SplitMix64;
 use crate::studies::mesh_updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
+use crate::studies::mesh_volumes::{self, VolumeRow};
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -57,23 +54,6 @@ pub struct ClosureRow {
     pub most: usize,
 }
 
-/// A liver phantom taken into a label tree.
-#[derive(Clone, Debug, Serialize)]
-pub struct VolumeRow {
-    /// Voxels along the longest side.
-    pub size: usize,
-    /// Voxels in all.
-    pub voxels: usize,
-    /// Heterogeneous tetrahedra.
-    pub nodes: usize,
-    /// Time of the label tree, s.
-    pub seconds: f64,
-    /// Voxels per second.
-    pub voxels_per_second: f64,
-    /// Bytes per heterogeneous tetrahedron.
-    pub bytes_per_node: f64,
-}
-
 /// The whole study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
@@ -89,8 +69,10 @@ pub struct Report {
     pub update_slopes: UpdateSlopes,
     /// Volumes by size.
     pub volumes: Vec<VolumeRow>,
-    /// Exponent of time over heterogeneous tetrahedra.
+    /// Exponent of the tree's time over heterogeneous tetrahedra.
     pub volume_time_slope: f64,
+    /// Exponent of the forest's time over its leaves.
+    pub forest_time_slope: f64,
 }
 
 /// Runs the study, writes its files and returns its table.
@@ -106,15 +88,19 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     };
     let updates: Vec<UpdateRow> =
         cells.iter().map(|&n| update_row(&mut forest(n, 3, 6)?)).collect::<Result<_, _>>()?;
-    let volumes: Vec<VolumeRow> = sizes.iter().map(|&n| volume_row(n)).collect::<Result<_, _>>()?;
+    let volumes: Vec<VolumeRow> =
+        sizes.iter().map(|&n| mesh_volumes::row(n)).collect::<Result<_, _>>()?;
     let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
+    let forests: Vec<(f64, f64)> =
+        volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
     let report = Report {
-        schema: 2,
+        schema: 3,
         shapes: shapes()?,
         closures: closures()?,
         update_slopes: UpdateSlopes::of(&updates),
         updates,
         volume_time_slope: slope(&trees),
+        forest_time_slope: slope(&forests),
         volumes,
     };
     let table = table(&report);
@@ -180,31 +166,6 @@ fn closures() -> Result<Vec<ClosureRow>, BenchError> {
     Ok(added.iter().enumerate().filter(|(_, a)| !a.is_empty()).map(row).collect())
 }
 
-fn volume_row(size: usize) -> Result<VolumeRow, BenchError> {
-    let length_mm = 200.0;
-    // The organ with its margin of background fills the grid along its longest side.
-    let voxel_mm = length_mm / (size as f64 - 4.0);
-    let volume = liver(LiverPhantom { length_mm, voxel_mm, seed: 1 })?;
-    let voxels = volume.labels().len();
-    let grid = CellGrid::around(&volume, 16)?;
-    let mut seconds = f64::INFINITY;
-    let mut tree = None;
-    for _ in 0..3 {
-        let begin = Instant::now();
-        tree = Some(LabelTree::new(&volume, grid)?);
-        seconds = seconds.min(begin.elapsed().as_secs_f64());
-    }
-    let (nodes, bytes) = tree.map_or((0, 0), |t| (t.node_count(), t.bytes()));
-    Ok(VolumeRow {
-        size: volume.grid().dims.into_iter().max().unwrap_or(0),
-        voxels,
-        nodes,
-        seconds,
-        voxels_per_second: voxels as f64 / seconds,
-        bytes_per_node: bytes as f64 / nodes as f64,
-    })
-}
-
 fn plots(report: &Report, trees: Vec<(f64, f64)>) -> Vec<(&'static str, String)> {
     let line = |name: &str, points| Line { name: name.into(), points };
     let over_leaves = |name: &str, value: &dyn Fn(&UpdateRow) -> f64| {
@@ -232,25 +193,33 @@ fn plots(report: &Report, trees: Vec<(f64, f64)>) -> Vec<(&'static str, String)>
 }
 
 fn csv(report: &Report) -> String {
-    let mut text = String::from("table,key,a,b,c,d\n");
+    let mut text = String::from("table,key,a,b,c,d,e\n");
     for r in &report.shapes {
         let (radius, ratio) = (r.circumradius_over_shortest_edge, r.radius_ratio);
-        let _ = writeln!(text, "shape,{},{radius},{ratio},,", r.shape);
+        let _ = writeln!(text, "shape,{},{radius},{ratio},,,", r.shape);
     }
     for r in &report.closures {
-        let _ = writeln!(text, "closure,{},{},{},{},", r.generation, r.requests, r.mean, r.most);
+        let _ = writeln!(text, "closure,{},{},{},{},,", r.generation, r.requests, r.mean, r.most);
     }
     for r in &report.updates {
         for (places, cost) in [("random", &r.random), ("local", &r.local)] {
             let UpdateCost { split_and_merge_ns: time, ring_pass_ns: pass, ratio } = cost;
             let (leaves, bytes) = (r.leaves, r.bytes_per_leaf);
-            let _ = writeln!(text, "update_{places},{leaves},{time},{pass},{ratio},{bytes}");
+            let _ = writeln!(text, "update_{places},{leaves},{time},{pass},{ratio},{bytes},");
         }
     }
     for r in &report.volumes {
-        let (nodes, seconds) = (r.nodes, r.seconds);
-        let _ =
-            writeln!(text, "volume,{},{},{nodes},{seconds},{}", r.size, r.voxels, r.bytes_per_node);
+        let _ = writeln!(
+            text,
+            "volume,{},{},{},{},{},{},{}",
+            r.size,
+            r.voxels,
+            r.nodes,
+            r.seconds,
+            r.bytes_per_node,
+            r.forest_leaves,
+            r.forest_seconds
+        );
     }
     text
 }
@@ -285,16 +254,11 @@ fn table(report: &Report) -> String {
         "time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep;\n\
          at random places the pass with leaves^{ring_pass:.3}, the ratio with leaves^{random_ratio:.3}"
     );
-    text += "\nsize  voxels     heterogeneous tets  s       Mvoxel/s  bytes/tet\n";
-    for r in &report.volumes {
-        let speed = r.voxels_per_second / 1e6;
-        let _ = writeln!(
-            text,
-            "{:4}  {:9}  {:18}  {:6.3}  {speed:8.1}  {:9.1}",
-            r.size, r.voxels, r.nodes, r.seconds, r.bytes_per_node
-        );
-    }
-    let _ =
-        writeln!(text, "time goes with heterogeneous tetrahedra^{:.2}", report.volume_time_slope);
+    text += &mesh_volumes::table(&report.volumes);
+    let _ = writeln!(
+        text,
+        "the tree's time goes with heterogeneous tetrahedra^{:.2}, the forest's with its leaves^{:.2}",
+        report.volume_time_slope, report.forest_time_slope
+    );
     text
 }

@@ -4,3 +4,4 @@ pub mod inverse;
 mod inverse_report;
 pub mod mesh;
 pub mod mesh_updates;
+pub mod mesh_volumes;
