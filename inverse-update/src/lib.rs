@@ -18,6 +18,7 @@ mod net_change;
 mod packed;
 mod paper;
 mod signed_columns;
+mod sparse;
 mod stiffness;
 mod stiffness_edit;
 mod woodbury;
@@ -27,13 +28,14 @@ pub use drift::drift;
 pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
+pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse};
 pub use stiffness::SparseStiffness;
 pub use woodbury::Woodbury;
 
 use faer::Mat;
 
 /// The scene names that [`build`] knows, the default first.
-pub const CHOICES: &[&str] = &["woodbury", "paper", "lu"];
+pub const CHOICES: &[&str] = &["woodbury", "sparse", "paper", "lu"];
 
 /// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³).
 ///
@@ -46,6 +48,7 @@ pub fn build(
 ) -> Result<Box<dyn InverseMaintainer>, InverseError> {
     match name {
         "woodbury" => Ok(Box::new(Woodbury::new(stiffness)?)),
+        "sparse" => Ok(Box::new(Sparse::new(stiffness)?)),
         "paper" => Ok(Box::new(Paper::new(stiffness)?)),
         "lu" => Ok(Box::new(Lu::new(stiffness)?)),
         _ => Err(InverseError::Unknown { name: name.to_owned(), choices: CHOICES }),

@@ -7,7 +7,7 @@ use yawara_corot::rotation::polar_warm;
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet, RingStiffness};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, Point, Tet, VertexId};
+use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
@@ -275,7 +275,8 @@ impl Adaptive {
     fn update_inverse(&self, delta: &MeshDelta, inverse: &mut InverseLink) -> Result<(), SimError> {
         let ring = RingStiffness::new(delta, &self.embedding, |v| self.rest[v.index()]);
         let fixed = self.holds[delta.vertex.index()] == Hold::Fixed;
-        inverse.apply(delta.change, delta.vertex, fixed, &ring)
+        let key = Lattice::key(self.forest.point(delta.vertex));
+        inverse.apply(delta.change, delta.vertex, fixed, key, &ring)
     }
 
     fn grow(&mut self, length: usize) {

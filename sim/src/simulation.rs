@@ -5,8 +5,8 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
 use yawara_embed::Embedding;
-use yawara_mesh::VertexId;
 use yawara_mesh::volume::Grid;
+use yawara_mesh::{Lattice, VertexId};
 
 use crate::error::SimError;
 use crate::frame;
@@ -67,7 +67,8 @@ impl Simulation {
         let free: Vec<VertexId> =
             state.forest.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
         let capacity = state.forest.vertex_capacity();
-        let inverse = InverseLink::new(&state.body, free, capacity, &inverse)?;
+        let key = |v| Lattice::key(state.forest.point(v));
+        let inverse = InverseLink::new(&state.body, free, capacity, key, &inverse)?;
         Ok(Self {
             gravity: grid.rotation.transpose() * Vector3::from(scene.gravity_m_s2),
             scene: scene.clone(),

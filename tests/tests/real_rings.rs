@@ -9,7 +9,7 @@ use proptest::test_runner::RngSeed;
 use yawara::{InverseFactory, InverseLink};
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet};
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
+use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
 use yawara_tests::organ::{Organ, organs, ring};
 
 const MAX_LEVEL: u8 = 8;
@@ -36,7 +36,8 @@ impl Clamped {
         let body = body(&forest, &placement, &embedding);
         let free = forest.vertices().filter(|v| !fixed[v.index()]).collect();
         let factory: InverseFactory = Box::new(|k| yawara_inverse_update::build(maintainer, k));
-        let link = InverseLink::new(&body, free, forest.vertex_capacity(), &factory).unwrap();
+        let key = |v| Lattice::key(forest.point(v));
+        let link = InverseLink::new(&body, free, forest.vertex_capacity(), key, &factory).unwrap();
         Self { forest, placement, embedding, fixed, link, delta: MeshDelta::empty() }
     }
 
@@ -67,7 +68,8 @@ impl Clamped {
 
     fn update(&mut self, v: VertexId) {
         let ring = ring(&self.forest, &self.placement, &self.embedding, &self.delta);
-        self.link.apply(self.delta.change, v, self.fixed[v.index()], &ring).unwrap();
+        let key = Lattice::key(self.forest.point(v));
+        self.link.apply(self.delta.change, v, self.fixed[v.index()], key, &ring).unwrap();
     }
 
     /// Largest difference from a dense LU inverse of the stiffness assembled afresh, entry by
