@@ -11,6 +11,8 @@ mod pivot;
 mod rebase;
 mod substitution;
 mod symbolic;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -48,7 +50,7 @@ pub struct RebaseOptions {
 
 impl Default for RebaseOptions {
     fn default() -> Self {
-        Self { updates: 100, growth: 1.3, delay: 50, background: true }
+        Self { updates: 150, growth: 1.3, delay: 100, background: true }
     }
 }
 
