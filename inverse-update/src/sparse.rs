@@ -251,7 +251,7 @@ impl Sparse {
         let limit = self.options.growth * self.based.base.blocks as f64;
         self.journal.len() >= self.options.updates
             || self.based.factor.blocks as f64 > limit
-            || self.scratch.loss() > SOFTENED
+            || self.scratch.loss > SOFTENED
     }
 }
 

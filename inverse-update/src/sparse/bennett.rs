@@ -5,7 +5,7 @@
 //! - D' = D + w_j Θ w_jᵀ, G = Θ w_jᵀ D'⁻¹, Θ ← Θ − G w_j Θ,
 //! - rows i below: w_i ← w_i − L_ij w_j, then L_ij ← L_ij + w_i G.
 //!
-//! Only columns that the change reaches are touched. Positive columns go first, in a walk of their
+//! Only columns that the change reaches are touched. Positive columns go first, with a Θ of their
 //! own: with both signs at once G can be large where D' is not, a hyperbolic rotation near its pole,
 //! which lost two digits more in a thousand updates.
 
@@ -16,26 +16,32 @@ use super::factor::{Factor, LANES, NONE, Panel};
 use super::pivot::{BadPivot, Pivot, square};
 use crate::capacitance::PIVOT_FLOOR;
 
-/// The most columns of a change in one walk; more take several.
+/// The most columns of a change that go together; more make several lanes.
 const MOST: usize = 32;
 
 /// What a walk carries along, kept from one to the next.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
-    from: Carried,
-    to: Carried,
+    /// Rows of w by position, as the last panel left them and as the next one has them.
+    from: Vec<u32>,
+    to: Vec<u32>,
     /// Index of a position in `from`, [`NONE`] elsewhere.
     index_of: Vec<u32>,
     /// Index in `from` of each row in `to`.
     source: Vec<u32>,
-    core: Core,
+    /// Columns of one sign each; a column of the factor is changed by one lane after the other
+    /// while it is in the cache, to the same end as by walks of their own.
+    lanes: Vec<Lane>,
+    /// The largest ratio of what a pivot was made of to the pivot, over all walks so far.
+    pub loss: f64,
 }
 
-/// w: rows by position, in chunks of [`LANES`] scalar rows; a chunk holds column by column.
+/// w in chunks of [`LANES`] scalar rows, in which it goes column by column, and Θ.
 #[derive(Debug, Default)]
-struct Carried {
-    rows: Vec<u32>,
-    data: Vec<f64>,
+struct Lane {
+    from: Vec<f64>,
+    to: Vec<f64>,
+    core: Core,
 }
 
 /// Θ and what the kernel makes of it, all padded to `padded` columns.
@@ -51,8 +57,6 @@ struct Core {
     /// w_j and G, column by column: M numbers each.
     head_by_column: Vec<f64>,
     gain_by_column: Vec<f64>,
-    /// The largest ratio of what a pivot was made of to the pivot, since a factor was adopted.
-    loss: f64,
 }
 
 impl Factor {
@@ -69,42 +73,35 @@ impl Factor {
         signs: &[f64],
         scratch: &mut Scratch,
     ) -> Result<(), BadPivot> {
-        let of = |sign: f64| (0..signs.len()).filter(move |&q| signs[q] == sign);
-        let order: [Vec<usize>; 2] = [of(1.0).collect(), of(-1.0).collect()];
-        for part in order.iter().flat_map(|one| one.chunks(MOST)) {
-            scratch.start(self, positions, columns, (part, signs));
-            match self.block {
-                1 => self.walk::<1>(scratch)?,
-                2 => self.walk::<2>(scratch)?,
-                3 => self.walk::<3>(scratch)?,
-                _ => self.walk::<4>(scratch)?,
-            }
+        scratch.start(self, positions, columns, signs);
+        match self.block {
+            1 => self.walk::<1>(scratch),
+            2 => self.walk::<2>(scratch),
+            3 => self.walk::<3>(scratch),
+            _ => self.walk::<4>(scratch),
         }
-        Ok(())
     }
 
     fn walk<const M: usize>(&mut self, scratch: &mut Scratch) -> Result<(), BadPivot> {
         let mut first = 0;
-        while let Some(&top) = scratch.from.rows[first..].iter().max() {
+        while let Some(&top) = scratch.from[first..].iter().max() {
             let panel = &mut self.panels[self.panel_of[top as usize] as usize];
             let start = panel.local(top as usize);
             let before = panel.rows.len();
             scratch.enter::<M>(panel, start);
             self.blocks += panel.width * (panel.rows.len() - before);
-            let sweep = Sweep::<M> {
-                start,
-                negative: self.negative,
-                carried: &mut scratch.to.data,
-                core: &mut scratch.core,
-                panel,
-            };
+            let (negative, lanes, loss) = (self.negative, &mut scratch.lanes, &mut scratch.loss);
+            let sweep = Sweep::<M> { start, negative, lanes, loss, panel };
             if let Err(bad) = pulp::Arch::new().dispatch(sweep) {
                 scratch.index_of.fill(NONE);
                 return Err(bad);
             }
             first = panel.width - start;
             std::mem::swap(&mut scratch.from, &mut scratch.to);
-            for (at, &row) in scratch.from.rows.iter().enumerate().skip(first) {
+            for lane in &mut scratch.lanes {
+                std::mem::swap(&mut lane.from, &mut lane.to);
+            }
+            for (at, &row) in scratch.from.iter().enumerate().skip(first) {
                 scratch.index_of[row as usize] = at as u32;
             }
         }
@@ -113,32 +110,36 @@ impl Factor {
 }
 
 impl Scratch {
-    /// The largest ratio of what a pivot was made of to the pivot, over all walks so far.
-    pub(crate) fn loss(&self) -> f64 {
-        self.core.loss
-    }
-
-    /// Takes up some columns of U.
+    /// Takes up U.
     fn start(
         &mut self,
         factor: &Factor,
         positions: &[u32],
         columns: MatRef<'_, f64>,
-        (part, signs): (&[usize], &[f64]),
+        signs: &[f64],
     ) {
         self.index_of.resize(factor.positions(), NONE);
-        self.core.start(part.iter().map(|&q| signs[q]), factor.block);
-        let (m, rank) = (factor.block, part.len());
-        self.from.rows.clear();
-        self.from.rows.extend_from_slice(positions);
-        self.from.data.clear();
-        self.from.data.resize((m * positions.len()).next_multiple_of(LANES) * rank, 0.0);
+        self.from.clear();
+        if signs.is_empty() {
+            return;
+        }
+        self.from.extend_from_slice(positions);
         for (at, &position) in positions.iter().enumerate() {
             self.index_of[position as usize] = at as u32;
-            for row in m * at..m * (at + 1) {
+        }
+        let of = |sign: f64| (0..signs.len()).filter(move |&q| signs[q] == sign);
+        let order: [Vec<usize>; 2] = [of(1.0).collect(), of(-1.0).collect()];
+        let parts = order.iter().flat_map(|one| one.chunks(MOST));
+        self.lanes.resize_with(parts.clone().count(), Lane::default);
+        for (lane, part) in self.lanes.iter_mut().zip(parts) {
+            lane.core.start(part.iter().map(|&q| signs[q]), factor.block);
+            let (rank, rows) = (part.len(), factor.block * positions.len());
+            lane.from.clear();
+            lane.from.resize(rows.next_multiple_of(LANES) * rank, 0.0);
+            for row in 0..rows {
                 let to = place(row, rank);
                 for (q, &column) in part.iter().enumerate() {
-                    self.from.data[to + LANES * q] = columns[(row, column)];
+                    lane.from[to + LANES * q] = columns[(row, column)];
                 }
             }
         }
@@ -148,34 +149,59 @@ impl Scratch {
     /// does not have are added to it.
     fn enter<const M: usize>(&mut self, panel: &mut Panel, start: usize) {
         let highest = (panel.low + panel.width - start) as u32;
-        self.to.rows.clear();
-        self.to.rows.extend((panel.low as u32..highest).rev());
-        self.to.rows.extend_from_slice(&panel.rows);
+        self.to.clear();
+        self.to.extend((panel.low as u32..highest).rev());
+        self.to.extend_from_slice(&panel.rows);
         self.source.clear();
-        for &row in &self.to.rows {
+        for &row in &self.to {
             self.source.push(std::mem::replace(&mut self.index_of[row as usize], NONE));
         }
-        for (at, &row) in self.from.rows.iter().enumerate() {
+        for (at, &row) in self.from.iter().enumerate() {
             if self.index_of[row as usize] == at as u32 {
                 self.index_of[row as usize] = NONE;
                 panel.push_row(row, M);
-                self.to.rows.push(row);
+                self.to.push(row);
                 self.source.push(at as u32);
             }
         }
+        for lane in &mut self.lanes {
+            lane.enter::<M>(&self.source);
+        }
+    }
+}
+
+impl Lane {
+    /// Moves w_j out of what is carried; false if it is 0.
+    #[inline(always)]
+    fn take_head<const M: usize>(&mut self, row: usize) -> bool {
+        let (rank, padded) = (self.core.rank, self.core.padded);
+        let mut any = false;
+        for a in 0..M {
+            let at = place(M * row + a, rank);
+            for q in 0..rank {
+                let value = std::mem::take(&mut self.to[at + LANES * q]);
+                any |= value != 0.0;
+                self.core.head[padded * a + q] = value;
+                self.core.head_by_column[M * q + a] = value;
+            }
+        }
+        any
+    }
+
+    /// Moves rows from where the last panel had them.
+    fn enter<const M: usize>(&mut self, source: &[u32]) {
         let rank = self.core.rank;
-        let length = (M * self.to.rows.len()).next_multiple_of(LANES) * rank;
-        self.to.data.clear();
-        self.to.data.resize(length, 0.0);
-        for (at, &source) in self.source.iter().enumerate() {
+        self.to.clear();
+        self.to.resize((M * source.len()).next_multiple_of(LANES) * rank, 0.0);
+        for (at, &source) in source.iter().enumerate() {
             if source == NONE {
                 continue;
             }
             for a in 0..M {
                 let from = place(M * source as usize + a, rank);
                 let to = place(M * at + a, rank);
-                let from = self.from.data[from..].iter().step_by(LANES).take(rank);
-                let to = self.to.data[to..].iter_mut().step_by(LANES).take(rank);
+                let from = self.from[from..].iter().step_by(LANES).take(rank);
+                let to = self.to[to..].iter_mut().step_by(LANES).take(rank);
                 to.zip(from).for_each(|(to, &from)| *to = from);
             }
         }
@@ -214,8 +240,8 @@ struct Sweep<'a, const M: usize> {
     panel: &'a mut Panel,
     start: usize,
     negative: usize,
-    carried: &'a mut [f64],
-    core: &'a mut Core,
+    lanes: &'a mut [Lane],
+    loss: &'a mut f64,
 }
 
 impl<const M: usize> WithSimd for Sweep<'_, M> {
@@ -238,35 +264,20 @@ impl<const M: usize> Sweep<'_, M> {
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) -> Result<(), BadPivot> {
         for column in self.start..self.panel.width {
-            if self.take_head(column) {
-                self.turn::<FUSED>(column)?;
-                self.rows::<FUSED>(column);
+            for lane in 0..self.lanes.len() {
+                if self.lanes[lane].take_head::<M>(column - self.start) {
+                    self.turn::<FUSED>(column, lane)?;
+                    self.rows::<FUSED>(column, lane);
+                }
             }
         }
         Ok(())
     }
 
-    /// Moves w_j out of what is carried; false if it is 0.
-    #[inline(always)]
-    fn take_head(&mut self, column: usize) -> bool {
-        let (rank, padded) = (self.core.rank, self.core.padded);
-        let mut any = false;
-        for a in 0..M {
-            let at = place(M * (column - self.start) + a, rank);
-            for q in 0..rank {
-                let value = std::mem::take(&mut self.carried[at + LANES * q]);
-                any |= value != 0.0;
-                self.core.head[padded * a + q] = value;
-                self.core.head_by_column[M * q + a] = value;
-            }
-        }
-        any
-    }
-
     /// D' and its factors, G, and Θ for the columns to come.
     #[inline(always)]
-    fn turn<const FUSED: bool>(&mut self, column: usize) -> Result<(), BadPivot> {
-        let core = &mut *self.core;
+    fn turn<const FUSED: bool>(&mut self, column: usize, lane: usize) -> Result<(), BadPivot> {
+        let core = &mut self.lanes[lane].core;
         let n = core.padded;
         core.product.fill(0.0);
         for (r, theta) in core.theta.chunks_exact(n).enumerate() {
@@ -300,7 +311,7 @@ impl<const M: usize> Sweep<'_, M> {
             limit: floor[row],
         })?;
         for a in 0..M {
-            core.loss = core.loss.max(floor[a] * pivot.lower[a][a].abs() / PIVOT_FLOOR);
+            *self.loss = self.loss.max(floor[a] * pivot.lower[a][a].abs() / PIVOT_FLOOR);
         }
         self.panel.diagonal[own.clone()].copy_from_slice(d.as_flattened());
         pivot.write(&mut self.panel.pivots[own]);
@@ -310,10 +321,11 @@ impl<const M: usize> Sweep<'_, M> {
 
     /// w and L below a column.
     #[inline(always)]
-    fn rows<const FUSED: bool>(&mut self, column: usize) {
-        let rank = self.core.rank;
+    fn rows<const FUSED: bool>(&mut self, column: usize, lane: usize) {
+        let Lane { to: carried, core, .. } = &mut self.lanes[lane];
+        let rank = core.rank;
         let first = M * (column + 1 - self.start) / LANES;
-        let carried = &mut self.carried[first * LANES * rank..];
+        let carried = &mut carried[first * LANES * rank..];
         let offset = M * self.start + first * LANES;
         let stride = self.panel.stride;
         let mut columns = self.panel.values[stride * M * column..stride * M * (column + 1)]
@@ -321,8 +333,8 @@ impl<const M: usize> Sweep<'_, M> {
         let lower: [&mut [[f64; LANES]]; M] = std::array::from_fn(|_| {
             columns.next().map_or(&mut [][..], |c| c[offset..].as_chunks_mut::<LANES>().0)
         });
-        let heads = self.core.head_by_column.as_chunks::<M>().0;
-        let gains = self.core.gain_by_column.as_chunks::<M>().0;
+        let heads = core.head_by_column.as_chunks::<M>().0;
+        let gains = core.gain_by_column.as_chunks::<M>().0;
         for (at, chunk) in carried.chunks_exact_mut(LANES * rank).enumerate() {
             let before: [[f64; LANES]; M] = std::array::from_fn(|a| lower[a][at]);
             let mut after = before;
