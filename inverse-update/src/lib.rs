@@ -1,5 +1,5 @@
-//! The inverse of a symmetric positive definite stiffness matrix, kept up to date while
-//! vertices come and go.
+//! The inverse of a symmetric positive definite stiffness matrix, or a quasi-definite one, kept up
+//! to date while vertices come and go.
 //!
 //! This crate knows matrices and index sets, no meshes. A *vertex* is a block of
 //! [`SparseStiffness::block`] rows (3 displacements), a *slot* its number, `0..vertices()`.
@@ -37,11 +37,12 @@ use faer::Mat;
 /// The scene names that [`build`] knows, the default first.
 pub const CHOICES: &[&str] = &["woodbury", "sparse", "paper", "lu"];
 
-/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³).
+/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse`.
 ///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
-/// `stiffness` is not positive definite (a part of the body hangs free).
+/// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as
+/// it announces and as only `lu` and `sparse` take it; [`InverseError::BlockTooLarge`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,

@@ -12,7 +12,7 @@ use super::cover::smallest_cover;
 use super::pattern::Pattern;
 
 /// Parts of at most so many vertices are not cut any more.
-const LEAF: usize = 12;
+const LEAF: usize = 8;
 
 /// A plane may leave this part of the vertices on its smaller side.
 const SMALLEST_SIDE: f64 = 0.3;

@@ -3,7 +3,7 @@
 use super::pattern::Pattern;
 
 /// Part of a panel's blocks that may be zero for the sake of wider panels.
-const ZEROS: f64 = 0.15;
+const ZEROS: f64 = 0.05;
 
 /// Panels of at most this many columns are worth twice as many zeros.
 const NARROW: usize = 8;
