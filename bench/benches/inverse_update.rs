@@ -48,7 +48,7 @@ fn split_and_merge(c: &mut Criterion) {
         let organ = Organ::new(size).expect("the phantom's constants are valid");
         for homogenisation in ["linear", "laminate"] {
             let (stiffness, pairs) = pairs(&organ, homogenisation);
-            for choice in ["woodbury", "paper"] {
+            for choice in ["woodbury", "sparse", "paper"] {
                 let mut maintainer = build(choice, stiffness.clone()).expect("a held body");
                 let mut updates = 0;
                 let id = BenchmarkId::new(format!("{choice}_{homogenisation}"), label);
@@ -73,7 +73,7 @@ fn solve_and_rebuild(c: &mut Criterion) {
     let organ = Organ::new(Size::Quick).expect("the phantom's constants are valid");
     let mut group = c.benchmark_group("inverse_update/quick");
     group.sample_size(10);
-    for choice in ["woodbury", "paper", "lu"] {
+    for choice in ["woodbury", "sparse", "paper", "lu"] {
         let (stiffness, pairs) = pairs(&organ, "laminate");
         let mut maintainer = build(choice, stiffness).expect("a held body");
         pairs[0][0].apply(maintainer.as_mut()).expect("a valid update");

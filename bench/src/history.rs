@@ -4,7 +4,7 @@ use faer::Mat;
 use yawara_embed::{Embedding, RingStiffness};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{BisectionForest, Change, MeshDelta, Placement, Point, Tet, VertexId};
+use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
 
 use crate::error::BenchError;
 use crate::organ::{Organ, body_of};
@@ -107,6 +107,8 @@ impl History {
     /// [`BenchError::Inverse`] if an element's stiffness is not finite.
     pub fn stiffness(&self) -> Result<SparseStiffness, BenchError> {
         let mut stiffness = SparseStiffness::zeros(self.slots.len(), 3)?;
+        let key = |&v: &VertexId| Lattice::key(self.forest.point(v));
+        stiffness.set_order_keys(&self.slots.vertices().iter().map(key).collect::<Vec<_>>())?;
         let body = body_of(&self.forest, &self.placement, &self.embedding);
         for element in body.elements() {
             let slots = element.vertices.map(|v| self.slots.get(VertexId(v as u32)));
@@ -203,7 +205,7 @@ impl History {
             b: rows(&ring.b),
             positive: rows(&ring.positive),
             a22: ring.a22,
-            order_key: 0,
+            order_key: Lattice::key(self.forest.point(self.delta.vertex)),
         })
     }
 }

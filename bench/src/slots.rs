@@ -31,6 +31,11 @@ impl Slots {
         self.vertex_of.is_empty()
     }
 
+    /// The vertices by slot.
+    pub fn vertices(&self) -> &[VertexId] {
+        &self.vertex_of
+    }
+
     /// The slot of a vertex; none if it is fixed.
     pub fn get(&self, vertex: VertexId) -> Option<usize> {
         self.slot_of.get(vertex.index()).copied().flatten()

@@ -32,26 +32,33 @@ pub struct RingChange {
     pub k_c: Mat<f64>,
     /// Coupling of the old rows to the new vertex, r × m.
     pub a12: Mat<f64>,
-    /// Stiffness of the new vertex, m × m, positive definite.
+    /// Stiffness of the new vertex, m × m: positive definite, or quasi-definite as the matrix is.
     pub a22: Mat<f64>,
     /// b = a12 + Hᵀ A22, r × m: coupling to d = u_M − H u_old, with H = ½, ½ on the ends of the
     /// edge. Zero for families whose M is F Fᵀ alone.
     pub b: Mat<f64>,
     /// F, r × q: the positive part of M; q may be 0.
     pub positive: Mat<f64>,
-    /// Elimination order of the vertex, for maintainers that keep a sparse factor.
+    /// Where the new vertex lies, for maintainers that keep a sparse factor; see
+    /// [`SparseStiffness::set_order_keys`](crate::SparseStiffness::set_order_keys).
     pub order_key: u64,
 }
 
 impl RingChange {
     /// Checks shapes, finiteness, slots, symmetry, A22 and the identity between the parts.
     ///
-    /// `vertices`: the number of vertices without the new one; `block`: rows per vertex.
+    /// `vertices`: the number of vertices without the new one; `block`: rows per vertex;
+    /// `negative`: how many of them, at the end, have negative pivots.
     /// Cost: O(r²(q + m)).
     ///
     /// # Errors
     /// [`InverseError`]: the first defect found, by name, place, value and limit.
-    pub fn check(&self, vertices: usize, block: usize) -> Result<(), InverseError> {
+    pub fn check(
+        &self,
+        vertices: usize,
+        block: usize,
+        negative: usize,
+    ) -> Result<(), InverseError> {
         check_slots(&self.slots, vertices)?;
         let r = block * self.slots.len();
         check_matrix("k_p", self.k_p.as_ref(), (r, r))?;
@@ -63,7 +70,7 @@ impl RingChange {
         check_symmetry("k_p", self.k_p.as_ref())?;
         check_symmetry("k_c", self.k_c.as_ref())?;
         check_symmetry("a22", self.a22.as_ref())?;
-        let a22 = Capacitance::of("a22", self.a22.as_ref())?;
+        let a22 = Capacitance::of_signed("a22", self.a22.as_ref(), negative)?;
         let error = self.residual(&a22);
         // Written so that a NaN (an overflow on the way) is refused too.
         if error <= CONSISTENCY_LIMIT {
@@ -76,7 +83,8 @@ impl RingChange {
     /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − b A22⁻¹ bᵀ: the largest
     /// entry of the difference, each relative to √(s_i s_j) with s_i = max(K_c,ii, K_p,ii).
     ///
-    /// Infinite where A22 is not positive definite or the shapes do not fit.
+    /// Infinite where A22 is neither positive definite nor quasi-definite with its negative rows at
+    /// the end, or the shapes do not fit.
     /// Cost: O(r²(q + m)).
     #[must_use]
     pub fn consistency_error(&self) -> f64 {
@@ -92,7 +100,9 @@ impl RingChange {
         if fits.iter().any(|(matrix, want)| (matrix.nrows(), matrix.ncols()) != *want) {
             return f64::INFINITY;
         }
-        match Capacitance::of("a22", self.a22.as_ref()) {
+        // A quasi-definite matrix shows the signs of its pivots on its diagonal.
+        let negative = (0..m).rev().take_while(|&i| self.a22[(i, i)] < 0.0).count();
+        match Capacitance::of_signed("a22", self.a22.as_ref(), negative) {
             Ok(a22) => self.residual(&a22),
             Err(_) => f64::INFINITY,
         }
@@ -101,10 +111,11 @@ impl RingChange {
     fn residual(&self, a22: &Capacitance) -> f64 {
         let condensed = a22.half_solve(self.a12.as_ref());
         let released = a22.half_solve(self.b.as_ref());
-        let change = &self.k_c - &self.k_p - &condensed * condensed.transpose();
-        let factors = &self.positive * self.positive.transpose() - &released * released.transpose();
-        let scale: Vec<f64> =
-            (0..change.nrows()).map(|i| self.k_c[(i, i)].max(self.k_p[(i, i)])).collect();
+        let change = &self.k_c - &self.k_p - a22.signed_square(condensed.as_ref());
+        let factors =
+            &self.positive * self.positive.transpose() - a22.signed_square(released.as_ref());
+        let size = |i: usize| self.k_c[(i, i)].abs().max(self.k_p[(i, i)].abs());
+        let scale: Vec<f64> = (0..change.nrows()).map(size).collect();
         scaled_difference(change.as_ref(), factors.as_ref(), &scale, &scale)
     }
 }

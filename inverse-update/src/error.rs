@@ -104,6 +104,16 @@ pub enum InverseError {
     /// Blocks of no rows were asked for.
     #[error("a vertex has 0 rows, want at least 1 (3 for displacements)")]
     EmptyBlock,
+    /// Blocks have more rows than a maintainer's kernels are made for.
+    #[error("a vertex has {block} rows, {method} takes at most {limit}: choose another inverse")]
+    BlockTooLarge {
+        /// Scene name of the maintainer.
+        method: &'static str,
+        /// Rows per vertex.
+        block: usize,
+        /// The most that it takes.
+        limit: usize,
+    },
     /// No maintainer has this name.
     #[error("inverse {name:?} is not known, want one of {}", choices.join(", "))]
     Unknown {

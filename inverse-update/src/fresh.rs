@@ -21,13 +21,18 @@ pub(crate) fn cholesky_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseE
     Ok(inverse)
 }
 
-/// C = K⁻¹ by LU with partial pivoting; K is checked to be positive definite on the way.
+/// C = K⁻¹ by LU with partial pivoting; K is checked on the way to be positive definite, or
+/// quasi-definite as announced.
 ///
 /// # Errors
 /// As [`cholesky_inverse`].
 pub(crate) fn lu_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
     // LU inverts an indefinite matrix without a word; all maintainers refuse the same matrices.
-    cholesky_inverse(k)?;
+    if k.negative() == 0 {
+        cholesky_inverse(k)?;
+    } else {
+        check_pivots(k)?;
+    }
     let inverse = k.to_dense().partial_piv_lu().inverse();
     check_condition("the stiffness", k, |i| inverse[(i, i)])?;
     Ok(inverse)
@@ -49,6 +54,27 @@ fn check_condition(
         // Not `value <= limit`: faer hands NaN on without an error.
         if !(value > limit && value.is_finite()) {
             return Err(InverseError::Singular { what, row: j, value, limit });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a matrix whose LDLᵀ in the order of its rows has a pivot of the wrong sign.
+fn check_pivots(k: &SparseStiffness) -> Result<(), InverseError> {
+    let (what, n) = ("the stiffness", k.dofs());
+    let mut rest = k.to_dense();
+    for j in 0..n {
+        let sign = if j % k.block() + k.negative() < k.block() { 1.0 } else { -1.0 };
+        let (value, limit) = (rest[(j, j)], limit(k) * k.diagonal(j).abs());
+        // Not `value <= limit`: a NaN has to fail as well.
+        if !(sign * value > limit && value.is_finite()) {
+            return Err(InverseError::Singular { what, row: j, value, limit });
+        }
+        for c in j + 1..n {
+            let factor = rest[(c, j)] / value;
+            for i in c..n {
+                rest[(i, c)] -= factor * rest[(i, j)];
+            }
         }
     }
     Ok(())

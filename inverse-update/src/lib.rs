@@ -1,5 +1,5 @@
-//! The inverse of a symmetric positive definite stiffness matrix, kept up to date while
-//! vertices come and go.
+//! The inverse of a symmetric positive definite stiffness matrix, or a quasi-definite one, kept up
+//! to date while vertices come and go.
 //!
 //! This crate knows matrices and index sets, no meshes. A *vertex* is a block of
 //! [`SparseStiffness::block`] rows (3 displacements), a *slot* its number, `0..vertices()`.
@@ -18,6 +18,7 @@ mod net_change;
 mod packed;
 mod paper;
 mod signed_columns;
+mod sparse;
 mod stiffness;
 mod stiffness_edit;
 mod woodbury;
@@ -27,25 +28,28 @@ pub use drift::drift;
 pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
+pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse};
 pub use stiffness::SparseStiffness;
 pub use woodbury::Woodbury;
 
 use faer::Mat;
 
 /// The scene names that [`build`] knows, the default first.
-pub const CHOICES: &[&str] = &["woodbury", "paper", "lu"];
+pub const CHOICES: &[&str] = &["woodbury", "sparse", "paper", "lu"];
 
-/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³).
+/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse`.
 ///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
-/// `stiffness` is not positive definite (a part of the body hangs free).
+/// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as
+/// it announces and as only `lu` and `sparse` take it; [`InverseError::BlockTooLarge`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,
 ) -> Result<Box<dyn InverseMaintainer>, InverseError> {
     match name {
         "woodbury" => Ok(Box::new(Woodbury::new(stiffness)?)),
+        "sparse" => Ok(Box::new(Sparse::new(stiffness)?)),
         "paper" => Ok(Box::new(Paper::new(stiffness)?)),
         "lu" => Ok(Box::new(Lu::new(stiffness)?)),
         _ => Err(InverseError::Unknown { name: name.to_owned(), choices: CHOICES }),

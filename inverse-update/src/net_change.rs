@@ -20,12 +20,15 @@ impl NetChange {
     /// by one after the other would harden C by the stiffness ratio h and soften it again, which
     /// costs ε h²; taking M's eigenvectors first costs ε h, the rounding that K itself has in the
     /// same rows. A split and its merge see the same M, so that even this does not add up.
-    /// Cost: O((r + k) k²) with k = 3 + q columns, none if F is empty.
-    pub(crate) fn new(change: &RingChange) -> Result<Self, InverseError> {
-        let released = Capacitance::of("a22", change.a22.as_ref())?.half_solve(change.b.as_ref());
+    /// `negative`: rows of A22 with negative pivots. Cost: O((r + k) k²) with k = 3 + q columns,
+    /// none if F is empty.
+    pub(crate) fn new(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
+        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let released = a22.half_solve(change.b.as_ref());
         let (positive, r) = (&change.positive, change.b.nrows());
         if positive.ncols() == 0 {
-            return Ok(Self { gained: Mat::zeros(r, 0), lost: released });
+            let (lost, gained) = released.split_at_col(released.ncols() - negative);
+            return Ok(Self { gained: gained.to_owned(), lost: lost.to_owned() });
         }
         if (0..released.ncols()).all(|j| released.col(j).iter().all(|&x| x == 0.0)) {
             return Ok(Self { gained: positive.clone(), lost: Mat::zeros(r, 0) });
@@ -35,14 +38,8 @@ impl NetChange {
             Mat::from_fn(r, k, |i, j| if j < q { positive[(i, j)] } else { released[(i, j - q)] });
         let qr = all.qr();
         let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
-        let signed =
-            Mat::from_fn(
-                upper.nrows(),
-                k,
-                |i, j| {
-                    if j < q { upper[(i, j)] } else { -upper[(i, j)] }
-                },
-            );
+        let sign = |j: usize| if j < q { 1.0 } else { -a22.sign(j - q) };
+        let signed = Mat::from_fn(upper.nrows(), k, |i, j| sign(j) * upper[(i, j)]);
         let small = signed * upper.transpose();
         let failed = |what| InverseError::Singular {
             what,
@@ -85,7 +82,7 @@ mod tests {
             positive: mat![[h], [h]],
             order_key: 0,
         };
-        let net = NetChange::new(&change).unwrap();
+        let net = NetChange::new(&change, 0).unwrap();
         let m = &net.gained * net.gained.transpose() - &net.lost * net.lost.transpose();
         // Rounding of the stiff terms, 1e12 ε, is what may remain.
         assert!((m - mat![[0.0, 0.0], [0.0, -1.0]]).norm_max() < 1e-3);
@@ -104,11 +101,11 @@ mod tests {
             positive: Mat::zeros(1, 0),
             order_key: 0,
         };
-        let net = NetChange::new(&change).unwrap();
+        let net = NetChange::new(&change, 0).unwrap();
         assert_eq!((net.gained.ncols(), net.lost), (0, mat![[3.0]]));
         change.b = mat![[0.0]];
         change.positive = mat![[2.0]];
-        let net = NetChange::new(&change).unwrap();
+        let net = NetChange::new(&change, 0).unwrap();
         assert_eq!((net.gained, net.lost.ncols()), (mat![[2.0]], 0));
     }
 }

@@ -14,11 +14,15 @@ const CANCELLED: f64 = 16.0 * f64::EPSILON;
 /// A symmetric matrix of square blocks, stored by block rows; both halves are held and equal
 /// to the last bit.
 ///
-/// Vertices are slots `0..vertices()`, each of `block()` rows. Units: N/m.
+/// Vertices are slots `0..vertices()`, each of `block()` rows. The matrix is meant to be positive
+/// definite, or symmetric quasi-definite if the last `negative()` rows of every vertex (a pressure)
+/// bear pivots below 0. Every vertex may carry a place, its order key. Units: N/m.
 #[derive(Debug, Clone)]
 pub struct SparseStiffness {
     block: usize,
+    negative: usize,
     rows: Vec<BlockRow>,
+    order_keys: Vec<u64>,
 }
 
 /// One block row: columns ascending, `values` one row-major block per column.
@@ -58,10 +62,62 @@ impl SparseStiffness {
     /// # Errors
     /// [`InverseError::EmptyBlock`] if `block` is 0.
     pub fn zeros(vertices: usize, block: usize) -> Result<Self, InverseError> {
+        Self::quasi_definite(vertices, block, 0)
+    }
+
+    /// The zero matrix of a quasi-definite system [A, Bᵀ; B, −P], A and P positive definite: the
+    /// last `negative` of the `block` rows of every vertex belong to −P.
+    ///
+    /// Its LDLᵀ exists in any order, with `negative` pivots below 0 per vertex.
+    /// # Errors
+    /// [`InverseError::EmptyBlock`] if `block` is 0; [`InverseError::Shape`] if `negative` exceeds
+    /// it.
+    /// # Source
+    /// Vanderbei, Symmetric quasidefinite matrices, SIAM J. Optimization 5(1), 1995.
+    pub fn quasi_definite(
+        vertices: usize,
+        block: usize,
+        negative: usize,
+    ) -> Result<Self, InverseError> {
         if block == 0 {
             return Err(InverseError::EmptyBlock);
         }
-        Ok(Self { block, rows: vec![BlockRow::default(); vertices] })
+        if negative > block {
+            let what = "the negative part of a block";
+            return Err(InverseError::Shape { what, want: (block, block), got: (negative, block) });
+        }
+        let rows = vec![BlockRow::default(); vertices];
+        Ok(Self { block, negative, rows, order_keys: vec![0; vertices] })
+    }
+
+    /// Tells where the vertices lie: a lattice point each, packed 3 × 21 bits with x lowest.
+    ///
+    /// A hint for elimination orders; results don't depend on it beyond rounding. Without it all
+    /// keys are 0. A vertex that comes in later brings its own, [`RingChange::order_key`].
+    ///
+    /// # Errors
+    /// [`InverseError::Shape`] unless there is one key per vertex.
+    ///
+    /// [`RingChange::order_key`]: crate::RingChange::order_key
+    pub fn set_order_keys(&mut self, keys: &[u64]) -> Result<(), InverseError> {
+        if keys.len() != self.vertices() {
+            let (want, got) = ((self.vertices(), 1), (keys.len(), 1));
+            return Err(InverseError::Shape { what: "the order keys", want, got });
+        }
+        self.order_keys.copy_from_slice(keys);
+        Ok(())
+    }
+
+    /// The place of every vertex, by slot; see [`set_order_keys`](Self::set_order_keys).
+    #[must_use]
+    pub fn order_keys(&self) -> &[u64] {
+        &self.order_keys
+    }
+
+    /// Rows at the end of every block whose pivots are negative; 0 for a positive definite matrix.
+    #[must_use]
+    pub fn negative(&self) -> usize {
+        self.negative
     }
 
     /// Vertices now held.
@@ -157,6 +213,11 @@ impl SparseStiffness {
         self.rows.get(i).map_or(&[], |row| &row.columns)
     }
 
+    /// The blocks of row `i` in the order of its neighbours, row-major; none where `i` is no slot.
+    pub(crate) fn row_values(&self, i: usize) -> &[f64] {
+        self.rows.get(i).map_or(&[], |row| &row.values)
+    }
+
     /// K_jj of row j in `0..dofs()`; 0 where nothing is stored.
     #[must_use]
     pub fn diagonal(&self, j: usize) -> f64 {
@@ -233,15 +294,17 @@ impl SparseStiffness {
         (value, scale)
     }
 
-    /// Appends one vertex: its coupling to `slots` (r × m) and its own block (m × m).
+    /// Appends one vertex: its coupling to `slots` (r × m), its own block (m × m) and its place.
     pub(crate) fn append(
         &mut self,
         slots: &[usize],
         coupling: MatRef<'_, f64>,
         own: MatRef<'_, f64>,
+        order_key: u64,
     ) {
         let m = self.block;
         let new = self.rows.len();
+        self.order_keys.push(order_key);
         self.rows.push(BlockRow::default());
         let mut value = vec![0.0; m * m];
         for (p, &slot) in slots.iter().enumerate() {
@@ -273,6 +336,7 @@ impl SparseStiffness {
         }
         let last = self.rows.len() - 1;
         self.rows.swap_remove(slot);
+        self.order_keys.swap_remove(slot);
         if slot == last {
             return;
         }

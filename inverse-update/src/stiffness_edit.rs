@@ -45,13 +45,14 @@ impl SparseStiffness {
     }
 
     pub(crate) fn check_split(&self, change: &RingChange) -> Result<(), InverseError> {
-        change.check(self.vertices(), self.block())?;
+        change.check(self.vertices(), self.block(), self.negative())?;
         self.check_replace(&change.slots, change.k_p.as_ref(), change.k_c.as_ref())
     }
 
     pub(crate) fn apply_split(&mut self, change: &RingChange) {
         self.replace(&change.slots, change.k_p.as_ref(), change.k_c.as_ref());
-        self.append(&change.slots, change.a12.as_ref(), change.a22.as_ref());
+        let (coupling, own) = (change.a12.as_ref(), change.a22.as_ref());
+        self.append(&change.slots, coupling, own, change.order_key);
     }
 
     pub(crate) fn check_merge(&self, slot: usize, change: &RingChange) -> Result<(), InverseError> {
@@ -59,7 +60,7 @@ impl SparseStiffness {
         if change.slots.contains(&slot) {
             return Err(InverseError::OwnRing { slot });
         }
-        change.check(self.vertices(), self.block())?;
+        change.check(self.vertices(), self.block(), self.negative())?;
         let nothing = Mat::<f64>::zeros(self.block(), self.block());
         for &other in self.neighbours(slot) {
             let outside = other != slot && !change.slots.contains(&other);
@@ -117,8 +118,8 @@ impl SparseStiffness {
             self.block_at(slots[i / m], slot).map_or(0.0, |value| value[m * (i % m) + j])
         });
         let rows: Vec<f64> =
-            (0..m * slots.len()).map(|i| self.diagonal(m * slots[i / m] + i % m)).collect();
-        let own: Vec<f64> = (0..m).map(|j| self.diagonal(m * slot + j)).collect();
+            (0..m * slots.len()).map(|i| self.diagonal(m * slots[i / m] + i % m).abs()).collect();
+        let own: Vec<f64> = (0..m).map(|j| self.diagonal(m * slot + j).abs()).collect();
         scaled_difference(stored.as_ref(), claimed, &rows, &own)
     }
 }

@@ -65,7 +65,7 @@ impl Woodbury {
 
     fn prepare_split(&self, change: &RingChange) -> Result<(SignedColumns, Border), InverseError> {
         let ring = Ring::new(self, &change.slots);
-        let net = NetChange::new(change)?;
+        let net = NetChange::new(change, 0)?;
         let stiffer = ring.subtract("I + Pᵀ C P", &net.gained)?;
         let softer = ring.add("I − Nᵀ C N", &net.lost, (&net.gained, &stiffer))?;
         let a22 = Capacitance::of("a22", change.a22.as_ref())?;
@@ -87,7 +87,7 @@ impl Woodbury {
 
     fn prepare_merge(&self, change: &RingChange) -> Result<SignedColumns, InverseError> {
         let ring = Ring::new(self, &change.slots);
-        let net = NetChange::new(change)?;
+        let net = NetChange::new(change, 0)?;
         let stiffer = ring.subtract("I + Nᵀ C N", &net.lost)?;
         let softer = ring.add("I − Pᵀ C P", &net.gained, (&net.lost, &stiffer))?;
         let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());

@@ -33,12 +33,15 @@ pub struct InverseLink {
 impl InverseLink {
     /// Assembles the stiffness of `body` on the vertices that are not fixed and inverts it.
     ///
+    /// `order_key` tells where a vertex lies, see [`SparseStiffness::set_order_keys`].
+    ///
     /// # Errors
     /// [`SimError::Inverse`] if that stiffness is not positive definite.
     pub fn new(
         body: &Body,
         free_vertices: Vec<VertexId>,
         vertex_capacity: usize,
+        order_key: impl Fn(VertexId) -> u64,
         factory: &InverseFactory,
     ) -> Result<Self, SimError> {
         let mut slot_of = vec![NO_SLOT; vertex_capacity];
@@ -46,6 +49,8 @@ impl InverseLink {
             slot_of[v.index()] = slot;
         }
         let mut stiffness = SparseStiffness::zeros(free_vertices.len(), 3)?;
+        let keys: Vec<u64> = free_vertices.iter().map(|&v| order_key(v)).collect();
+        stiffness.set_order_keys(&keys)?;
         for element in body.elements() {
             let slots = element.vertices.map(|v| slot_of[v]);
             let kept: Vec<usize> = (0..4).filter(|&i| slots[i] != NO_SLOT).collect();
@@ -77,7 +82,8 @@ impl InverseLink {
         self.slot_of.get(vertex).copied().filter(|&s| s != NO_SLOT)
     }
 
-    /// Takes a split or merge; `vertex_is_fixed` tells whether the vertex has no slot.
+    /// Takes a split or merge; `vertex_is_fixed` tells whether the vertex has no slot, `order_key`
+    /// where it lies.
     ///
     /// # Errors
     /// [`SimError::Inverse`] if the maintainer refuses the change.
@@ -86,10 +92,11 @@ impl InverseLink {
         change: Change,
         vertex: VertexId,
         vertex_is_fixed: bool,
+        order_key: u64,
         ring: &RingStiffness,
     ) -> Result<(), SimError> {
         let begin = Instant::now();
-        let reduced = ReducedRing::new(ring, |v| self.slot(v.index()));
+        let reduced = ReducedRing::new(ring, order_key, |v| self.slot(v.index()));
         match (vertex_is_fixed, change) {
             (true, Change::Split) => self.change(&reduced, &reduced.positive, &reduced.negative)?,
             (true, Change::Merge) => self.change(&reduced, &reduced.negative, &reduced.positive)?,
@@ -246,10 +253,11 @@ struct ReducedRing {
     b: Mat<f64>,
     positive: Mat<f64>,
     negative: Mat<f64>,
+    order_key: u64,
 }
 
 impl ReducedRing {
-    fn new(ring: &RingStiffness, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
+    fn new(ring: &RingStiffness, order_key: u64, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
         let kept: Vec<usize> =
             (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
         let row = |i: usize| 3 * kept[i / 3] + i % 3;
@@ -266,6 +274,7 @@ impl ReducedRing {
             b: rows(&ring.b),
             positive: rows(&ring.positive),
             negative: rows(&ring.negative),
+            order_key,
         }
     }
 
@@ -286,7 +295,7 @@ impl ReducedRing {
             a22: self.a22,
             b: self.b,
             positive: self.positive,
-            order_key: 0,
+            order_key: self.order_key,
         }
     }
 }

@@ -7,7 +7,7 @@ use yawara_corot::Element;
 use yawara_corot::rotation::polar_warm;
 use yawara_embed::{Embedding, LinearTet, RingStiffness};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, Point, Tet, TetId, VertexId};
+use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId};
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
@@ -287,7 +287,8 @@ impl Refiner {
     ) -> Result<(), SimError> {
         let ring = RingStiffness::new(delta, &self.embedding, |v| state.rest[v.index()]);
         let fixed = state.holds[delta.vertex.index()] == Hold::Fixed;
-        inverse.apply(delta.change, delta.vertex, fixed, &ring)
+        let key = Lattice::key(self.forest.point(delta.vertex));
+        inverse.apply(delta.change, delta.vertex, fixed, key, &ring)
     }
 }
 

@@ -46,6 +46,15 @@ impl OrganBox {
         Some(Self { low: at(low, 0), high: at(high, 1) })
     }
 
+    /// Where `x` lies on a grid of 2²⁰ points a side over the box, packed as a lattice key is.
+    pub fn grid_key(&self, x: &Vector3<f64>) -> u64 {
+        let size = self.high - self.low;
+        let longest = size.max().max(f64::MIN_POSITIVE);
+        let at = (x - self.low) * (f64::from(1u32 << 20) / longest);
+        // Saturates: nothing lies outside the box.
+        Lattice::key([at.x as i32, at.y as i32, at.z as i32].map(|c| c.max(0)))
+    }
+
     /// Solver position of a point given in fractions of the box.
     pub fn at(&self, fraction: [f64; 3]) -> Vector3<f64> {
         let size = self.high - self.low;

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
 use yawara_embed::Embedding;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{TetId, VertexId};
+use yawara_mesh::{Lattice, TetId, VertexId};
 
 use crate::error::SimError;
 use crate::frame;
@@ -89,7 +89,11 @@ impl Simulation {
         let free: Vec<VertexId> =
             state.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
         let capacity = state.vertex_capacity();
-        let inverse = InverseLink::new(&state.body, free, capacity, &inverse)?;
+        let key = |v: VertexId| match &refiner {
+            Some(refiner) => Lattice::key(refiner.forest.point(v)),
+            None => organ.grid_key(&state.rest[v.index()]),
+        };
+        let inverse = InverseLink::new(&state.body, free, capacity, key, &inverse)?;
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
             scene: scene.clone(),

@@ -10,11 +10,15 @@ pub use model::Model;
 
 /// Instantiates the suite for the maintainer of a scene name.
 ///
-/// `inverse_suite!(woodbury, "woodbury");` makes a module `woodbury` of tests.
+/// `inverse_suite!(woodbury, "woodbury");` makes a module `woodbury` of tests;
+/// `inverse_suite!(sparse, "sparse", quasi_definite);` adds those of quasi-definite matrices, for
+/// maintainers that take them.
 #[macro_export]
 macro_rules! inverse_suite {
-    ($module:ident, $name:expr) => {
+    ($module:ident, $name:expr $(, $more:ident)?) => {
         mod $module {
+            $($crate::inverse_suite!(@$more $name);)?
+
             $crate::inverse_suite!(@case $name,
                 a_vertex_alone_is_a_division
                 no_vertices_at_the_start
@@ -58,6 +62,36 @@ macro_rules! inverse_suite {
                 }
             }
         }
+    };
+    (@quasi_definite $name:expr) => {
+        proptest::proptest! {
+            #![proptest_config(proptest::test_runner::Config {
+                cases: 48,
+                max_shrink_iters: 2000,
+                ..Default::default()
+            })]
+
+            #[test]
+            fn random_quasi_definite_histories_agree_with_dense_lu(
+                block in proptest::sample::select(vec![2_usize, 4]),
+                start in 0_usize..5,
+                ops in $crate::inverse_suite::ops(1..40),
+            ) {
+                use $crate::inverse_suite::Replay;
+                let mut replay = Replay::quasi_definite($name, block, start, 1);
+                for op in &ops {
+                    replay.step(op);
+                    replay.check();
+                }
+                replay.undo_all();
+                replay.check();
+            }
+        }
+
+        $crate::inverse_suite!(@case $name,
+            a_quasi_definite_vertex_by_hand
+            wrong_signs_are_refused
+        );
     };
     (@case $name:expr, $($case:ident)*) => {
         $(#[test] fn $case() { $crate::inverse_suite::$case($name); })*

@@ -59,17 +59,19 @@ struct Scaled {
 }
 
 impl Scaled {
-    fn of(k: &DMatrix<f64>) -> Self {
+    fn of(k: &DMatrix<f64>, negative: usize) -> Self {
         if k.is_empty() {
             return Self { scale: vec![], condition: 1.0 };
         }
-        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].sqrt()).collect();
+        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].abs().sqrt()).collect();
         let unit = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
         let eigenvalues = SymmetricEigen::new(unit).eigenvalues;
-        let norm = eigenvalues.iter().copied().fold(1.0, f64::max);
-        let least = eigenvalues.iter().copied().fold(f64::INFINITY, f64::min);
+        let below = eigenvalues.iter().filter(|&&value| value < 0.0).count();
+        assert_eq!(below, negative, "the model must have its announced inertia");
+        let norm = eigenvalues.iter().map(|value| value.abs()).fold(1.0, f64::max);
+        let least = eigenvalues.iter().map(|value| value.abs()).fold(f64::INFINITY, f64::min);
         let condition = norm / least;
-        assert!(condition.is_finite() && condition > 0.0, "the model must be positive definite");
+        assert!(condition.is_finite(), "the model must not be singular");
         Self { scale, condition }
     }
 
@@ -91,8 +93,18 @@ impl Replay {
     /// Starts from a chain of `start` vertices, to be checked every `stride` steps.
     #[must_use]
     pub fn new(name: &str, block: usize, start: usize, stride: usize) -> Self {
-        let model = Model::chain(start, block);
-        let mut k = SparseStiffness::zeros(start, block).expect("a block");
+        Self::with_model(name, Model::chain(start, block, 0), stride)
+    }
+
+    /// The same of a quasi-definite matrix whose blocks have one negative row, the last.
+    #[must_use]
+    pub fn quasi_definite(name: &str, block: usize, start: usize, stride: usize) -> Self {
+        Self::with_model(name, Model::chain(start, block, 1), stride)
+    }
+
+    fn with_model(name: &str, model: Model, stride: usize) -> Self {
+        let (start, block) = (model.names.len(), model.block);
+        let mut k = SparseStiffness::quasi_definite(start, block, model.negative).expect("a block");
         let slots: Vec<usize> = (0..start).collect();
         k.add(&slots, to_faer(&model.assemble()).as_ref()).expect("a chain");
         let maintainer = build(name, k).expect("a chain that is held");
@@ -184,17 +196,21 @@ impl Replay {
         assert_eq!(moved, (slot != last).then_some(last), "the last vertex fills the gap");
     }
 
+    fn scaled(&self, k: &DMatrix<f64>) -> Scaled {
+        Scaled::of(k, self.model.negative * self.model.names.len())
+    }
+
     /// Keeps account of what bounds the error.
     fn note(&mut self) {
         let k = self.model.assemble();
         if (self.steps as usize).is_multiple_of(self.stride) {
-            self.conditions += self.stride as f64 * Scaled::of(&k).condition;
+            self.conditions += self.stride as f64 * self.scaled(&k).condition;
         }
         self.steps += 1.0;
         for (slot, &name) in self.model.names.iter().enumerate() {
             for i in slot * self.model.block..(slot + 1) * self.model.block {
                 let largest = self.largest.entry(name).or_default();
-                *largest = largest.max(k[(i, i)]);
+                *largest = largest.max(k[(i, i)].abs());
             }
         }
     }
@@ -202,7 +218,7 @@ impl Replay {
     /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
     fn shrinkage(&self, k: &DMatrix<f64>) -> f64 {
         let block = self.model.block;
-        let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)];
+        let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)].abs();
         (0..k.nrows()).map(ratio).fold(1.0, f64::max)
     }
 
@@ -214,7 +230,7 @@ impl Replay {
     /// shrinkage of the diagonal; the factor 8 stands for the products per step.
     pub fn check(&mut self) {
         let k = self.model.assemble();
-        let scaled = Scaled::of(&k);
+        let scaled = self.scaled(&k);
         let n = k.nrows();
         let rho = self.shrinkage(&k);
         let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;

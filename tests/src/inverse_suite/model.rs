@@ -25,8 +25,13 @@ struct Refinement {
 /// An independent model of K: it knows parts and names, and is assembled anew when asked.
 ///
 /// No matrix is ever updated in it, so it has no drift.
+///
+/// The quasi-definite model is the definite one with the sign of all blocks between last rows
+/// turned: [A, Bᵀ; B, P] becomes [A, Bᵀ; B, −P]. That is linear, so sums stay sums.
 pub struct Model {
     pub(crate) block: usize,
+    /// Rows at the end of a block that have negative pivots.
+    pub(crate) negative: usize,
     base: DMatrix<f64>,
     base_vertices: usize,
     /// The name in each slot, moved about by swap-removal as the contract says.
@@ -42,7 +47,7 @@ pub(crate) fn to_faer(matrix: &DMatrix<f64>) -> Mat<f64> {
 impl Model {
     /// A chain of `vertices` springs that is held at its first vertex.
     #[must_use]
-    pub fn chain(vertices: usize, block: usize) -> Self {
+    pub fn chain(vertices: usize, block: usize, negative: usize) -> Self {
         let mut base = DMatrix::zeros(block * vertices, block * vertices);
         for i in 0..vertices * block {
             // Sideways stiffnesses differ, so that rows can't be mixed up unseen.
@@ -55,7 +60,30 @@ impl Model {
             }
         }
         let names = (0..vertices).collect();
-        Self { block, base, base_vertices: vertices, names, patches: vec![], next: vertices }
+        Self {
+            block,
+            negative,
+            base,
+            base_vertices: vertices,
+            names,
+            patches: vec![],
+            next: vertices,
+        }
+    }
+
+    fn is_negative(&self, row: usize) -> bool {
+        row % self.block + self.negative >= self.block
+    }
+
+    /// Turns the sign of entries between two last rows.
+    fn turned(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
+            if self.is_negative(i) && self.is_negative(j) {
+                -matrix[(i, j)]
+            } else {
+                matrix[(i, j)]
+            }
+        })
     }
 
     /// K in slot order, assembled from the parts.
@@ -83,7 +111,8 @@ impl Model {
         let row = |i: usize| self.block * slots[i / self.block] + i % self.block;
         for i in 0..part.nrows() {
             for j in 0..part.ncols() {
-                k[(row(i), row(j))] += part[(i, j)];
+                let turns = self.is_negative(i) && self.is_negative(j);
+                k[(row(i), row(j))] += if turns { -part[(i, j)] } else { part[(i, j)] };
             }
         }
     }
@@ -110,7 +139,9 @@ impl Model {
         let unit = scale.sqrt();
         let mut random = |rows, cols| DMatrix::from_fn(rows, cols, |_, _| unit * number());
         let (w, extra) = (random(r, m), random(r, 2));
-        let positive = random(r, rank);
+        let mut positive = random(r, rank);
+        // Nothing is turned in F Fᵀ without last rows.
+        (0..r).filter(|&i| self.is_negative(i)).for_each(|i| positive.row_mut(i).fill(0.0));
         let spread = random(m, m);
         let a22 = &spread * spread.transpose() + DMatrix::identity(m, m) * scale;
         let theta = number().abs();
@@ -144,12 +175,29 @@ impl Model {
         added: Option<&DMatrix<f64>>,
         removed: Option<&DMatrix<f64>>,
     ) -> StiffnessChange {
-        let none = Mat::zeros(self.block * vertices.len(), 0);
+        let none = || DMatrix::zeros(self.block * vertices.len(), 0);
+        let [plus, minus] = added.map_or_else(|| [none(), none()], |factor| self.signed(factor));
+        let [less, more] = removed.map_or_else(|| [none(), none()], |factor| self.signed(factor));
         StiffnessChange {
             slots: self.slots(vertices),
-            added: added.map_or_else(|| none.clone(), to_faer),
-            removed: removed.map_or(none.clone(), to_faer),
+            added: to_faer(&side_by_side(&plus, &more)),
+            removed: to_faer(&side_by_side(&minus, &less)),
         }
+    }
+
+    /// A and B with A Aᵀ − B Bᵀ = W Wᵀ turned. A column of W, in its parts u of first and p of last
+    /// rows, makes [u; p] [1, 1; 1, −1] [u; p]ᵀ, whose eigenvalues are ±√2.
+    fn signed(&self, factor: &DMatrix<f64>) -> [DMatrix<f64>; 2] {
+        if self.negative == 0 {
+            return [factor.clone(), DMatrix::zeros(factor.nrows(), 0)];
+        }
+        let (sine, cosine) = (std::f64::consts::PI / 8.0).sin_cos();
+        [(cosine, sine), (-sine, cosine)].map(|(first, last)| {
+            let size = 2_f64.powf(0.25);
+            DMatrix::from_fn(factor.nrows(), factor.ncols(), |i, j| {
+                size * factor[(i, j)] * if self.is_negative(i) { last } else { first }
+            })
+        })
     }
 
     /// The change that a split, or now a merge, of this patch hands over.
@@ -158,11 +206,11 @@ impl Model {
         let refined = &patch.refined;
         RingChange {
             slots: self.slots(&patch.vertices),
-            k_p: to_faer(&refined.k_p),
-            k_c: to_faer(&refined.k_c),
-            a12: to_faer(&refined.a12),
-            a22: to_faer(&refined.a22),
-            b: to_faer(&refined.b),
+            k_p: to_faer(&self.turned(&refined.k_p)),
+            k_c: to_faer(&self.turned(&refined.k_c)),
+            a12: to_faer(&self.turned(&refined.a12)),
+            a22: to_faer(&self.turned(&refined.a22)),
+            b: to_faer(&self.turned(&refined.b)),
             positive: to_faer(&refined.positive),
             order_key: 0,
         }
@@ -188,6 +236,13 @@ impl Model {
             |patch: &Patch| patch.vertex.is_some() == split && !patch.vertex.is_some_and(used);
         (0..self.patches.len()).filter(|&at| free(&self.patches[at])).collect()
     }
+}
+
+fn side_by_side(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let count = a.ncols();
+    DMatrix::from_fn(a.nrows(), count + b.ncols(), |i, j| {
+        if j < count { a[(i, j)] } else { b[(i, j - count)] }
+    })
 }
 
 impl Refinement {

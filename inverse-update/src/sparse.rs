@@ -1,0 +1,338 @@
+//! `sparse`: a block LDLᵀ of K, newest vertex first, kept by low-rank walks along its tree.
+
+mod bennett;
+mod cover;
+mod dissection;
+mod edit;
+mod factor;
+mod numeric;
+mod pattern;
+mod pivot;
+mod rebase;
+mod substitution;
+mod symbolic;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use faer::Mat;
+
+use crate::change::{check_length, check_range, check_vector};
+use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange};
+use bennett::Scratch;
+use edit::Edit;
+use pattern::Pattern;
+use pivot::BadPivot;
+use rebase::{Based, Rebase};
+use substitution::TOGETHER;
+
+/// The most rows per vertex that the kernels are made for.
+const MOST_ROWS: usize = 4;
+
+/// The residual ‖D^(−½)(K u − f)‖ / ‖D^(−½) f‖, D = |diag K|, above which a solution is refined.
+pub const REFINEMENT_LIMIT: f64 = 1e-11;
+
+/// A pivot that has come down by this factor has lost digits that a factor made afresh would have.
+const SOFTENED: f64 = 1e4;
+
+/// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
+/// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RebaseOptions {
+    /// Updates after which it does: the newest vertices, all in front, lengthen the paths.
+    pub updates: usize,
+    /// The number of blocks relative to the start, above which it does.
+    pub growth: f64,
+    /// Updates from the snapshot of K to the adoption of its factor. The adoption waits for a
+    /// factor that is late, so that results do not depend on how long it takes.
+    pub delay: usize,
+    /// Whether a thread makes the fresh factor; if not, all the work is done at the adoption.
+    pub background: bool,
+}
+
+impl Default for RebaseOptions {
+    fn default() -> Self {
+        Self { updates: 150, growth: 1.3, delay: 100, background: true }
+    }
+}
+
+/// Keeps K = L D Lᵀ, in blocks of up to 4 rows, over a nested dissection of the vertices' places.
+///
+/// A new vertex is eliminated first. A split is then one signed low-rank pass with the columns of
+/// M = F Fᵀ − b A22⁻¹ bᵀ along one path of the elimination tree, and one new leaf column
+/// (D = A22, L = a12 A22⁻¹). The merge of a vertex whose ring is eliminated after it drops its
+/// column and makes the pass with −M; that of any other vertex deletes its row, which adds
+/// l D lᵀ of its column, and makes one pass with that, −M and −a12 A22⁻¹ a12ᵀ.
+///
+/// Works for positive definite matrices and for quasi-definite ones
+/// ([`SparseStiffness::quasi_definite`]); a pivot of the wrong sign, or one that has lost half of
+/// its digits, makes it start afresh from K, which `rebuilds` counts.
+///
+/// Cost in 3-D: O(n^(4/3)) per update and O(n^(4/3)) per solve, as many numbers, held twice: to
+/// return to what was held before an update that fails.
+/// # Source
+/// Bennett, Triangular factors of modified matrices, Numer. Math. 7, 1965; Davis, Hager,
+/// Multiple-rank modifications of a sparse Cholesky factorization, SIAM J. Matrix Anal. Appl.
+/// 22(4), 2001, and Row modifications of a sparse Cholesky factorization, 26(3), 2005.
+pub struct Sparse {
+    stiffness: SparseStiffness,
+    based: Based,
+    /// All edits since the base, to make the factor again if one damages it.
+    journal: Vec<Arc<Edit>>,
+    /// A fresh factor on its way, and the length of the journal at its snapshot.
+    rebase: Option<(Rebase, usize)>,
+    options: RebaseOptions,
+    /// Of the walks on `based`, its loss as well.
+    scratch: Scratch,
+    rebuilds: usize,
+    rebases: usize,
+    refinements: AtomicUsize,
+}
+
+impl Sparse {
+    /// Orders and factors `stiffness`, with the default [`RebaseOptions`].
+    ///
+    /// # Errors
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
+    /// [`InverseError::BlockTooLarge`] for more than 4 rows per vertex.
+    pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
+        Self::with_options(stiffness, RebaseOptions::default())
+    }
+
+    /// As [`new`](Self::new), with other options.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_options(
+        stiffness: SparseStiffness,
+        options: RebaseOptions,
+    ) -> Result<Self, InverseError> {
+        let block = stiffness.block();
+        if block > MOST_ROWS {
+            let (method, limit) = ("sparse", MOST_ROWS);
+            return Err(InverseError::BlockTooLarge { method, block, limit });
+        }
+        let based = fresh(&stiffness)?;
+        Ok(Self {
+            stiffness,
+            based,
+            journal: Vec::new(),
+            rebase: None,
+            options,
+            scratch: Scratch::default(),
+            rebuilds: 0,
+            rebases: 0,
+            refinements: AtomicUsize::new(0),
+        })
+    }
+
+    /// Solutions that took a step of refinement because their residual was above
+    /// [`REFINEMENT_LIMIT`].
+    #[must_use]
+    pub fn refinements(&self) -> usize {
+        self.refinements.load(Ordering::Relaxed)
+    }
+
+    /// Fresh elimination orders adopted in the course of work; not counted as rebuilds.
+    #[must_use]
+    pub fn rebases(&self) -> usize {
+        self.rebases
+    }
+
+    /// Blocks of L and D, zeros of the panels included.
+    #[must_use]
+    pub fn blocks(&self) -> usize {
+        self.based.factor.blocks
+    }
+
+    /// Changes the factor, then K; if the factor can't follow, it is made anew from the new K.
+    fn update(
+        &mut self,
+        edit: Result<Edit, InverseError>,
+        apply: impl Fn(&mut SparseStiffness),
+    ) -> Result<(), InverseError> {
+        let cause = match edit {
+            Ok(edit) => match self.based.factor.apply(&edit, &mut self.scratch) {
+                Ok(()) => {
+                    apply(&mut self.stiffness);
+                    self.note(Arc::new(edit));
+                    return Ok(());
+                }
+                Err(bad) => bad.into_error("the changed stiffness", 0, 0),
+            },
+            Err(cause) => cause,
+        };
+        let mut stiffness = self.stiffness.clone();
+        apply(&mut stiffness);
+        match fresh(&stiffness) {
+            Ok(based) => {
+                tracing::warn!(%cause, "sparse: update refused, factor computed afresh");
+                self.stiffness = stiffness;
+                self.adopt(based, Vec::new());
+                self.rebuilds += 1;
+                Ok(())
+            }
+            Err(error) => {
+                self.restore();
+                Err(error)
+            }
+        }
+    }
+
+    /// Makes the factor again as it was, to the last bit: the same edits of the same base.
+    fn restore(&mut self) {
+        self.based.factor = (*self.based.base).clone();
+        for edit in &self.journal {
+            let again = self.based.factor.apply(edit, &mut self.scratch);
+            debug_assert!(again.is_ok(), "the same edits went well before");
+        }
+    }
+
+    /// Solves for up to [`TOGETHER`] loads, which `solutions` hold at first, and refines once
+    /// those whose residual asks for it.
+    fn solve_together(
+        &self,
+        loads: &[&[f64]],
+        solutions: &mut [&mut [f64]],
+    ) -> Result<(), InverseError> {
+        self.based.factor.solve(solutions);
+        let k = &self.stiffness;
+        let square = |x: &[f64]| -> f64 {
+            x.iter().enumerate().map(|(i, x)| x * x / k.diagonal(i).abs()).sum()
+        };
+        let mut residual = vec![0.0; k.dofs()];
+        for (load, solution) in loads.iter().zip(solutions) {
+            k.apply(solution, &mut residual)?;
+            residual.iter_mut().zip(*load).for_each(|(r, f)| *r = f - *r);
+            if square(&residual) > REFINEMENT_LIMIT * REFINEMENT_LIMIT * square(load) {
+                self.based.factor.solve(&mut [&mut residual]);
+                solution.iter_mut().zip(&residual).for_each(|(u, step)| *u += step);
+                self.refinements.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        Ok(())
+    }
+
+    fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
+        self.based = based;
+        self.journal = journal;
+        self.rebase = None;
+        self.scratch = Scratch::default();
+    }
+
+    /// Enters an edit in the journal; starts and adopts re-bases.
+    fn note(&mut self, edit: Arc<Edit>) {
+        if let Some((rebase, _)) = &mut self.rebase {
+            rebase.push(&edit);
+        }
+        self.journal.push(edit);
+        match self.rebase.take() {
+            Some((rebase, snapshot)) if self.journal.len() - snapshot >= self.options.delay => {
+                // The old factor is as right as ever: without a fresh one it goes on.
+                if let Some(based) = rebase.finish() {
+                    let journal = self.journal.split_off(snapshot);
+                    self.adopt(based, journal);
+                    self.rebases += 1;
+                }
+            }
+            Some(running) => self.rebase = Some(running),
+            None if self.is_due() => {
+                let pattern = Pattern::of(&self.stiffness);
+                let rebase = Rebase::start(pattern, self.options.background);
+                self.rebase = Some((rebase, self.journal.len()));
+            }
+            None => {}
+        }
+    }
+
+    fn is_due(&self) -> bool {
+        let limit = self.options.growth * self.based.base.blocks as f64;
+        self.journal.len() >= self.options.updates
+            || self.based.factor.blocks as f64 > limit
+            || self.scratch.loss > SOFTENED
+    }
+}
+
+/// A factor from K alone.
+fn fresh(stiffness: &SparseStiffness) -> Result<Based, InverseError> {
+    let block = stiffness.block();
+    Based::new(&Pattern::of(stiffness))
+        .map_err(|bad: BadPivot| bad.into_error("the stiffness", bad.position, block))
+}
+
+impl InverseMaintainer for Sparse {
+    fn name(&self) -> &'static str {
+        "sparse"
+    }
+
+    fn vertices(&self) -> usize {
+        self.stiffness.vertices()
+    }
+
+    fn stiffness(&self) -> &SparseStiffness {
+        &self.stiffness
+    }
+
+    fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+        self.stiffness.check_split(change)?;
+        let edit = Edit::split(change, self.stiffness.negative());
+        self.update(edit, |k| k.apply_split(change))?;
+        Ok(self.vertices() - 1)
+    }
+
+    fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
+        self.stiffness.check_merge(slot, change)?;
+        let last = self.vertices() - 1;
+        let edit = Edit::merge(slot, change, self.stiffness.negative());
+        self.update(edit, |k| _ = k.apply_merge(slot, change))?;
+        Ok((slot != last).then_some(last))
+    }
+
+    fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
+        self.stiffness.check_change(change)?;
+        self.update(Ok(Edit::change(change)), |k| k.apply_change(change))
+    }
+
+    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        let rows = self.stiffness.dofs();
+        check_vector("f", f, rows)?;
+        check_length("u", u, rows)?;
+        let mut solution = f.to_vec();
+        self.solve_together(&[f], &mut [&mut solution])?;
+        u.copy_from_slice(&solution);
+        Ok(())
+    }
+
+    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        check_range(slots, self.vertices())?;
+        let (rows, block) = (self.stiffness.dofs(), self.stiffness.block());
+        let mut columns = Mat::<f64>::zeros(rows, block * slots.len());
+        let all: Vec<usize> = (0..columns.ncols()).collect();
+        for group in all.chunks(TOGETHER) {
+            let mut loads = vec![vec![0.0; rows]; group.len()];
+            for (&j, load) in group.iter().zip(&mut loads) {
+                load[block * slots[j / block] + j % block] = 1.0;
+            }
+            let mut solutions = loads.clone();
+            let loads: Vec<&[f64]> = loads.iter().map(Vec::as_slice).collect();
+            let mut sides: Vec<&mut [f64]> = solutions.iter_mut().map(Vec::as_mut_slice).collect();
+            self.solve_together(&loads, &mut sides)?;
+            for (&j, solution) in group.iter().zip(&solutions) {
+                columns.col_as_slice_mut(j).copy_from_slice(solution);
+            }
+        }
+        Ok(columns)
+    }
+
+    fn rebuild(&mut self) -> Result<(), InverseError> {
+        let based = fresh(&self.stiffness)?;
+        self.adopt(based, Vec::new());
+        Ok(())
+    }
+
+    fn rebuilds(&self) -> usize {
+        self.rebuilds
+    }
+}

@@ -1,0 +1,99 @@
+//! A factor of a fresh order, made while the old one goes on working.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+
+use super::bennett::Scratch;
+use super::dissection;
+use super::edit::Edit;
+use super::factor::Factor;
+use super::pattern::Pattern;
+use super::pivot::BadPivot;
+use super::symbolic::Symbolic;
+
+/// A factor as it was made, and as it is after some edits.
+pub(crate) struct Based {
+    pub base: Arc<Factor>,
+    pub factor: Factor,
+}
+
+impl Based {
+    /// Orders and factors a matrix.
+    ///
+    /// # Errors
+    /// [`BadPivot`] with the slot of the vertex for its position.
+    pub(crate) fn new(pattern: &Pattern) -> Result<Self, BadPivot> {
+        let symbolic = Symbolic::new(pattern, dissection::order(pattern));
+        let last = symbolic.order.len();
+        let factor = Factor::new(pattern, &symbolic)
+            .map_err(|bad| BadPivot { position: symbolic.order[last - 1 - bad.position], ..bad })?;
+        Ok(Self { base: Arc::new(factor.clone()), factor })
+    }
+
+    /// The factor after `edits`; none if one of them fails.
+    pub(crate) fn replay(mut self, edits: impl IntoIterator<Item = Arc<Edit>>) -> Option<Self> {
+        let mut scratch = Scratch::default();
+        for edit in edits {
+            self.factor.apply(&edit, &mut scratch).ok()?;
+        }
+        Some(self)
+    }
+}
+
+/// A re-base on its way. What it returns does not depend on who does the work, or when.
+pub(crate) enum Rebase {
+    /// A thread makes the factor and follows the edits that are sent to it.
+    Thread { edits: Sender<Arc<Edit>>, worker: JoinHandle<Option<Based>> },
+    /// All is left to the end.
+    Later { pattern: Arc<Pattern>, edits: Vec<Arc<Edit>> },
+}
+
+impl Rebase {
+    /// Starts from a snapshot. Without a thread, wanted or to be had, the work is done at the end.
+    pub(crate) fn start(pattern: Pattern, background: bool) -> Self {
+        let pattern = Arc::new(pattern);
+        if background {
+            let (edits, received) = channel();
+            let snapshot = Arc::clone(&pattern);
+            let thread = std::thread::Builder::new().name("yawara-rebase".to_owned());
+            #[cfg(test)]
+            let slow = SLOW_MS.with(std::cell::Cell::get);
+            let work = move || {
+                #[cfg(test)]
+                std::thread::sleep(std::time::Duration::from_millis(slow));
+                Based::new(&snapshot).ok()?.replay(received)
+            };
+            if let Ok(worker) = thread.spawn(work) {
+                return Self::Thread { edits, worker };
+            }
+        }
+        Self::Later { pattern, edits: Vec::new() }
+    }
+
+    /// An edit that the snapshot does not have yet.
+    pub(crate) fn push(&mut self, edit: &Arc<Edit>) {
+        match self {
+            // If the worker is gone, `finish` says so.
+            Self::Thread { edits, .. } => _ = edits.send(Arc::clone(edit)),
+            Self::Later { edits, .. } => edits.push(Arc::clone(edit)),
+        }
+    }
+
+    /// Waits for the work; none if the matrix or an edit can't be factored.
+    pub(crate) fn finish(self) -> Option<Based> {
+        match self {
+            Self::Thread { edits, worker } => {
+                drop(edits);
+                worker.join().ok().flatten()
+            }
+            Self::Later { pattern, edits } => Based::new(&pattern).ok()?.replay(edits),
+        }
+    }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// How long the workers that this thread starts sleep first.
+    pub(super) static SLOW_MS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}

@@ -1,0 +1,195 @@
+//! Solving with the factor: forward, divide, backward; several right-hand sides at a time.
+
+use pulp::{Simd, WithSimd};
+
+use super::factor::{Factor, Panel};
+use super::pivot::Pivot;
+
+/// Right-hand sides that share one pass over the factor.
+pub(crate) const TOGETHER: usize = 4;
+
+struct Solve<'a, 's, const M: usize, const R: usize> {
+    factor: &'a Factor,
+    sides: [&'a mut &'s mut [f64]; R],
+}
+
+impl<const M: usize, const R: usize> WithSimd for Solve<'_, '_, M, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.factor.solve_sides::<M, R>(self.sides);
+    }
+}
+
+impl Factor {
+    /// Solves L D Lᵀ x = b in place for up to [`TOGETHER`] right-hand sides, each with `block`
+    /// numbers per slot. Columns of the factor that a right-hand side doesn't reach are skipped.
+    ///
+    /// Cost: two passes over the factor's blocks.
+    pub(crate) fn solve(&self, sides: &mut [&mut [f64]]) {
+        match (self.block, sides) {
+            (m, [one]) => self.solve_block::<1>(m, [one]),
+            (m, [one, two]) => self.solve_block::<2>(m, [one, two]),
+            (m, [one, two, three]) => self.solve_block::<3>(m, [one, two, three]),
+            (m, [one, two, three, four]) => self.solve_block::<4>(m, [one, two, three, four]),
+            (_, _) => debug_assert!(false, "more right-hand sides than go together"),
+        }
+    }
+
+    fn solve_block<const R: usize>(&self, block: usize, sides: [&mut &mut [f64]; R]) {
+        let arch = pulp::Arch::new();
+        match block {
+            1 => arch.dispatch(Solve::<1, R> { factor: self, sides }),
+            2 => arch.dispatch(Solve::<2, R> { factor: self, sides }),
+            3 => arch.dispatch(Solve::<3, R> { factor: self, sides }),
+            _ => arch.dispatch(Solve::<4, R> { factor: self, sides }),
+        }
+    }
+
+    #[inline(always)]
+    fn solve_sides<const M: usize, const R: usize>(&self, mut sides: [&mut &mut [f64]; R]) {
+        // By position: rows of a panel are near each other there.
+        let mut x = vec![[0.0; R]; M * self.positions()];
+        for (slot, &position) in self.position_of.iter().enumerate() {
+            for a in 0..M {
+                for (r, side) in sides.iter().enumerate() {
+                    x[M * position as usize + a][r] = side[M * slot + a];
+                }
+            }
+        }
+        let mut local = Vec::new();
+        for panel in (0..self.panels.len()).rev() {
+            self.forward::<M, R>(panel, &mut x, &mut local);
+        }
+        for panel in 0..self.panels.len() {
+            self.backward::<M, R>(panel, &mut x, &mut local);
+        }
+        for (slot, &position) in self.position_of.iter().enumerate() {
+            for a in 0..M {
+                for (r, side) in sides.iter_mut().enumerate() {
+                    side[M * slot + a] = x[M * position as usize + a][r];
+                }
+            }
+        }
+    }
+
+    /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x.
+    #[inline(always)]
+    fn forward<const M: usize, const R: usize>(
+        &self,
+        at: usize,
+        x: &mut [[f64; R]],
+        local: &mut Vec<[f64; R]>,
+    ) {
+        let panel = &self.panels[at];
+        let own = M * panel.low..M * (panel.low + panel.width);
+        if x[own.clone()].as_flattened().iter().all(|&value| value == 0.0) {
+            return;
+        }
+        // What is taken off the rows: the panel's own first, highest position first.
+        local.clear();
+        local.resize(M * (panel.width + panel.rows.len()), [0.0; R]);
+        for column in 0..panel.width {
+            let first = M * (panel.low + panel.width - 1 - column);
+            let mut head = [[0.0; M]; R];
+            for a in 0..M {
+                for r in 0..R {
+                    x[first + a][r] -= local[M * column + a][r];
+                    head[r][a] = x[first + a][r];
+                }
+            }
+            if head.as_flattened().iter().all(|&value| value == 0.0) {
+                continue;
+            }
+            let below = &mut local[M * (column + 1)..];
+            let lower = panel.below::<M>(column, below.len());
+            for (i, sum) in below.iter_mut().enumerate() {
+                for a in 0..M {
+                    for r in 0..R {
+                        sum[r] += lower[a][i] * head[r][a];
+                    }
+                }
+            }
+            let pivot = Pivot::<M>::read(&panel.pivots[M * M * column..M * M * (column + 1)]);
+            for r in 0..R {
+                pivot.solve(&mut head[r]);
+                for a in 0..M {
+                    x[first + a][r] = head[r][a];
+                }
+            }
+        }
+        for (&row, sums) in panel.rows.iter().zip(local[M * panel.width..].as_chunks::<M>().0) {
+            for a in 0..M {
+                for r in 0..R {
+                    x[M * row as usize + a][r] -= sums[a][r];
+                }
+            }
+        }
+    }
+
+    /// The panel's own rows of x ← L⁻ᵀ x.
+    #[inline(always)]
+    fn backward<const M: usize, const R: usize>(
+        &self,
+        at: usize,
+        x: &mut [[f64; R]],
+        local: &mut Vec<[f64; R]>,
+    ) {
+        let panel = &self.panels[at];
+        local.clear();
+        local.resize(M * panel.width, [0.0; R]);
+        for &row in &panel.rows {
+            local.extend_from_slice(&x[M * row as usize..M * (row as usize + 1)]);
+        }
+        for column in (0..panel.width).rev() {
+            let first = M * (panel.low + panel.width - 1 - column);
+            let below = &local[M * (column + 1)..];
+            let sums = products(panel.below::<M>(column, below.len()), below);
+            for a in 0..M {
+                for r in 0..R {
+                    x[first + a][r] -= sums[a][r];
+                    local[M * column + a][r] = x[first + a][r];
+                }
+            }
+        }
+    }
+}
+
+impl Panel {
+    /// The scalar columns of a block column, below the diagonal block.
+    #[inline(always)]
+    fn below<const M: usize>(&self, column: usize, length: usize) -> [&[f64]; M] {
+        std::array::from_fn(|a| {
+            let first = self.stride * (M * column + a) + M * (column + 1);
+            &self.values[first..first + length]
+        })
+    }
+}
+
+/// Σ_i l_i x_i for every column l and right-hand side, in sums that don't wait for each other.
+#[inline(always)]
+fn products<const M: usize, const R: usize>(l: [&[f64]; M], x: &[[f64; R]]) -> [[f64; R]; M] {
+    const SUMS: usize = 4;
+    let mut sums = [[[0.0; R]; SUMS]; M];
+    let (whole, rest) = x.as_chunks::<SUMS>();
+    let chunks = l.map(|l| l.as_chunks::<SUMS>().0);
+    for (at, x) in whole.iter().enumerate() {
+        for a in 0..M {
+            let l = chunks[a][at];
+            for lane in 0..SUMS {
+                for r in 0..R {
+                    sums[a][lane][r] += l[lane] * x[lane][r];
+                }
+            }
+        }
+    }
+    for (i, x) in rest.iter().enumerate() {
+        for a in 0..M {
+            for r in 0..R {
+                sums[a][i][r] += l[a][SUMS * whole.len() + i] * x[r];
+            }
+        }
+    }
+    sums.map(|s| std::array::from_fn(|r| (s[0][r] + s[1][r]) + (s[2][r] + s[3][r])))
+}

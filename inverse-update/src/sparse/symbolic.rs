@@ -1,0 +1,155 @@
+//! Where the factor has blocks: the elimination tree, and panels of columns that share rows.
+
+use super::pattern::Pattern;
+
+/// Part of a panel's blocks that may be zero for the sake of wider panels.
+const ZEROS: f64 = 0.05;
+
+/// Panels of at most this many columns are worth twice as many zeros.
+const NARROW: usize = 8;
+
+/// The columns `first..first + width` of the elimination order and the rows below them.
+#[derive(Debug, Clone)]
+pub(crate) struct PanelShape {
+    pub first: usize,
+    pub width: usize,
+    /// Ascending in the elimination order.
+    pub rows: Vec<u32>,
+}
+
+/// An elimination order with the panels of its factor, leaves first.
+pub(crate) struct Symbolic {
+    /// The vertex that goes at each step.
+    pub order: Vec<usize>,
+    pub panels: Vec<PanelShape>,
+}
+
+const NONE: usize = usize::MAX;
+
+impl Symbolic {
+    /// Analyses an order. Cost: O(blocks of the factor).
+    ///
+    /// # Source
+    /// Liu, The role of elimination trees in sparse factorization, SIAM J. Matrix Anal. Appl.
+    /// 11(1), 1990; Ashcraft, Grimes, The influence of relaxed supernode partitions, 1989.
+    pub(crate) fn new(pattern: &Pattern, order: Vec<usize>) -> Self {
+        let parent = elimination_tree(pattern, &order);
+        let order: Vec<usize> = postorder(&parent).into_iter().map(|at| order[at]).collect();
+        let parent = elimination_tree(pattern, &order);
+        let panels = panels(pattern, &order, &parent);
+        Self { order, panels }
+    }
+}
+
+fn steps(order: &[usize]) -> Vec<usize> {
+    let mut step = vec![0; order.len()];
+    for (at, &v) in order.iter().enumerate() {
+        step[v] = at;
+    }
+    step
+}
+
+/// The first later column that each column changes.
+fn elimination_tree(pattern: &Pattern, order: &[usize]) -> Vec<usize> {
+    let step = steps(order);
+    let n = order.len();
+    let (mut parent, mut ancestor) = (vec![NONE; n], vec![NONE; n]);
+    for at in 0..n {
+        for &other in pattern.neighbours(order[at]) {
+            let mut below = step[other as usize];
+            while below < at {
+                let next = ancestor[below];
+                ancestor[below] = at;
+                if next == NONE {
+                    parent[below] = at;
+                    break;
+                }
+                below = next;
+            }
+        }
+    }
+    parent
+}
+
+/// The steps such that every subtree is in one piece, the largest right before its root: that one
+/// can share a panel with it.
+fn postorder(parent: &[usize]) -> Vec<usize> {
+    let n = parent.len();
+    let mut size = vec![1; n];
+    let mut children = vec![Vec::new(); n];
+    for at in 0..n {
+        if parent[at] != NONE {
+            size[parent[at]] += size[at];
+            children[parent[at]].push(at);
+        }
+    }
+    let mut result = Vec::with_capacity(n);
+    // From the roots down, largest child first; the reverse of that is the order.
+    let mut stack: Vec<usize> = (0..n).filter(|&at| parent[at] == NONE).collect();
+    while let Some(at) = stack.pop() {
+        result.push(at);
+        children[at].sort_by_key(|&child| size[child]);
+        stack.append(&mut children[at]);
+    }
+    result.reverse();
+    result
+}
+
+/// Panels of equal or nearly equal columns. A panel that follows its only or last child takes the
+/// child in as long as few zeros come with it.
+fn panels(pattern: &Pattern, order: &[usize], parent: &[usize]) -> Vec<PanelShape> {
+    let step = steps(order);
+    let n = order.len();
+    let mut rows_of: Vec<Vec<u32>> = vec![Vec::new(); n];
+    let mut mark = vec![NONE; n];
+    for at in 0..n {
+        // The children have put their rows here.
+        let mut rows = std::mem::take(&mut rows_of[at]);
+        mark[at] = at;
+        rows.retain(|&row| std::mem::replace(&mut mark[row as usize], at) != at);
+        for &other in pattern.neighbours(order[at]) {
+            let row = step[other as usize];
+            if row > at && mark[row] != at {
+                mark[row] = at;
+                rows.push(row as u32);
+            }
+        }
+        rows.sort_unstable();
+        if parent[at] != NONE {
+            rows_of[parent[at]].extend_from_slice(&rows[1..]);
+        }
+        rows_of[at] = rows;
+    }
+    let mut panels: Vec<PanelShape> = Vec::new();
+    let mut kept: Vec<usize> = Vec::new();
+    for at in 0..n {
+        let rows = std::mem::take(&mut rows_of[at]);
+        let mut next = PanelShape { first: at, width: 1, rows };
+        let mut real = 1 + next.rows.len();
+        while let Some(child) = panels.last() {
+            if child.rows.first().is_none_or(|&row| row as usize != next.first) {
+                break;
+            }
+            let below = kept.last().copied().unwrap_or(0);
+            let width = child.width + next.width;
+            let total = blocks(width, next.rows.len());
+            let zeros = (total - real - below) as f64;
+            let allowed = if width <= NARROW { 2.0 * ZEROS } else { ZEROS };
+            if zeros > allowed * total as f64 {
+                break;
+            }
+            real += below;
+            next = PanelShape { first: child.first, width, rows: next.rows };
+            panels.pop();
+            kept.pop();
+        }
+        panels.push(next);
+        kept.push(real);
+    }
+    panels
+}
+
+/// Blocks of a panel on and below its diagonal.
+pub(crate) fn blocks(width: usize, rows: usize) -> usize {
+    width * (width + 1) / 2 + width * rows
+}
