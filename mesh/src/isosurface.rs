@@ -14,6 +14,7 @@ mod export;
 mod label_boundary;
 mod label_field;
 mod measure;
+mod outlines;
 mod ply;
 mod vtp;
 
@@ -22,6 +23,7 @@ use nalgebra::Vector3;
 pub use export::SurfaceData;
 pub use label_boundary::LabelBoundary;
 pub use label_field::LabelField;
+pub use outlines::{Outline, Outlines};
 pub use ply::{PlyEncoding, write_ply};
 pub use vtp::write_vtp;
 

@@ -26,6 +26,8 @@ pub enum Command {
     Mesh(MeshArguments),
     /// Writes the labels that a scene would use of an image: resampled to cubes, classified.
     Labels(LabelsArguments),
+    /// Writes the outlines of a label map's labels, closed and oriented.
+    Surface(SurfaceArguments),
     /// Lists the built-in scenes.
     Scenes,
     /// Lists the graphics adapters (needs the feature `gpu`).
@@ -106,6 +108,21 @@ pub struct LabelsArguments {
     /// What is in no range becomes 0.
     #[arg(long, value_name = "LABEL:LOW:HIGH", allow_hyphen_values = true)]
     pub range: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct SurfaceArguments {
+    /// A label map, or the word phantom for the procedural liver.
+    pub image: String,
+    /// A label to outline; repeatable [default: all].
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub label: Vec<i64>,
+    /// Width in voxels of the blur that rounds off stairs; tubes of radius below 1.18 of it vanish.
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_hyphen_values = true)]
+    pub sigma_voxels: f64,
+    /// The file to write: .ply or .vtp, scanner RAS in mm.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
 }
 
 /// The message of a usage error as one paragraph, without the usage lines.

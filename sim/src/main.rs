@@ -7,6 +7,7 @@ mod labels_command;
 mod mesh_command;
 mod printer;
 mod run_command;
+mod surface_command;
 mod text;
 
 use std::io::IsTerminal;
@@ -69,6 +70,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Plan(arguments) => plan(&arguments, &mut out)?,
         Command::Mesh(arguments) => mesh_command::run(&arguments, &mut out)?,
         Command::Labels(arguments) => labels_command::run(&arguments, &mut out)?,
+        Command::Surface(arguments) => surface_command::run(&arguments, &mut out)?,
         Command::Scenes => scenes(&mut out)?,
         Command::Devices => devices_command::run(&mut out)?,
     }

@@ -102,12 +102,7 @@ impl UniformMesh {
             );
             return Err(refuse("--level", level.to_string(), want));
         }
-        let cell_m = voxels_per_cell as f64 * grid.spacing_mm * 1e-3;
-        let first = Vector3::from(cells.first_voxel.map(|v| v as f64));
-        let placement = Placement {
-            origin: first * (grid.spacing_mm * 1e-3),
-            unit: cell_m / f64::from(lattice.units),
-        };
+        let placement = cells.placement(grid.spacing_mm * 1e-3, &lattice);
         let forest = BisectionForest::new(domain, tree.clone(), level, level)?;
         Ok(Self { forest, tree, placement, grid, voxels_per_cell })
     }

@@ -98,10 +98,7 @@ impl Setup {
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
         let lattice = Lattice::new(grid.cells, scene.mesh.finest_level());
         let base_m = voxels_per_cell as f64 * voxel_mm * 1e-3;
-        let placement = Placement {
-            origin: Vector3::from_fn(|i, _| grid.first_voxel[i] as f64 * voxel_mm * 1e-3),
-            unit: base_m / f64::from(lattice.units),
-        };
+        let placement = grid.placement(voxel_mm * 1e-3, &lattice);
         let mut setup = Self {
             summary: BodySummary {
                 image,

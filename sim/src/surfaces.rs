@@ -2,10 +2,10 @@
 
 use nalgebra::Vector3;
 use yawara_embed::DetailMesh;
-use yawara_mesh::isosurface::{IsoSurface, LabelBoundary, LabelField, SurfaceOptions};
+use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
 use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{BisectionForest, Domain, Lattice, Region};
+use yawara_mesh::{Domain, Lattice};
 
 use crate::error::SimError;
 use crate::refinement::Refiner;
@@ -13,10 +13,6 @@ use crate::report::{SurfaceFrame, SurfaceSummary};
 use crate::scene::Scene;
 use crate::setup::Setup;
 use crate::start::ScannerAxes;
-
-/// How far around a label's voxels its mesh is fine, voxels: the field between centres of voxels
-/// ends half a voxel beyond them.
-const MARGIN: f64 = 0.5;
 
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
@@ -46,29 +42,21 @@ impl Surfaces {
         let mut domain = Domain::of_labels(Lattice::new(cells, level), &setup.tree);
         let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
         domain.exclude(&dropped);
-        let start = scene.mesh.start_level.min(level);
-        let mut forest = BisectionForest::new(domain, setup.tree.clone(), start, level)?;
-        let mut labels = Vec::new();
+        let mut outlines = Vec::new();
         for (i, one) in asked.iter().enumerate() {
-            labels.push(dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
+            let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
                 place: scene.name.clone(),
                 key: format!("output.surfaces[{i}].label"),
                 value: one.label.to_string(),
                 want: format!("a label that occurs in {}", setup.image_name()),
-            })?);
+            })?;
+            outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
         }
-        let boundaries: Vec<LabelBoundary> = labels
-            .iter()
-            .map(|&label| LabelBoundary::new(&setup.volume, label))
-            .collect::<Result<_, _>>()?;
-        forest.refine_where(level, usize::MAX, Region::Everywhere, &|forest, tet| {
-            boundaries.iter().any(|boundary| boundary.crosses(forest, tet, MARGIN))
-        })?;
+        let lattice = *domain.lattice();
+        let Outlines { forest, surfaces } =
+            Outlines::new(&setup.volume, &setup.tree, domain, level, &outlines)?;
         let mut parts = Vec::new();
-        for (i, (one, dense)) in asked.iter().zip(labels).enumerate() {
-            let field = LabelField::blurred(&setup.volume, dense, one.sigma_voxels)?;
-            let values = field.on_vertices(&forest);
-            let surface = IsoSurface::of_forest(&forest, &values, SurfaceOptions::of_label(dense))?;
+        for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
             if surface.triangles.is_empty() {
                 tracing::warn!(
                     "label {} has no surface: a blur of {} voxels takes it below one half \
@@ -79,13 +67,13 @@ impl Surfaces {
             }
             parts.push(Part { label: one.label, surface });
         }
-        let detail = DetailMesh::new(forest);
-        let unit = setup.base_m / f64::from(1u32 << level.div_ceil(3));
-        let mut rest = vec![Vector3::zeros(); detail.forest().vertex_capacity()];
-        for v in detail.forest().vertices() {
-            let p = detail.forest().point(v);
-            rest[v.index()] = setup.placement.origin + Vector3::from(p.map(f64::from)) * unit;
+        let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
+        let placement = setup.tree.grid().placement(voxel_m, &lattice);
+        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+        for v in forest.vertices() {
+            rest[v.index()] = placement.position(forest.point(v));
         }
+        let detail = DetailMesh::new(forest);
         Ok(Some(Self { detail, rest, parts }))
     }
 

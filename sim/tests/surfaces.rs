@@ -111,3 +111,22 @@ fn labels_that_are_not_there_and_blurs_out_of_range_are_refused() {
         bench.refused(&["run", "bar.toml", "--out", "run", "--set", &set], &[words]);
     }
 }
+
+#[test]
+fn outlines_of_a_label_map_are_written_as_ply_and_vtp() {
+    let bench = Workbench::new();
+    let printed = bench.succeed(&["surface", "phantom", "--out", "all.vtp"]);
+    assert_eq!(printed.matches("label ").count(), 4, "{printed}");
+    bench.succeed(&["surface", "phantom", "--label", "4", "--out", "tumour.ply"]);
+    let head =
+        String::from_utf8_lossy(&fs::read(bench.path("tumour.ply")).unwrap()[..60]).into_owned();
+    assert!(head.starts_with("ply\nformat binary_little_endian 1.0\n"), "{head}");
+    let cases = [
+        (vec!["--out", "x.stl"], "x.stl, want a file name that ends in .ply or .vtp"),
+        (vec!["--out", "x.ply", "--label", "9"], "--label is 9, want one of 1, 2, 3, 4"),
+        (vec!["--out", "x.ply", "--sigma-voxels", "-1"], "--sigma-voxels is -1, want 0 to 16"),
+    ];
+    for (arguments, words) in cases {
+        bench.refused(&[&["surface", "phantom"][..], &arguments].concat(), &[words]);
+    }
+}
