@@ -102,6 +102,26 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
 
+    /// The block C_pp of C on the rows and columns of `slots`: what a tool that holds them feels.
+    ///
+    /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
+    /// a shorter way.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        let columns = self.columns(slots)?;
+        let block = self.stiffness().block();
+        let row = |i: usize| block * slots[i / block] + i % block;
+        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| columns[(row(i), j)]))
+    }
+
+    /// Whether columns of C lie ready to be read. If not, C_:p w costs less as one solve with the
+    /// right-hand side w than from the columns.
+    fn holds_columns(&self) -> bool {
+        false
+    }
+
     /// Computes the inverse afresh from [`stiffness`](Self::stiffness).
     ///
     /// # Errors

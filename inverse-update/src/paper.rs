@@ -276,6 +276,10 @@ impl InverseMaintainer for Paper {
         full::columns(&self.inverse, slots, self.stiffness.block())
     }
 
+    fn holds_columns(&self) -> bool {
+        true
+    }
+
     fn rebuild(&mut self) -> Result<(), InverseError> {
         self.inverse = cholesky_inverse(&self.stiffness)?;
         Ok(())

@@ -272,6 +272,10 @@ impl InverseMaintainer for Woodbury {
         Ok(self.inverse.gather(slots, self.stiffness.block()))
     }
 
+    fn holds_columns(&self) -> bool {
+        true
+    }
+
     fn rebuild(&mut self) -> Result<(), InverseError> {
         let inverse = cholesky_inverse(&self.stiffness)?;
         self.inverse = PackedSymmetric::from_lower(inverse.as_ref());

@@ -56,10 +56,10 @@ impl<'a> Held<'a> {
 
     /// Positions with the held vertices at their targets and the others dragged along as in the
     /// warped linear body: the first iterate.
-    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Vec<Vector3<f64>> {
+    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Result<Vec<Vector3<f64>>, SimError> {
         let mut positions = state.positions.clone();
         if self.vertices.is_empty() {
-            return positions;
+            return Ok(positions);
         }
         let rotations = state.body.vertex_rotations();
         let targets: Vec<Vector3<f64>> =
@@ -71,14 +71,14 @@ impl<'a> Held<'a> {
             .map(|(&(v, _), target)| rotations[v].transpose() * (target - positions[v]))
             .collect();
         let mut drag = vec![0.0; 3 * positions.len()];
-        self.constrained.drag(&moves, &mut drag);
+        self.constrained.drag(&moves, &mut drag)?;
         for (v, d) in drag.chunks_exact(3).enumerate() {
             positions[v] += rotations[v] * Vector3::from_column_slice(d);
         }
         for (&(v, _), target) in self.vertices.iter().zip(&targets) {
             positions[v] = *target;
         }
-        positions
+        Ok(positions)
     }
 }
 
@@ -152,7 +152,7 @@ impl Simulation {
         // Elements and vertices may have come in since the last solve: renew their rotations.
         self.evaluate_forces();
         let held = Held::new(&self.state, &self.inverse)?;
-        let moved = held.drag(&self.state, &self.tools, span.to);
+        let moved = held.drag(&self.state, &self.tools, span.to)?;
         times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
