@@ -10,6 +10,7 @@ mod pattern;
 mod pivot;
 mod rebase;
 mod substitution;
+mod sweep;
 mod symbolic;
 #[cfg(test)]
 mod tests;
