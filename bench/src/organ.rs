@@ -106,6 +106,16 @@ impl Organ {
         })
     }
 
+    /// The body of the finer start mesh that has at most `free` free vertices, the coarser one if
+    /// neither has.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_at_most(free: usize) -> Result<Self, BenchError> {
+        let full = Self::new(Size::Full)?;
+        if full.free_vertices().count() <= free { Ok(full) } else { Self::new(Size::Quick) }
+    }
+
     /// Rest position of a lattice point, m.
     pub fn rest(&self, point: Point) -> Vector3<f64> {
         self.placement.position(point)
