@@ -96,9 +96,10 @@ pub(crate) fn maintainers() -> impl Iterator<Item = &'static str> {
     CHOICES.iter().copied().filter(|name| DIRECT.iter().all(|direct| direct.name() != *name))
 }
 
-/// Units of work of one size, for the time left: dense methods start with n³.
+/// Units of work of one size, for the time left: between the updates of a dense method and its
+/// start.
 pub(crate) fn work(vertices: usize) -> f64 {
-    (vertices as f64).powi(3)
+    (vertices as f64).powf(2.5)
 }
 
 /// Half of C with its diagonal, for `dofs` rows.
@@ -201,7 +202,9 @@ impl<'a> Race<'a> {
             return Ok(());
         }
         let lane = Lane::maintainer(name, course, stiffness.clone())?;
-        growth.note((name, family, "build"), dofs, lane.build_ms);
+        if let Some(build_ms) = lane.build_ms {
+            growth.note((name, family, "build"), dofs, build_ms);
+        }
         self.lanes.push(lane);
         Ok(())
     }
@@ -231,7 +234,7 @@ impl<'a> Race<'a> {
         let bytes = if lane::is_sparse(name) { 0.0 } else { 3.0 * 8.0 * dofs * dofs };
         if bytes > self.settings.memory_bytes {
             let limit = self.settings.memory_bytes / 1e9;
-            return Some(format!("needs {:.1} GB, limit {limit:.1} GB", bytes / 1e9));
+            return Some(format!("needs {:.2} GB, limit {limit:.2} GB", bytes / 1e9));
         }
         let seconds = expected_ms? / 1e3;
         let cap = self.settings.cap_s;
@@ -291,7 +294,7 @@ impl<'a> Race<'a> {
             course.reference = None;
         }
         for lane in &mut self.lanes {
-            if lane.last_burst(bursts) != number {
+            if lane.last_burst(bursts) != Some(number) {
                 continue;
             }
             let course = &mut self.courses[lane.course];

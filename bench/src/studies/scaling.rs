@@ -152,11 +152,11 @@ mod tests {
         let arguments = Arguments {
             out: out.clone(),
             quick: true,
-            vertices: vec![160, 240, 7000],
+            vertices: vec![160, 240, 2200],
             pairs: Some(5),
             cap_s: 60,
-            // Three times 21000² numbers are 10.6 GB.
-            memory_gb: Some(10),
+            // Three times 6600² numbers are 1.05 GB.
+            memory_gb: Some(1),
             seed: 2,
             force: false,
         };
@@ -180,13 +180,13 @@ mod tests {
         let left_out = value["left_out"].as_array().unwrap();
         let dense = race::maintainers().filter(|name| !name.starts_with("sparse")).count();
         assert_eq!(left_out.len(), 2 * dense);
-        assert!(left_out.iter().all(|l| l["vertices"] == 7000));
-        assert!(text.contains("left out, needs 10.6 GB, limit 10.0 GB"), "{text}");
+        assert!(left_out.iter().all(|l| l["vertices"] == 2200));
+        assert!(text.contains("left out, needs 1.05 GB, limit 1.00 GB"), "{text}");
         let large: Vec<&Value> = value["rows"]
             .as_array()
             .unwrap()
             .iter()
-            .filter(|row| row["vertices"] == 7000)
+            .filter(|row| row["vertices"] == 2200)
             .collect();
         assert!(large.iter().any(|row| row["method"] == "sparse"));
         for row in large {

@@ -28,13 +28,14 @@ impl Growth {
         Some(along(points, slope(points), dofs))
     }
 
-    /// As [`fitted`](Self::fitted); from a single size by the power known from theory. None
-    /// without any.
+    /// The time that a next size may be held against a limit with: as [`fitted`](Self::fitted),
+    /// but with a power that theory allows, since two small sizes can be off by any. From a single
+    /// size by the power of theory; none without any.
     pub fn expect(&self, key: Key, dofs: usize) -> Option<f64> {
-        self.fitted(key, dofs).or_else(|| {
-            let power = if is_sparse(key.0) { 2.0 } else { 3.0 };
-            Some(along(self.times.get(&key)?, power, dofs))
-        })
+        let points = self.times.get(&key)?;
+        let (low, high) = if is_sparse(key.0) { (1.0, 2.0) } else { (2.5, 3.0) };
+        let power = if points.len() > 1 { slope(points).clamp(low, high) } else { high };
+        Some(along(points, power, dofs))
     }
 }
 
@@ -62,5 +63,17 @@ mod tests {
         let want = 2.0 * 10f64.powf(2.5);
         assert!((growth.fitted(KEY, 1000).unwrap() - want).abs() < 1e-9 * want);
         assert_eq!(growth.fitted(("lu", "laminate", "split"), 1000), None);
+    }
+
+    #[test]
+    fn two_disturbed_sizes_forbid_nothing() {
+        let key = ("sparse", "rank3", "build");
+        let mut growth = Growth::default();
+        growth.note(key, 100, 1.0);
+        growth.note(key, 200, 32.0);
+        // A power of 5 in the data, one of 2 in what is expected: 1 and 32 / 4 at 100 rows.
+        let (low, high) = (1e4, 8e4);
+        let expected = growth.expect(key, 10_000).unwrap();
+        assert!((0.99 * low..1.01 * high).contains(&expected), "{expected}");
     }
 }

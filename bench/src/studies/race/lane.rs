@@ -58,13 +58,21 @@ pub(crate) struct Errors {
     pub columns: f64,
     /// The monitor's figure; only a maintainer has one.
     pub drift: Option<f64>,
+    /// Fresh starts by itself; only a maintainer counts them.
+    pub rebuilds: Option<usize>,
     /// Which factor the reference was solved by.
     pub reference: &'static str,
 }
 
 enum Runner {
     Kept(Box<dyn InverseMaintainer>),
-    Direct { method: Direct, rebuilds: usize, solver: Option<Solver> },
+    Direct {
+        method: Direct,
+        rebuilds: usize,
+        solver: Option<Solver>,
+    },
+    /// Judged; its memory is free for others.
+    Done,
 }
 
 /// One method in one family.
@@ -75,8 +83,8 @@ pub(crate) struct Lane {
     /// Bursts that it may take part in.
     limit: usize,
     spent_ms: f64,
-    /// Time of the start, ms; 0 for a direct method, which does nothing else.
-    pub build_ms: f64,
+    /// Time of the start, ms; a direct method does nothing else.
+    pub build_ms: Option<f64>,
     /// Splits and, for a direct method, rebuilds.
     pub split: Samples,
     /// Merges of the newest vertex.
@@ -121,7 +129,7 @@ impl Lane {
     ) -> Result<Self, BenchError> {
         let begin = Instant::now();
         let kept = build(name, stiffness)?;
-        let build_ms = begin.elapsed().as_secs_f64() * 1e3;
+        let build_ms = Some(begin.elapsed().as_secs_f64() * 1e3);
         Ok(Self { build_ms, ..Self::new(name, course, Runner::Kept(kept)) })
     }
 
@@ -138,7 +146,7 @@ impl Lane {
             runner,
             limit: usize::MAX,
             spent_ms: 0.0,
-            build_ms: 0.0,
+            build_ms: None,
             split: Samples::default(),
             merge: Samples::default(),
             old_merge: Samples::default(),
@@ -152,50 +160,37 @@ impl Lane {
         !is_sparse(self.name)
     }
 
-    pub fn is_direct(&self) -> bool {
-        matches!(self.runner, Runner::Direct { .. })
-    }
-
     /// Of what it stores, by its name.
     pub fn precision(&self) -> &'static str {
         if self.name.ends_with("_f32") { "f32" } else { "f64" }
     }
 
-    pub fn rebuilds(&self) -> Option<usize> {
-        match &self.runner {
-            Runner::Kept(kept) => Some(kept.rebuilds()),
-            Runner::Direct { .. } => None,
+    /// It runs in every so manieth burst; none once it is judged.
+    fn stride(&self, bursts: usize) -> Option<usize> {
+        match self.runner {
+            Runner::Kept(_) => Some(1),
+            Runner::Direct { rebuilds, .. } => Some(bursts.div_ceil(rebuilds)),
+            Runner::Done => None,
         }
     }
 
-    /// Numbers of the burst after which the errors are taken.
-    pub fn last_burst(&self, bursts: usize) -> usize {
-        match self.runner {
-            Runner::Kept(_) => self.limit.min(bursts) - 1,
-            Runner::Direct { rebuilds, .. } => {
-                let step = bursts.div_ceil(rebuilds);
-                (self.limit.min(bursts) - 1) / step * step
-            }
-        }
+    /// Number of the burst after which the errors are taken.
+    pub fn last_burst(&self, bursts: usize) -> Option<usize> {
+        let stride = self.stride(bursts)?;
+        Some((self.limit.min(bursts) - 1) / stride * stride)
     }
 
     /// Whether it has a turn in this burst.
     pub fn runs(&self, number: usize, bursts: usize) -> bool {
-        let spread = match self.runner {
-            Runner::Kept(_) => true,
-            Runner::Direct { rebuilds, .. } => number.is_multiple_of(bursts.div_ceil(rebuilds)),
-        };
-        spread && number < self.limit
+        let turn = self.stride(bursts).is_some_and(|stride| number.is_multiple_of(stride));
+        turn && number < self.limit
     }
 
     /// From what the first burst took: as many as the time cap allows.
     pub fn limit_to(&mut self, settings: &Settings) {
-        let bursts = (1e3 * settings.cap_s / self.spent_ms.max(1e-3)) as usize;
-        let step = match self.runner {
-            Runner::Kept(_) => 1,
-            Runner::Direct { rebuilds, .. } => settings.bursts().div_ceil(rebuilds),
-        };
-        self.limit = bursts.max(1).saturating_mul(step);
+        let turns = (1e3 * settings.cap_s / self.spent_ms.max(1e-3)) as usize;
+        let stride = self.stride(settings.bursts()).unwrap_or(1);
+        self.limit = turns.max(1).saturating_mul(stride);
     }
 
     /// Replays a burst; `stiffness` is K after it, for those who start from that.
@@ -207,32 +202,39 @@ impl Lane {
     ) -> Result<(), BenchError> {
         let begin = Instant::now();
         match &mut self.runner {
-            Runner::Kept(kept) => {
-                for (at, pair) in burst.pairs.iter().enumerate() {
-                    let old = pair[0].kind == Change::Merge;
-                    for update in pair {
-                        let start = Instant::now();
-                        update.apply(kept.as_mut())?;
-                        let time = start.elapsed().as_secs_f64() * 1e3;
-                        let samples = match update.kind {
-                            Change::Split => &mut self.split,
-                            Change::Merge if old => &mut self.old_merge,
-                            Change::Merge => &mut self.merge,
-                        };
-                        if at > 0 {
-                            samples.push(number, time);
-                        }
-                    }
-                }
-            }
+            Runner::Kept(_) => self.replay(number, burst)?,
             Runner::Direct { method, solver, .. } => {
                 let (fresh, time) = method.rebuild(&stiffness()?)?;
                 self.split.push(number, time);
                 *solver = Some(fresh);
             }
+            Runner::Done => {}
         }
         self.use_it(number, burst)?;
         self.spent_ms += begin.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// The updates of a burst; the first pair finds its numbers outside of the caches and does
+    /// not count.
+    fn replay(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
+        let Runner::Kept(kept) = &mut self.runner else { return Ok(()) };
+        for (at, pair) in burst.pairs.iter().enumerate() {
+            let old = pair[0].kind == Change::Merge;
+            for update in pair {
+                let start = Instant::now();
+                update.apply(kept.as_mut())?;
+                let time = start.elapsed().as_secs_f64() * 1e3;
+                let samples = match update.kind {
+                    Change::Split => &mut self.split,
+                    Change::Merge if old => &mut self.old_merge,
+                    Change::Merge => &mut self.merge,
+                };
+                if at > 0 {
+                    samples.push(number, time);
+                }
+            }
+        }
         Ok(())
     }
 
@@ -252,7 +254,7 @@ impl Lane {
                 Runner::Direct { solver: Some(solver), .. } => {
                     (timed(|| solver.solve(&burst.load)), timed(|| solver.columns(&burst.tool)))
                 }
-                Runner::Direct { solver: None, .. } => return Ok(()),
+                Runner::Direct { solver: None, .. } | Runner::Done => return Ok(()),
             };
             if at > 0 {
                 self.solve.push(number, solve);
@@ -262,47 +264,48 @@ impl Lane {
         Ok(())
     }
 
-    /// Takes the errors, and lets go of the memory of a direct method.
+    /// Takes the errors and lets go of the memory: there are no more bursts.
     pub fn judge(&mut self, reference: &Reference, seed: u64) -> Result<(), BenchError> {
         let vertices = reference.rows() / 3;
         let mut random = SplitMix64(seed ^ 0x5bf0_3635);
         let tool = three_slots(&mut random, vertices);
         let load: Vec<f64> = (0..3 * vertices).map(|_| random.symmetric()).collect();
-        let units: Vec<Vec<f64>> =
-            tool.iter().flat_map(|&slot| unit_loads(slot, vertices)).collect();
-        let (mut solve, mut columns) = (0.0f64, 0.0f64);
-        let solved = |load: &[f64]| -> Result<Vec<f64>, BenchError> {
-            match &self.runner {
-                Runner::Kept(kept) => {
-                    let mut u = vec![0.0; load.len()];
-                    kept.solve(load, &mut u)?;
-                    Ok(u)
-                }
-                Runner::Direct { solver, .. } => {
-                    Ok(solver.as_ref().map_or_else(Vec::new, |solver| solver.solve(load)))
-                }
-            }
-        };
-        solve = solve.max(relative_error(&solved(&load)?, &reference.solve(&load)?));
-        let kept = match &self.runner {
+        let mut solve = relative_error(&self.solved(&load)?, &reference.solve(&load)?);
+        let mut columns = 0.0f64;
+        let got = match &self.runner {
             Runner::Kept(kept) => Some(kept.columns(&tool)?),
             Runner::Direct { solver, .. } => solver.as_ref().map(|solver| solver.columns(&tool)),
+            Runner::Done => return Ok(()),
         };
-        for (j, unit) in units.iter().enumerate() {
-            let want = reference.solve(unit)?;
-            solve = solve.max(relative_error(&solved(unit)?, &want));
-            let got = kept.as_ref().map_or(&[][..], |columns| columns.col_as_slice(j));
+        let units = tool.iter().flat_map(|&slot| unit_loads(slot, vertices));
+        for (j, unit) in units.enumerate() {
+            let want = reference.solve(&unit)?;
+            solve = solve.max(relative_error(&self.solved(&unit)?, &want));
+            let got = got.as_ref().map_or(&[][..], |columns| columns.col_as_slice(j));
             columns = columns.max(relative_error(got, &want));
         }
-        let drift = match &self.runner {
-            Runner::Kept(kept) => Some(drift(kept.as_ref(), seed, DRIFT_COLUMNS)),
-            Runner::Direct { .. } => None,
+        let (drift, rebuilds) = match &self.runner {
+            Runner::Kept(kept) => {
+                (Some(drift(kept.as_ref(), seed, DRIFT_COLUMNS)), Some(kept.rebuilds()))
+            }
+            _ => (None, None),
         };
-        self.errors = Some(Errors { solve, columns, drift, reference: reference.name() });
-        if let Runner::Direct { solver, .. } = &mut self.runner {
-            *solver = None;
-        }
+        self.errors = Some(Errors { solve, columns, drift, rebuilds, reference: reference.name() });
+        self.runner = Runner::Done;
         Ok(())
+    }
+
+    /// C f; empty where nothing is held.
+    fn solved(&self, load: &[f64]) -> Result<Vec<f64>, BenchError> {
+        match &self.runner {
+            Runner::Kept(kept) => {
+                let mut u = vec![0.0; load.len()];
+                kept.solve(load, &mut u)?;
+                Ok(u)
+            }
+            Runner::Direct { solver: Some(solver), .. } => Ok(solver.solve(load)),
+            Runner::Direct { solver: None, .. } | Runner::Done => Ok(Vec::new()),
+        }
     }
 }
 

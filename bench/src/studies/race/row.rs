@@ -117,9 +117,9 @@ impl Row {
             columns_error_vs_lu: columns_error,
             reference: errors.map(|e| e.reference),
             drift,
-            rebuilds: lane.rebuilds(),
+            rebuilds: errors.and_then(|e| e.rebuilds),
             bound_ms: median_of(bound),
-            build_ms: (!lane.is_direct()).then_some(lane.build_ms),
+            build_ms: lane.build_ms,
             rank_p50: Some(median(ranks)),
             rank_max: Some(percentile(ranks, 100.0)),
         })
