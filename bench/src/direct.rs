@@ -37,7 +37,7 @@ pub(crate) enum Solver {
     /// C, both halves.
     Inverse(Mat<f64>),
     /// L, sparse.
-    Factor(SparseCholesky),
+    Factor(Box<SparseCholesky>),
 }
 
 impl Direct {
@@ -78,7 +78,7 @@ impl Direct {
         let order = (self == Self::SparseDissection).then(|| elimination_order(k));
         let factor = SparseCholesky::new(&lower, order.as_deref(), k.block());
         let elapsed = begin.elapsed().as_secs_f64() * 1e3;
-        Ok((Solver::Factor(factor.ok_or_else(not_factored)?), elapsed))
+        Ok((Solver::Factor(Box::new(factor.ok_or_else(not_factored)?)), elapsed))
     }
 }
 

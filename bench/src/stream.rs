@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 /// A block of numbers to read and write once, from one end to the other.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Stream {
     data: Vec<f64>,
 }

@@ -131,7 +131,7 @@ struct Run {
 }
 
 enum Step {
-    Ring(Update),
+    Ring(Box<Update>),
     Material(StiffnessChange),
 }
 
@@ -161,7 +161,7 @@ impl Run {
                 .flatten();
             let step = match change {
                 Some(change) => Step::Material(change),
-                None => Step::Ring(history.step()?),
+                None => Step::Ring(Box::new(history.step()?)),
             };
             for kept in &mut kept {
                 kept.apply(&step);

@@ -7,6 +7,7 @@
 
 mod growth;
 mod lane;
+mod memory;
 mod ratios;
 mod row;
 
@@ -15,6 +16,7 @@ use yawara_inverse_update::{CHOICES, SparseStiffness};
 
 pub(crate) use growth::Growth;
 pub(crate) use lane::{Burst, Lane, Samples, three_slots, unit_loads};
+pub(crate) use memory::Memory;
 pub(crate) use ratios::{Ratio, ratios};
 pub(crate) use row::{Quantiles, Row, csv};
 
@@ -26,7 +28,6 @@ use crate::progress::Progress;
 use crate::random::SplitMix64;
 use crate::reference::Reference;
 use crate::statistics::median;
-use crate::stream::Stream;
 
 /// Rings of one kind, by the homogenisation that makes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,12 +84,7 @@ pub(crate) struct Field {
     pub rows: Vec<Row>,
     pub lanes: Vec<Lane>,
     pub left_out: Vec<LeftOut>,
-    /// One pass over the tiles of half of C in f64 and in f32, and a copy of the former; ms.
-    pub pass: Samples,
-    pub pass_f32: Samples,
-    pub copy: Samples,
-    /// Bytes of the first pass.
-    pub bytes: usize,
+    pub memory: Memory,
 }
 
 /// Names of [`CHOICES`] that are updated: the others are direct methods by themselves.
@@ -143,8 +139,7 @@ struct Race<'a> {
     lanes: Vec<Lane>,
     left_out: Vec<LeftOut>,
     predicted: Vec<Row>,
-    stream: Stream,
-    passes: [Samples; 3],
+    memory: Memory,
 }
 
 impl<'a> Race<'a> {
@@ -162,8 +157,7 @@ impl<'a> Race<'a> {
             lanes: Vec::new(),
             left_out: Vec::new(),
             predicted: Vec::new(),
-            stream: Stream::new(0),
-            passes: Default::default(),
+            memory: Memory::default(),
         };
         for family in FAMILIES {
             let seed = settings.seed;
@@ -180,7 +174,7 @@ impl<'a> Race<'a> {
             progress.advance(&format!("{vertices} vertices"), share * work(vertices));
         }
         if race.lanes.iter().any(Lane::is_dense) {
-            race.stream = Stream::new(packed(3 * vertices));
+            race.memory = Memory::new(packed(3 * vertices));
         }
         Ok(race)
     }
@@ -259,32 +253,10 @@ impl<'a> Race<'a> {
                     }
                 }
                 Some(_) => {}
-                None => self.pass(number),
+                None => self.memory.burst(number),
             }
         }
         self.judge(number)
-    }
-
-    /// The bound of memory, as often as there were updates.
-    fn pass(&mut self, number: usize) {
-        let numbers = packed(3 * self.vertices);
-        if self.stream.is_empty() {
-            return;
-        }
-        for at in 0..2 * (BURST + 1) {
-            let stream = &mut self.stream;
-            let times = [
-                lane::timed(|| stream.pass(numbers)),
-                lane::timed(|| stream.pass(numbers / 2)),
-                lane::timed(|| stream.copy(numbers)),
-            ];
-            // As with updates, the first pair finds its numbers outside of the caches.
-            if at >= 2 {
-                for (samples, time) in self.passes.iter_mut().zip(times) {
-                    samples.push(number, time);
-                }
-            }
-        }
     }
 
     /// The errors of those who have run their last burst.
@@ -308,13 +280,13 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    fn finish(self, growth: &mut Growth) -> Result<Field, BenchError> {
-        let [pass, pass_f32, copy] = self.passes;
+    fn finish(mut self, growth: &mut Growth) -> Result<Field, BenchError> {
+        self.memory.free();
         let dofs = 3 * self.vertices;
         let mut rows = Vec::new();
         for lane in &self.lanes {
             let course = &self.courses[lane.course];
-            let bound = if lane.precision() == "f32" { &pass_f32 } else { &pass };
+            let bound = self.memory.bound(lane.precision());
             let row = Row::measured(lane, course.family.name, self.vertices, bound, &course.ranks)?;
             growth.note((lane.name, course.family.name, "split"), dofs, row.split_ms.p50);
             rows.push(row);
@@ -326,10 +298,7 @@ impl<'a> Race<'a> {
             rows,
             lanes: self.lanes,
             left_out: self.left_out,
-            pass,
-            pass_f32,
-            copy,
-            bytes: size_of::<f64>() * packed(dofs),
+            memory: self.memory,
         })
     }
 }

@@ -58,6 +58,7 @@ pub(crate) fn family(rows: &[Row], family: &str, sizes: &[usize], more: &[Cells]
     };
     splits.push(("(one pass over half of C)".into(), sizes.iter().map(bound).collect()));
     splits.extend_from_slice(more);
+    let begin = cells(rows, family, sizes, |row| time(row.cold_split_ms));
     let kept = |row: &Row| row.build_ms.is_some();
     let if_kept = |row: &Row, text: String| if kept(row) { text } else { String::new() };
     let tables = [
@@ -66,6 +67,7 @@ pub(crate) fn family(rows: &[Row], family: &str, sizes: &[usize], more: &[Cells]
             "split, p99",
             cells(rows, family, sizes, |row| if_kept(row, milliseconds(row.split_ms.p99))),
         ),
+        ("split that begins a burst", begin),
         (
             "merge of the newest",
             cells(rows, family, sizes, |row| if_kept(row, milliseconds(row.merge_ms.p50))),

@@ -22,8 +22,11 @@ const DEFAULTS: Defaults = Defaults {
     direct: &[Direct::SparseAmd, Direct::SparseDissection],
 };
 
+/// A time of a row, ms.
+type Figure = fn(&Row) -> Option<f64>;
+
 /// The operations that have an exponent.
-const OPERATIONS: [(&str, fn(&Row) -> Option<f64>); 6] = [
+const OPERATIONS: [(&str, Figure); 6] = [
     ("split", |row| Some(row.split_ms.p50)),
     ("merge", |row| row.build_ms.map(|_| row.merge_ms.p50)),
     ("old_merge", |row| row.old_merge_ms.map(|q| q.p50)),

@@ -87,6 +87,8 @@ pub(crate) struct Lane {
     pub build_ms: Option<f64>,
     /// Splits and, for a direct method, rebuilds.
     pub split: Samples,
+    /// The first split of each burst, before the caches hold what it needs.
+    pub cold_split: Samples,
     /// Merges of the newest vertex.
     pub merge: Samples,
     /// Merges of any other.
@@ -148,6 +150,7 @@ impl Lane {
             spent_ms: 0.0,
             build_ms: None,
             split: Samples::default(),
+            cold_split: Samples::default(),
             merge: Samples::default(),
             old_merge: Samples::default(),
             solve: Samples::default(),
@@ -215,8 +218,8 @@ impl Lane {
         Ok(())
     }
 
-    /// The updates of a burst; the first pair finds its numbers outside of the caches and does
-    /// not count.
+    /// The updates of a burst; the first pair, a split and its merge, finds its numbers outside of
+    /// the caches and counts apart.
     fn replay(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
         let Runner::Kept(kept) = &mut self.runner else { return Ok(()) };
         for (at, pair) in burst.pairs.iter().enumerate() {
@@ -232,6 +235,8 @@ impl Lane {
                 };
                 if at > 0 {
                     samples.push(number, time);
+                } else if update.kind == Change::Split {
+                    self.cold_split.push(number, time);
                 }
             }
         }

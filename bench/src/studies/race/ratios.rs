@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Field, Lane, Quantiles, Samples, ratio};
+use super::{Field, Lane, Samples, ratio};
 use crate::statistics::median;
 
 /// Most of a memory pass that is left to compute with.
@@ -56,11 +56,12 @@ pub(crate) fn ratios(field: &Field) -> Vec<Ratio> {
     for family in super::FAMILIES.map(|family| family.name) {
         for (lane, course) in field.lanes.iter().map(|lane| (lane, field.family(lane))) {
             if course == family && lane.name.starts_with("woodbury") {
-                let single = lane.precision() == "f32";
-                let bound = if single { &field.pass_f32 } else { &field.pass };
-                let limit = (!single).then_some(STREAMING);
+                let limit = (lane.precision() == "f64").then_some(STREAMING);
+                let [bound, cold_bound] = field.memory.bound(lane.precision());
                 let value = Some((ratio(&lane.split, bound), false));
                 add(family, format!("{} / bound", lane.name), value, limit);
+                let value = Some((ratio(&lane.cold_split, cold_bound), false));
+                add(family, format!("{} / bound, cold", lane.name), value, None);
             }
         }
         for (slow, fast, limit) in [
@@ -77,7 +78,7 @@ pub(crate) fn ratios(field: &Field) -> Vec<Ratio> {
     let [rank3, laminate] = super::FAMILIES.map(|family| field.lane("sparse", family.name));
     let value = rank3.zip(laminate).map(|(a, b)| (ratio(&b.split, &a.split), false));
     add("laminate", "sparse laminate / sparse rank3".into(), value, Some(RANK));
-    let value = Some((ratio(&field.pass, &field.copy), false));
+    let value = Some((ratio(&field.memory.pass, &field.memory.copy), false));
     add("rank3", "bound / memcpy".into(), value, Some(MEMORY));
     found
 }
@@ -107,15 +108,6 @@ impl Field {
             Side::Measured(slow) => Some((ratio(slow, fast), false)),
             Side::Extrapolated(slow) => Some((slow / median(&fast.all()), true)),
         }
-    }
-
-    /// Gigabytes per second, read and written, of a pass and of a copy; none without passes.
-    pub fn speeds(&self) -> Option<[f64; 2]> {
-        let speed = |samples: &Samples| {
-            let seconds = Quantiles::of(samples)?.p50 / 1e3;
-            Some(crate::machine::gigabytes_per_second(self.bytes, seconds))
-        };
-        Some([speed(&self.pass)?, speed(&self.copy)?])
     }
 }
 

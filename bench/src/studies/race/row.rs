@@ -40,6 +40,9 @@ pub(crate) struct Row {
     /// Of a direct method, a rebuild.
     pub split_ms: Quantiles,
     pub merge_ms: Quantiles,
+    /// Splits that begin a burst, before the caches hold what they need.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cold_split_ms: Option<f64>,
     /// Merges of vertices that are not the newest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub old_merge_ms: Option<Quantiles>,
@@ -63,6 +66,9 @@ pub(crate) struct Row {
     /// One pass over half of C in this precision.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bound_ms: Option<f64>,
+    /// The same pass before the caches hold what it needs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cold_bound_ms: Option<f64>,
     /// The start, from K alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub build_ms: Option<f64>,
@@ -82,7 +88,7 @@ impl Row {
         lane: &Lane,
         family: &'static str,
         vertices: usize,
-        bound: &Samples,
+        [bound, cold_bound]: [&Samples; 2],
         ranks: &[f64],
     ) -> Result<Self, BenchError> {
         let finite = |value: f64, what: &str| {
@@ -110,6 +116,7 @@ impl Row {
             extrapolated: false,
             split_ms,
             merge_ms,
+            cold_split_ms: median_of(&lane.cold_split),
             old_merge_ms: Quantiles::of(&lane.old_merge),
             solve_ms: median_of(&lane.solve),
             columns_ms: median_of(&lane.columns),
@@ -119,6 +126,7 @@ impl Row {
             drift,
             rebuilds: errors.and_then(|e| e.rebuilds),
             bound_ms: median_of(bound),
+            cold_bound_ms: median_of(cold_bound),
             build_ms: lane.build_ms,
             rank_p50: Some(median(ranks)),
             rank_max: Some(percentile(ranks, 100.0)),
@@ -143,6 +151,7 @@ impl Row {
             extrapolated: true,
             split_ms: time,
             merge_ms: time,
+            cold_split_ms: None,
             old_merge_ms: None,
             solve_ms: None,
             columns_ms: None,
@@ -152,6 +161,7 @@ impl Row {
             drift: None,
             rebuilds: None,
             bound_ms: None,
+            cold_bound_ms: None,
             build_ms: None,
             rank_p50: None,
             rank_max: None,
@@ -160,9 +170,9 @@ impl Row {
 }
 
 const HEADER: &str = "vertices,dofs,method,family,precision,updates,extrapolated,split_p50_ms,\
-                      split_p99_ms,merge_p50_ms,merge_p99_ms,old_merge_p50_ms,old_merge_p99_ms,\
+                      split_p99_ms,cold_split_ms,merge_p50_ms,merge_p99_ms,old_merge_p50_ms,old_merge_p99_ms,\
                       solve_ms,columns_ms,error_vs_lu,columns_error_vs_lu,reference,drift,\
-                      rebuilds,bound_ms,build_ms,rank_p50,rank_max";
+                      rebuilds,bound_ms,cold_bound_ms,build_ms,rank_p50,rank_max";
 
 /// One line per row; what a row has not is empty. `more` adds columns: their names, and their
 /// values by row.
@@ -175,6 +185,7 @@ pub(crate) fn csv(rows: &[Row], more: (&str, impl Fn(&Row) -> String)) -> String
             format!("{},{},{},{},{}", r.vertices, r.dofs, r.method, r.family, r.precision),
             format!("{},{}", r.updates, r.extrapolated),
             format!("{:e},{:e}", r.split_ms.p50, r.split_ms.p99),
+            number(r.cold_split_ms),
             format!("{:e},{:e}", r.merge_ms.p50, r.merge_ms.p99),
             number(old.map(|q| q.p50)),
             number(old.map(|q| q.p99)),
@@ -186,6 +197,7 @@ pub(crate) fn csv(rows: &[Row], more: (&str, impl Fn(&Row) -> String)) -> String
             number(r.drift),
             r.rebuilds.map_or_else(String::new, |count| count.to_string()),
             number(r.bound_ms),
+            number(r.cold_bound_ms),
             number(r.build_ms),
             number(r.rank_p50),
             number(r.rank_max),
