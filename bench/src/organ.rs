@@ -28,8 +28,8 @@ const LENGTH_MM: f64 = 196.0;
 /// Voxels along a base cell.
 const VOXELS_PER_CELL: usize = 8;
 
-/// Levels below the start mesh down to which vertices may come in.
-const MAX_LEVEL: u8 = 6;
+/// Levels below the start mesh down to which vertices may come in: to edges of a voxel.
+const MAX_LEVEL: u8 = 9;
 
 /// Label, E (Pa), ν, ρ (kg/m³).
 const TISSUES: [(i64, f64, f64, f64); 4] = [
