@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 /// A block of numbers to read and write once, from one end to the other.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Stream {
     data: Vec<f64>,
 }
@@ -12,6 +12,11 @@ impl Stream {
     /// Room for passes over up to `numbers` numbers; all pages are touched here.
     pub fn new(numbers: usize) -> Self {
         Self { data: vec![1.0; numbers] }
+    }
+
+    /// True without room for any pass.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
     }
 
     /// Reads, changes and writes the first `numbers` numbers (or all, if there are fewer), in one
@@ -24,6 +29,17 @@ impl Stream {
         }
         black_box(&self.data);
         count * size_of::<f64>()
+    }
+
+    /// Copies half of the first `numbers` numbers onto the other half and back: as many bytes read
+    /// and written as [`pass`](Self::pass) does, by the system's `memcpy`. Returns them.
+    pub fn copy(&mut self, numbers: usize) -> usize {
+        let half = numbers.min(self.data.len()) / 2;
+        let (low, high) = self.data[..2 * half].split_at_mut(half);
+        black_box(&mut *high).copy_from_slice(black_box(low));
+        black_box(&mut *low).copy_from_slice(black_box(high));
+        black_box(&self.data);
+        2 * half * size_of::<f64>()
     }
 }
 
@@ -38,5 +54,12 @@ mod tests {
         assert_eq!(stream.data, [-1.0, -1.0, -1.0, 1.0, 1.0]);
         assert_eq!(stream.pass(9), 40);
         assert_eq!(stream.data, [1.0, 1.0, 1.0, -1.0, -1.0]);
+    }
+
+    #[test]
+    fn a_copy_goes_over_both_halves() {
+        let mut stream = Stream { data: vec![1.0, 2.0, 3.0, 4.0, 5.0] };
+        assert_eq!(stream.copy(9), 32);
+        assert_eq!(stream.data, [1.0, 2.0, 1.0, 2.0, 5.0]);
     }
 }

@@ -28,6 +28,7 @@ pub use drift::drift;
 pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
+pub use sparse::elimination_order;
 pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse};
 pub use stiffness::SparseStiffness;
 pub use woodbury::Woodbury;
