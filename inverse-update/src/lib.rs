@@ -114,7 +114,8 @@ pub trait InverseMaintainer: Send {
         let columns = self.columns(slots)?;
         let block = self.stiffness().block();
         let row = |i: usize| block * slots[i / block] + i % block;
-        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| columns[(row(i), j)]))
+        let half = |i: usize, j: usize| 0.5 * columns[(row(i), j)];
+        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
     }
 
     /// Whether columns of C lie ready to be read. If not, C_:p w costs less as one solve with the

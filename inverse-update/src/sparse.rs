@@ -1,6 +1,7 @@
 //! `sparse`: a block LDLᵀ of K, newest vertex first, kept by low-rank walks along its tree.
 
 mod bennett;
+mod compliance;
 mod cover;
 mod dissection;
 mod edit;
@@ -334,6 +335,11 @@ impl InverseMaintainer for Sparse {
             }
         }
         Ok(columns)
+    }
+
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        check_range(slots, self.vertices())?;
+        Ok(self.based.factor.compliance(slots))
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {

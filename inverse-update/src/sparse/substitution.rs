@@ -76,7 +76,7 @@ impl Factor {
 
     /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x.
     #[inline(always)]
-    fn forward<const M: usize, const R: usize>(
+    pub(crate) fn forward<const M: usize, const R: usize>(
         &self,
         at: usize,
         x: &mut [[f64; R]],

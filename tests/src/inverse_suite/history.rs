@@ -284,6 +284,7 @@ impl Replay {
         let limit = bound * scaled.condition * (n as f64).sqrt();
         assert!(drift <= limit, "drift {drift:e}, bound {limit:e}");
         self.check_solve(&c, &scaled, bound);
+        self.check_compliance(&c, &scaled, bound);
     }
 
     fn check_stiffness(&self, k: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
@@ -323,6 +324,30 @@ impl Replay {
                 2.0 * n as f64 * f64::EPSILON * size
             };
             assert!((u[i] - want).abs() <= limit, "row {i}: {} instead of {want}", u[i]);
+        }
+    }
+}
+
+impl Replay {
+    /// `compliance` is the block of C that `columns` shows, each to within the bound of both.
+    fn check_compliance(&self, c: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
+        let block = self.maintainer.stiffness().block();
+        // Not ascending, and not all.
+        let slots: Vec<usize> = (0..self.vertices()).rev().step_by(2).collect();
+        let got = self.maintainer.compliance(&slots).expect("slots that are there");
+        let row = |i: usize| block * slots[i / block] + i % block;
+        assert_eq!((got.nrows(), got.ncols()), (block * slots.len(), block * slots.len()));
+        let weight = |i: usize, j: usize| scaled.scale[i] * scaled.scale[j];
+        let n = c.nrows();
+        let entries = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let norm = entries.map(|(i, j)| (weight(i, j) * c[(i, j)]).powi(2)).sum::<f64>().sqrt();
+        for i in 0..got.nrows() {
+            for j in 0..got.ncols() {
+                let (at, to) = (row(i), row(j));
+                let error = (got[(i, j)] - c[(at, to)]).abs() * weight(at, to);
+                assert!(error <= 2.0 * bound * norm, "compliance ({at}, {to}) is off by {error:e}");
+                assert_eq!(got[(i, j)], got[(j, i)]);
+            }
         }
     }
 }
