@@ -1,10 +1,11 @@
 //! What a scene needs, what it does not, and why.
 
 use crate::fixed_mesh::FixedMesh;
+use crate::inverse_link::InverseLink;
 use crate::report::PlanRow;
 use crate::scene::{Scene, Tool};
 use crate::setup::Setup;
-use crate::stages::Stages;
+use crate::stages::{AUTO, Stages};
 use crate::start::{Origin, Start};
 use crate::surfaces::surface_level;
 
@@ -21,7 +22,6 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         refinement(scene, stages),
-        inverse(scene),
         compliance(scene),
         surface(scene, start),
     ]);
@@ -166,12 +166,18 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     row("refinement", indicator.name(), true, why)
 }
 
-fn inverse(scene: &Scene) -> PlanRow {
-    let name = &scene.stages.inverse;
+/// The row of the inverse, once there is one.
+pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
+    let name = inverse.maintainer().name();
+    let mut why = String::from("the mesh changes while the body moves");
     if !scene.mesh.refines() {
-        return row("inverse update", name, false, "the mesh never changes: inverted once");
+        why = "the mesh never changes: factored once".into();
     }
-    row("inverse update", name, true, "the mesh changes while the body moves")
+    if scene.stages.inverse == AUTO {
+        let vertices = inverse.maintainer().vertices();
+        why += &format!("; {name} is the fastest for {vertices} free vertices");
+    }
+    row("inverse update", name, scene.mesh.refines(), why)
 }
 
 fn compliance(scene: &Scene) -> PlanRow {

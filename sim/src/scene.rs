@@ -246,7 +246,7 @@ pub struct StageNames {
     pub equilibrium: String,
     /// What asks for refinement.
     pub indicator: String,
-    /// How the inverse is kept.
+    /// How the inverse is kept; `auto` picks by size.
     pub inverse: String,
 }
 
@@ -341,7 +341,7 @@ impl Default for StageNames {
             corotation: "element".into(),
             equilibrium: "anderson".into(),
             indicator: "energy".into(),
-            inverse: "woodbury".into(),
+            inverse: crate::stages::AUTO.into(),
         }
     }
 }

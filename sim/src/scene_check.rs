@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::SimError;
 use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
+use crate::stages::AUTO;
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -204,12 +205,13 @@ impl Check<'_> {
 
     fn stages(&self, scene: &Scene) -> Result<(), SimError> {
         let stages = &scene.stages;
+        let inverses = [&[AUTO], yawara_inverse_update::CHOICES].concat();
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::COROTATIONS),
             ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
             ("indicator", &stages.indicator, crate::indicator::CHOICES),
-            ("inverse", &stages.inverse, yawara_inverse_update::CHOICES),
+            ("inverse", &stages.inverse, &inverses),
         ] {
             let want = format!("one of {}", choices.join(", "));
             self.that(choices.contains(&&name[..]), &format!("stages.{key}"), name, &want)?;

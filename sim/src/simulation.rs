@@ -64,7 +64,7 @@ impl Simulation {
         scene.validate(&scene.name)?;
         let start = Start::new(scene)?;
         let (tools, holds) = Grab::all(scene, &start)?;
-        let plan = plan::rows(scene, &start, &stages);
+        let mut plan = plan::rows(scene, &start, &stages);
         let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
         let (mut body_summary, mut volume) = (None, None);
@@ -94,6 +94,7 @@ impl Simulation {
             None => organ.grid_key(&state.rest[v.index()]),
         };
         let inverse = InverseLink::new(&state.body, free, capacity, key, &inverse)?;
+        plan.push(plan::inverse(scene, &inverse));
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
             scene: scene.clone(),
