@@ -72,6 +72,9 @@ impl Row {
     }
 }
 
+/// A figure of a row, if it is finite.
+type Figure = fn(&Row) -> Option<f64>;
+
 /// The rows of one maintainer in one case.
 type Course<'a> = Vec<&'a Row>;
 
@@ -110,7 +113,7 @@ impl Report {
              {MONITORED} columns.\n\n",
             self.updates, self.homogenisation
         );
-        let largest = |course: &Course, value: fn(&Row) -> Option<f64>| {
+        let largest = |course: &Course, value: Figure| {
             let values = course.iter().map(|row| value(row));
             let whole = values.clone().all(|value| value.is_some());
             let ended = course.last().is_some_and(|row| row.updates == self.updates);
@@ -165,7 +168,7 @@ impl Report {
     /// One plot per case: error and monitor of every maintainer over the updates.
     pub fn plots(&self) -> Vec<(String, String)> {
         let mut plots: Vec<(String, Vec<Line>)> = Vec::new();
-        let figures: [(&str, fn(&Row) -> Option<f64>); 2] =
+        let figures: [(&str, Figure); 2] =
             [("error", |row| row.error), ("monitor", |row| row.monitor)];
         for (figure, value) in figures {
             for course in courses(&self.rows) {
