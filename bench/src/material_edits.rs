@@ -125,6 +125,31 @@ mod tests {
     }
 
     #[test]
+    fn a_step_adds_a_part_of_the_element_s_stiffness_and_takes_it_back() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let slots = Slots::new(organ.forest.vertices());
+        let mut edits = MaterialEdits::new(&organ, "linear").unwrap();
+        let mut random = SplitMix64(1);
+        let change = edits.step(&slots, &mut random).unwrap();
+        let (element, part) = edits.active[0];
+        assert!(part > 0.0 && part < 1.0);
+        let factor = &edits.elements[element].1;
+        let want = Mat::from_fn(12, 12, |i, j| {
+            part * (0..6).map(|k| factor[(i, k)] * factor[(j, k)]).sum::<f64>()
+        });
+        assert!((change.delta() - &want).norm_l2() < 1e-14 * want.norm_l2());
+        let mut sum = change.delta();
+        while !edits.active.is_empty() {
+            let first = edits.active.iter().any(|active| active.0 == element);
+            let change = edits.step(&slots, &mut random).unwrap();
+            if first && edits.active.iter().all(|active| active.0 != element) {
+                sum += change.delta();
+            }
+        }
+        assert!(sum.norm_l2() < 1e-14 * want.norm_l2());
+    }
+
+    #[test]
     fn a_factor_is_that_of_the_element_s_stiffness() {
         let organ = Organ::new(Size::Quick).unwrap();
         let edits = MaterialEdits::new(&organ, "linear").unwrap();

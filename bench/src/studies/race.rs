@@ -5,6 +5,7 @@
 //! burst to burst the methods take turns and another one begins, so that all of them meet the
 //! same machine.
 
+mod course;
 mod growth;
 mod lane;
 mod memory;
@@ -14,15 +15,16 @@ mod row;
 use serde::Serialize;
 use yawara_inverse_update::{CHOICES, SparseStiffness};
 
+use course::Course;
 pub(crate) use growth::Growth;
-pub(crate) use lane::{Burst, Lane, Samples, three_slots, unit_loads};
+pub(crate) use lane::{Lane, Samples, three_slots, unit_loads};
 pub(crate) use memory::Memory;
 pub(crate) use ratios::{Ratio, ratios};
 pub(crate) use row::{Quantiles, Row, csv};
 
 use crate::direct::{DIRECT, Direct};
 use crate::error::BenchError;
-use crate::history::{History, Update};
+use crate::history::History;
 use crate::organ::Organ;
 use crate::progress::Progress;
 use crate::random::SplitMix64;
@@ -120,15 +122,6 @@ pub(crate) fn run(settings: &Settings, progress: &mut Progress) -> Result<Vec<Fi
         fields.push(race.finish(&mut growth)?);
     }
     Ok(fields)
-}
-
-/// One family's mesh and what is derived from it.
-struct Course {
-    family: Family,
-    history: History,
-    ranks: Vec<f64>,
-    /// Of the present mesh, made when it is asked for.
-    reference: Option<Reference>,
 }
 
 /// One size under way.
@@ -303,33 +296,6 @@ impl<'a> Race<'a> {
     }
 }
 
-impl Course {
-    /// Pairs that leave the size as it is, alternately a split with its merge and a merge with its
-    /// split.
-    fn burst(&mut self, mut random: SplitMix64) -> Result<Burst, BenchError> {
-        let mut pairs = Vec::with_capacity(BURST + 1);
-        for at in 0..=BURST {
-            let pair = if at % 2 == 1 && self.history.can_merge() {
-                let merge = self.history.merge()?;
-                let split = self.history.split_at(merge.point)?;
-                [merge, split]
-            } else {
-                let split = self.history.split()?;
-                let merge = self.history.merge_at(split.point)?;
-                [split, merge]
-            };
-            if at > 0 {
-                self.ranks.push(pair[0].rank() as f64);
-            }
-            pairs.push(pair);
-        }
-        let vertices = self.history.slots().len();
-        let load = (0..3 * vertices).map(|_| random.symmetric()).collect();
-        let tool = three_slots(&mut random, vertices);
-        Ok(Burst { pairs, load, tool })
-    }
-}
-
 /// Median over the bursts that both have of the ratio of their medians; NaN without any.
 pub(crate) fn ratio(a: &Samples, b: &Samples) -> f64 {
     let ratios: Vec<f64> = a
@@ -339,5 +305,67 @@ pub(crate) fn ratio(a: &Samples, b: &Samples) -> f64 {
     median(&ratios)
 }
 
-/// Two updates, of which the second undoes the first.
-pub(crate) type Pair = [Update; 2];
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::organ::Size;
+
+    fn race(settings: &Settings) -> Race<'_> {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let history = History::refined(&organ, "linear", 160, 0, 1).unwrap();
+        let family = FAMILIES[0];
+        Race {
+            settings,
+            vertices: 1000,
+            courses: vec![Course { family, history, ranks: Vec::new(), reference: None }],
+            lanes: Vec::new(),
+            left_out: Vec::new(),
+            predicted: Vec::new(),
+            memory: Memory::default(),
+        }
+    }
+
+    #[test]
+    fn what_would_take_too_long_is_extrapolated_or_left_out() {
+        let settings = Settings {
+            vertices: vec![1000],
+            direct: &DIRECT,
+            pairs: 10,
+            cap_s: 60.0,
+            memory_bytes: 1e9,
+            seed: 1,
+        };
+        let mut race = race(&settings);
+        let mut growth = Growth::default();
+        // 1 s and 8 s: 1000 s at 3000 rows.
+        growth.note(("lu", "rank3", "split"), 300, 1e3);
+        growth.note(("lu", "rank3", "split"), 600, 8e3);
+        growth.note(("cholesky", "rank3", "split"), 300, 1e3);
+        growth.note(("sparse_refactor_amd", "rank3", "split"), 1500, 1e4);
+        DIRECT.iter().for_each(|&direct| race.enter_direct(direct, &growth));
+        let [lu] = &race.predicted[..] else { panic!("{:?}", race.predicted) };
+        assert!(lu.extrapolated && lu.method == "lu");
+        assert!((lu.split_ms.p50 / 1e6 - 1.0).abs() < 1e-9, "{lu:?}");
+        let [cholesky] = &race.left_out[..] else { panic!("{:?}", race.left_out) };
+        assert_eq!((cholesky.method, cholesky.vertices), ("cholesky", 1000));
+        assert_eq!(cholesky.reason, "would take 1000 s once, limit 60 s");
+        let names: Vec<&str> = race.lanes.iter().map(|lane| lane.name).collect();
+        assert_eq!(names, ["sparse_refactor_amd", "sparse_refactor_nd"]);
+        // 40 s at 3000 rows, limit 60: a single rebuild in two bursts.
+        assert_eq!(race.lanes[0].last_burst(2), Some(0));
+    }
+
+    #[test]
+    fn ratios_compare_bursts_that_both_have() {
+        let samples = |bursts: &[(usize, f64)]| {
+            let mut samples = Samples::default();
+            bursts.iter().for_each(|&(number, time)| samples.push(number, time));
+            samples
+        };
+        let a = samples(&[(0, 9.0), (0, 6.0), (0, 1.0), (1, 40.0), (2, 5.0)]);
+        let b = samples(&[(0, 3.0), (1, 10.0), (3, 7.0)]);
+        // 6 / 3 and 40 / 10: the lower median of two.
+        assert_eq!(ratio(&a, &b), 2.0);
+        assert!(ratio(&a, &samples(&[(4, 1.0)])).is_nan());
+    }
+}

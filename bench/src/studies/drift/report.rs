@@ -72,6 +72,9 @@ impl Row {
     }
 }
 
+/// A figure of a row, if it is finite.
+type Figure = fn(&Row) -> Option<f64>;
+
 /// The rows of one maintainer in one case.
 type Course<'a> = Vec<&'a Row>;
 
@@ -110,7 +113,7 @@ impl Report {
              {MONITORED} columns.\n\n",
             self.updates, self.homogenisation
         );
-        let largest = |course: &Course, value: fn(&Row) -> Option<f64>| {
+        let largest = |course: &Course, value: Figure| {
             let values = course.iter().map(|row| value(row));
             let whole = values.clone().all(|value| value.is_some());
             let ended = course.last().is_some_and(|row| row.updates == self.updates);
@@ -165,18 +168,18 @@ impl Report {
     /// One plot per case: error and monitor of every maintainer over the updates.
     pub fn plots(&self) -> Vec<(String, String)> {
         let mut plots: Vec<(String, Vec<Line>)> = Vec::new();
-        for course in courses(&self.rows) {
-            let points = |value: fn(&Row) -> Option<f64>| -> Vec<(f64, f64)> {
+        let figures: [(&str, Figure); 2] =
+            [("error", |row| row.error), ("monitor", |row| row.monitor)];
+        for (figure, value) in figures {
+            for course in courses(&self.rows) {
                 let at = |row: &&Row| Some((row.updates as f64, value(row)?));
-                course.iter().filter_map(at).filter(|point| point.1 > 0.0).collect()
-            };
-            let (title, method) = (course[0].title(), course[0].method);
-            let error = Line { name: format!("{method}, error"), points: points(|r| r.error) };
-            let monitor =
-                Line { name: format!("{method}, monitor"), points: points(|r| r.monitor) };
-            match plots.iter_mut().find(|(name, _)| *name == title) {
-                Some((_, lines)) => lines.extend([error, monitor]),
-                None => plots.push((title, vec![error, monitor])),
+                let points = course.iter().filter_map(at).filter(|point| point.1 > 0.0).collect();
+                let (title, name) = (course[0].title(), format!("{}, {figure}", course[0].method));
+                let line = Line { name, points };
+                match plots.iter_mut().find(|(name, _)| *name == title) {
+                    Some((_, lines)) => lines.push(line),
+                    None => plots.push((title, vec![line])),
+                }
             }
         }
         let svg = |(number, (title, lines)): (usize, &(String, Vec<Line>))| {

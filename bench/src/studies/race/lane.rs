@@ -6,9 +6,10 @@ use std::time::Instant;
 use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
 use yawara_mesh::Change;
 
-use super::{BURST, Pair, Settings};
+use super::{BURST, Settings};
 use crate::direct::{Direct, Solver};
 use crate::error::BenchError;
+use crate::history::Update;
 use crate::random::SplitMix64;
 use crate::reference::{Reference, relative_error};
 
@@ -41,6 +42,9 @@ impl Samples {
         self.bursts.iter().flat_map(|(_, times)| times.iter().copied()).collect()
     }
 }
+
+/// Two updates, of which the second undoes the first.
+pub(crate) type Pair = [Update; 2];
 
 /// What everyone is to do before the next one's turn.
 pub(crate) struct Burst {
