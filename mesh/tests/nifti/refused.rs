@@ -55,6 +55,13 @@ fn what_is_no_file_is_refused() {
     let error = read_labels(&missing).unwrap_err();
     assert!(matches!(error, MeshError::Io { .. }));
     assert_says(&error, &["missing.nii", "No such file"]);
+}
+
+// With its reader a directory may be a DICOM series, and is refused as an empty one.
+#[cfg(not(feature = "dicom"))]
+#[test]
+fn a_directory_is_refused() {
+    let folder = TempDir::new().unwrap();
     let error = read_labels(folder.path()).unwrap_err();
     assert!(matches!(error, MeshError::NotAFile { .. }));
     assert_says(&error, &["directory", ".nii"]);
