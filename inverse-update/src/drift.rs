@@ -2,7 +2,7 @@
 
 use crate::InverseMaintainer;
 
-/// The largest s_j = √K_jj ‖D^(−½)(K c_j − e_j)‖ over random columns j, D = diag K.
+/// The largest s_j = √|K_jj| ‖D^(−½)(K c_j − e_j)‖ over random columns j, D = |diag K|.
 ///
 /// Dimensionless: independent of units and of the ratio of moduli. Infinite if anything on the
 /// way is not finite; 0 without vertices or samples. `seed` picks the columns.
@@ -24,8 +24,8 @@ pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f
             return f64::INFINITY;
         }
         residual[j] -= 1.0;
-        let sum: f64 = residual.iter().enumerate().map(|(i, r)| r * r / k.diagonal(i)).sum();
-        let s = k.diagonal(j).sqrt() * sum.sqrt();
+        let sum: f64 = residual.iter().enumerate().map(|(i, r)| r * r / k.diagonal(i).abs()).sum();
+        let s = k.diagonal(j).abs().sqrt() * sum.sqrt();
         // `f64::max` would hide a NaN.
         worst = if s.is_finite() { worst.max(s) } else { f64::INFINITY };
     }

@@ -8,6 +8,16 @@ pub use cases::*;
 pub use history::{Op, Replay, ops, replay};
 pub use model::Model;
 
+/// The scaled residual that a maintainer may leave on purpose, on top of rounding: 0 but where it
+/// stores less than f64 and refines.
+#[must_use]
+pub fn residual(name: &str) -> f64 {
+    match name {
+        "woodbury_f32" => yawara_inverse_update::REFINED_RESIDUAL,
+        _ => 0.0,
+    }
+}
+
 /// Instantiates the suite for the maintainer of a scene name.
 ///
 /// `inverse_suite!(woodbury, "woodbury");` makes a module `woodbury` of tests.
@@ -21,6 +31,11 @@ macro_rules! inverse_suite {
                 a_vertex_whose_ring_is_fixed
                 a_halved_spring_by_hand
                 the_only_vertex_can_go
+                a_batch_may_stand_on_itself
+                a_long_batch_is_its_splits
+                a_refused_batch_says_how_far_it_came
+                a_quasi_definite_pair_by_hand
+                a_wrong_signature_is_refused
                 free_and_indefinite_bodies_are_refused
                 a_change_to_singular_is_refused
                 a_split_to_indefinite_is_refused
@@ -44,7 +59,7 @@ macro_rules! inverse_suite {
 
                 #[test]
                 fn random_histories_agree_with_dense_lu(
-                    block in proptest::sample::select(vec![1_usize, 3, 4]),
+                    block in proptest::sample::select(vec![(1_usize, 0_usize), (3, 0), (4, 0), (4, 1)]),
                     start in 0_usize..5,
                     ops in $crate::inverse_suite::ops(1..40),
                 ) {

@@ -8,6 +8,7 @@ use yawara_tests::inverse_suite::{ops, replay};
 inverse_suite!(lu, "lu");
 inverse_suite!(paper, "paper");
 inverse_suite!(woodbury, "woodbury");
+inverse_suite!(woodbury_f32, "woodbury_f32");
 inverse_suite!(sparse, "sparse");
 
 #[test]

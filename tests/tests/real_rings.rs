@@ -140,7 +140,7 @@ fn run(
             worst = f64::max(worst, clamped.error());
         }
     }
-    (worst, clamped.link.maintainer().rebuilds())
+    (worst, clamped.link.maintainer().counts().rebuilds)
 }
 
 /// Two materials of E ratio 1e3 with Poisson's ratios .3 and .49, and one in between.

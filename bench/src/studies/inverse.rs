@@ -281,7 +281,7 @@ impl Lane {
             solve: times(&self.solve, &first.solve),
             error: finite(error, || format!("error of {name}, {homogenisation}"))?,
             drift: finite(drift, || format!("drift of {name}, {homogenisation}"))?,
-            rebuilds: self.maintainer.rebuilds(),
+            rebuilds: self.maintainer.counts().rebuilds,
         })
     }
 }

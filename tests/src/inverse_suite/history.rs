@@ -11,6 +11,7 @@ use proptest::sample::Index;
 use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
 
 use super::model::{Model, to_faer};
+use super::residual;
 
 /// One step of a history; all of its randomness.
 #[derive(Debug, Clone)]
@@ -26,7 +27,7 @@ pub struct Op {
 /// Histories with ratios of moduli up to 1e3.
 pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
     let op =
-        (0..8_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
+        (0..9_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
             .prop_map(|(kind, picks, vertices, rank, exponent, numbers)| Op {
                 kind,
                 picks,
@@ -41,6 +42,8 @@ pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
 /// A maintainer and the model, side by side.
 pub struct Replay {
     maintainer: Box<dyn InverseMaintainer>,
+    /// What the maintainer leaves of every residual, beyond rounding.
+    residual: f64,
     model: Model,
     /// Largest diagonal that each vertex ever had: rounding in K is of that size.
     largest: HashMap<usize, f64>,
@@ -52,25 +55,29 @@ pub struct Replay {
     worst: f64,
 }
 
-/// K scaled to a unit diagonal: the scale √K_ii and the condition number.
+/// K scaled to a unit diagonal: the scale √|K_ii| and the condition number.
 struct Scaled {
     scale: Vec<f64>,
     condition: f64,
+    /// The norm of the scaled inverse.
+    compliance: f64,
 }
 
 impl Scaled {
-    fn of(k: &DMatrix<f64>) -> Self {
+    fn of(k: &DMatrix<f64>, negative: usize) -> Self {
         if k.is_empty() {
-            return Self { scale: vec![], condition: 1.0 };
+            return Self { scale: vec![], condition: 1.0, compliance: 1.0 };
         }
-        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].sqrt()).collect();
+        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].abs().sqrt()).collect();
         let unit = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
         let eigenvalues = SymmetricEigen::new(unit).eigenvalues;
-        let norm = eigenvalues.iter().copied().fold(1.0, f64::max);
-        let least = eigenvalues.iter().copied().fold(f64::INFINITY, f64::min);
+        let norm = eigenvalues.iter().fold(1.0, |norm: f64, value| norm.max(value.abs()));
+        let least = eigenvalues.iter().fold(f64::INFINITY, |least: f64, x| least.min(x.abs()));
         let condition = norm / least;
-        assert!(condition.is_finite() && condition > 0.0, "the model must be positive definite");
-        Self { scale, condition }
+        assert!(condition.is_finite(), "the model must be definite");
+        let found = eigenvalues.iter().filter(|value| **value < 0.0).count();
+        assert_eq!(found, negative, "the model must have one negative eigenvalue per pressure");
+        Self { scale, condition, compliance: 1.0 / least }
     }
 
     /// ‖S (a − b) S‖ / ‖S b S‖ in the Frobenius norm.
@@ -90,13 +97,19 @@ impl Scaled {
 impl Replay {
     /// Starts from a chain of `start` vertices, to be checked every `stride` steps.
     #[must_use]
-    pub fn new(name: &str, block: usize, start: usize, stride: usize) -> Self {
-        let model = Model::chain(start, block);
-        let mut k = SparseStiffness::zeros(start, block).expect("a block");
+    pub fn new(
+        name: &'static str,
+        (block, negative): (usize, usize),
+        start: usize,
+        stride: usize,
+    ) -> Self {
+        let model = Model::chain(start, block, negative);
+        let mut k = SparseStiffness::quasi_definite(start, block, negative).expect("a block");
         let slots: Vec<usize> = (0..start).collect();
         k.add(&slots, to_faer(&model.assemble()).as_ref()).expect("a chain");
         let maintainer = build(name, k).expect("a chain that is held");
         let mut replay = Self {
+            residual: residual(name),
             maintainer,
             model,
             largest: HashMap::new(),
@@ -115,6 +128,11 @@ impl Replay {
         self.worst
     }
 
+    /// Negative eigenvalues that K should have.
+    fn negative(&self) -> usize {
+        self.model.negative * self.vertices()
+    }
+
     /// Vertices now held.
     #[must_use]
     pub fn vertices(&self) -> usize {
@@ -126,6 +144,7 @@ impl Replay {
         match op.kind {
             0..2 => self.add_patch(op),
             2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
+            8 => self.split_batch(op),
             5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
             _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
         }
@@ -176,6 +195,17 @@ impl Replay {
         self.model.split(patch);
     }
 
+    /// Splits as many patches as the step's rank says, all at once.
+    fn split_batch(&mut self, op: &Op) {
+        let mut patches = self.model.free(false);
+        patches.truncate(op.rank + 1);
+        let changes: Vec<_> = patches.iter().map(|&patch| self.model.ring(patch)).collect();
+        let slots = self.maintainer.split_batch(&changes).expect("legal splits");
+        let first = self.vertices();
+        assert_eq!(slots, (first..first + changes.len()).collect::<Vec<_>>());
+        patches.into_iter().for_each(|patch| self.model.split(patch));
+    }
+
     fn merge(&mut self, patch: usize) {
         let change = self.model.ring(patch);
         let last = self.vertices() - 1;
@@ -188,13 +218,13 @@ impl Replay {
     fn note(&mut self) {
         let k = self.model.assemble();
         if (self.steps as usize).is_multiple_of(self.stride) {
-            self.conditions += self.stride as f64 * Scaled::of(&k).condition;
+            self.conditions += self.stride as f64 * Scaled::of(&k, self.negative()).condition;
         }
         self.steps += 1.0;
         for (slot, &name) in self.model.names.iter().enumerate() {
             for i in slot * self.model.block..(slot + 1) * self.model.block {
                 let largest = self.largest.entry(name).or_default();
-                *largest = largest.max(k[(i, i)]);
+                *largest = largest.max(k[(i, i)].abs());
             }
         }
     }
@@ -202,7 +232,7 @@ impl Replay {
     /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
     fn shrinkage(&self, k: &DMatrix<f64>) -> f64 {
         let block = self.model.block;
-        let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)];
+        let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)].abs();
         (0..k.nrows()).map(ratio).fold(1.0, f64::max)
     }
 
@@ -212,13 +242,17 @@ impl Replay {
     /// (a perturbation δC of C is one of K δC K of K, which later updates carry along); both
     /// reach the relative error of C with the factor κ of now. Hence n ε κ ρ Σ κ_t, with ρ the
     /// shrinkage of the diagonal; the factor 8 stands for the products per step.
+    ///
+    /// A maintainer that refines leaves ‖S⁻¹ r_j‖ ≤ ρ ‖S⁻¹ e_j‖ of the residual of column j, hence
+    /// ‖S δC S‖_F ≤ ‖Ĉ‖ ρ √n, relative to ‖Ĉ‖_F ≥ ‖Ĉ‖ at most ρ √n.
     pub fn check(&mut self) {
         let k = self.model.assemble();
-        let scaled = Scaled::of(&k);
+        let scaled = Scaled::of(&k, self.negative());
         let n = k.nrows();
         let rho = self.shrinkage(&k);
         let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;
-        let bound = unit * scaled.condition * rho * (self.conditions + self.steps);
+        let bound = unit * scaled.condition * rho * (self.conditions + self.steps)
+            + self.residual * (n as f64).sqrt();
         assert_eq!(self.maintainer.vertices(), self.model.names.len());
         self.check_stiffness(&k, &scaled, unit * rho * self.steps);
 
@@ -255,23 +289,34 @@ impl Replay {
     }
 
     /// `solve` is the product with the same C that `columns` shows, to rounding.
+    ///
+    /// A maintainer that refines stops at residuals of ρ and of 4 ε (|K| |u| + |f|), scaled; the
+    /// latter is at most 4 ε (n ‖Ĉ‖ + 1) of the load, both reach u by the factor ‖Ĉ‖, and n
+    /// columns bring the same with √n.
     fn check_solve(&self, c: &DMatrix<f64>, scaled: &Scaled) {
         let n = c.nrows();
         let f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (1.0 + i as f64).sin()).collect();
+        let load = (0..n).map(|i| (f[i] / scaled.scale[i]).powi(2)).sum::<f64>().sqrt();
         let mut u = vec![f64::NAN; n];
         self.maintainer.solve(&f, &mut u).expect("a finite load");
         for i in 0..n {
             let want: f64 = (0..n).map(|j| c[(i, j)] * f[j]).sum();
             let size: f64 = (0..n).map(|j| (c[(i, j)] * f[j]).abs()).sum();
-            let bound = 2.0 * n as f64 * f64::EPSILON * size;
+            let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
+            let refined = if self.residual > 0.0 {
+                (self.residual + rounding) * scaled.compliance * load * (1.0 + (n as f64).sqrt())
+            } else {
+                0.0
+            };
+            let bound = 2.0 * n as f64 * f64::EPSILON * size + refined / scaled.scale[i];
             assert!((u[i] - want).abs() <= bound, "row {i}: {} instead of {want}", u[i]);
         }
     }
 }
 
 /// Replays a whole history, checks every `stride` steps and returns the worst error.
-pub fn replay(name: &str, block: usize, start: usize, ops: &[Op], stride: usize) -> f64 {
-    let mut replay = Replay::new(name, block, start, stride);
+pub fn replay(name: &'static str, block: usize, start: usize, ops: &[Op], stride: usize) -> f64 {
+    let mut replay = Replay::new(name, (block, 0), start, stride);
     for (at, op) in ops.iter().enumerate() {
         replay.step(op);
         if at % stride == stride - 1 {
