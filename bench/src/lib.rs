@@ -25,4 +25,4 @@ pub use organ::{Organ, Size};
 pub use output::Output;
 pub use slots::Slots;
 pub use statistics::{median, percentile, ratios};
-pub use stream::Stream;
+pub use stream::{Bound, Stream};

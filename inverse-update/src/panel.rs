@@ -19,7 +19,7 @@ impl Panel {
     }
 
     /// Columns of equal length.
-    pub(crate) fn from_columns<'a>(rows: usize, columns: &[&'a [f64]]) -> Self {
+    pub(crate) fn from_columns(rows: usize, columns: &[&[f64]]) -> Self {
         let mut panel = Self::zeros(rows, columns.len());
         for (k, column) in columns.iter().enumerate() {
             panel.set_column(k, column);

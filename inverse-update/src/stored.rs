@@ -3,7 +3,9 @@
 use pulp::Simd;
 
 /// A stored scalar: f64, or f32 where every solution is refined in f64.
-pub trait Stored: Copy + Default + PartialEq + Send + Sync + 'static {
+pub trait Stored:
+    Copy + Default + PartialEq + std::ops::Add<Output = Self> + Send + Sync + 'static
+{
     /// Scene name of the dense maintainer that stores this scalar.
     const METHOD: &'static str;
     /// Spacing of the numbers at 1.
@@ -35,8 +37,6 @@ pub trait Stored: Copy + Default + PartialEq + Send + Sync + 'static {
         b: Self::Lanes<S>,
         c: Self::Lanes<S>,
     ) -> Self::Lanes<S>;
-    /// The sum of the lanes.
-    fn sum<S: Simd>(simd: S, lanes: Self::Lanes<S>) -> Self;
 }
 
 impl Stored for f64 {
@@ -74,10 +74,6 @@ impl Stored for f64 {
     fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
         simd.mul_add_e_f64s(a, b, c)
     }
-    #[inline(always)]
-    fn sum<S: Simd>(simd: S, lanes: S::f64s) -> Self {
-        simd.reduce_sum_f64s(lanes)
-    }
 }
 
 impl Stored for f32 {
@@ -114,9 +110,5 @@ impl Stored for f32 {
     #[inline(always)]
     fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
         simd.mul_add_e_f32s(a, b, c)
-    }
-    #[inline(always)]
-    fn sum<S: Simd>(simd: S, lanes: S::f32s) -> Self {
-        simd.reduce_sum_f32s(lanes)
     }
 }

@@ -17,8 +17,15 @@ pub(crate) use pass::SignedPanel;
 /// cache, and a whole number of kernels fits a tile.
 pub(crate) const TILE: usize = 48;
 
-/// Numbers of a tile.
-pub(crate) const SIZE: usize = TILE * TILE;
+/// A tile, row-major, or with one row a piece of a panel: aligned to cache lines, so that no vector
+/// straddles two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Block<E, const ROWS: usize>([[E; TILE]; ROWS]);
+
+impl<E: Stored, const ROWS: usize> Block<E, ROWS> {
+    const ZERO: fn() -> Self = || Self([[E::default(); TILE]; ROWS]);
+}
 
 /// Bytes from which on threads share the work: below, waking them costs what they save.
 const PARALLEL_FROM: usize = 8 << 20;
@@ -29,7 +36,7 @@ const PARALLEL_FROM: usize = 8 << 20;
 /// columns beyond the last are 0.
 #[derive(Debug, Clone)]
 pub(crate) struct Tiles<E> {
-    data: Vec<E>,
+    data: Vec<Block<E, TILE>>,
     rows: usize,
     /// C_ii once more: in the tiles they lie far apart.
     diagonal: Vec<f64>,
@@ -40,10 +47,10 @@ fn before(i: usize) -> usize {
     i * (i + 1) / 2
 }
 
-/// Where entry (i, j) lies.
-fn offset(i: usize, j: usize) -> usize {
+/// Tile, row and column of entry (i, j).
+fn place(i: usize, j: usize) -> (usize, usize, usize) {
     let (i, j) = if i / TILE < j / TILE { (j, i) } else { (i, j) };
-    (before(i / TILE) + j / TILE) * SIZE + i % TILE * TILE + j % TILE
+    (before(i / TILE) + j / TILE, i % TILE, j % TILE)
 }
 
 impl<E: Stored> Tiles<E> {
@@ -61,28 +68,26 @@ impl<E: Stored> Tiles<E> {
         tiles
     }
 
-    pub(crate) fn rows(&self) -> usize {
-        self.rows
-    }
-
     pub(crate) fn diagonal(&self) -> &[f64] {
         &self.diagonal
     }
 
-    pub(crate) fn get(&self, i: usize, j: usize) -> f64 {
-        self.data[offset(i, j)].value()
+    fn get(&self, i: usize, j: usize) -> E {
+        let (tile, row, column) = place(i, j);
+        self.data[tile].0[row][column]
     }
 
     fn set(&mut self, i: usize, j: usize, value: E) {
-        self.data[offset(i, j)] = value;
+        let (tile, row, column) = place(i, j);
+        self.data[tile].0[row][column] = value;
         if i / TILE == j / TILE {
-            self.data[offset(j, i)] = value;
+            self.data[tile].0[column][row] = value;
         }
     }
 
     /// Whether threads should share a pass.
     fn is_large(&self) -> bool {
-        self.data.len() * size_of::<E>() >= PARALLEL_FROM && rayon::current_num_threads() > 1
+        size_of_val(&*self.data) >= PARALLEL_FROM && rayon::current_num_threads() > 1
     }
 
     fn tile_rows(&self) -> usize {
@@ -90,20 +95,19 @@ impl<E: Stored> Tiles<E> {
     }
 
     fn read_diagonal(&mut self) {
-        self.diagonal.clear();
-        self.diagonal.extend((0..self.rows).map(|i| self.data[offset(i, i)].value()));
+        self.diagonal = (0..self.rows).map(|i| self.get(i, i).value()).collect();
     }
 
     /// Room for more rows, all 0.
     fn grow(&mut self, more: usize) {
         self.rows += more;
-        let need = before(self.tile_rows()) * SIZE;
+        let need = before(self.tile_rows());
         if need > self.data.capacity() {
             // An eighth more: doubling would hold twice the largest object of the program.
             let spare = (self.data.len() / 8).max(need - self.data.len());
             self.data.reserve_exact(spare);
         }
-        self.data.resize(need, E::default());
+        self.data.resize(need, Block::ZERO());
     }
 
     /// Appends rows: `coupling` is rows() × m, `own` the new m × m corner, lower half read.
@@ -118,7 +122,8 @@ impl<E: Stored> Tiles<E> {
                 self.set(old + a, old + b, E::of(own[(a, b)]));
             }
         }
-        self.diagonal.extend((old..old + own.nrows()).map(|i| self.data[offset(i, i)].value()));
+        let new: Vec<f64> = (old..self.rows).map(|i| self.get(i, i).value()).collect();
+        self.diagonal.extend(new);
     }
 
     /// Removes the rows and columns of a slot; the last slot's move into the gap.
@@ -128,7 +133,7 @@ impl<E: Stored> Tiles<E> {
             for j in 0..kept {
                 let source = if (first..first + block).contains(&j) { j - first + kept } else { j };
                 for a in 0..block {
-                    self.set(first + a, j, self.data[offset(kept + a, source)]);
+                    self.set(first + a, j, self.get(kept + a, source));
                 }
             }
             self.diagonal.copy_within(kept.., first);
@@ -140,7 +145,7 @@ impl<E: Stored> Tiles<E> {
         }
         self.rows = kept;
         self.diagonal.truncate(kept);
-        self.data.truncate(before(self.tile_rows()) * SIZE);
+        self.data.truncate(before(self.tile_rows()));
     }
 }
 
@@ -155,17 +160,17 @@ mod tests {
     }
 
     pub(super) fn unpack<E: Stored>(c: &Tiles<E>) -> Mat<f64> {
-        let whole = Mat::from_fn(c.rows(), c.rows(), |i, j| c.get(i, j));
-        for (i, j) in (0..c.rows()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        let whole = Mat::from_fn(c.rows, c.rows, |i, j| c.get(i, j).value());
+        for (i, j) in (0..c.rows).flat_map(|i| (0..i).map(move |j| (i, j))) {
             assert_eq!(whole[(i, j)], whole[(j, i)]);
         }
-        assert_eq!(c.diagonal(), (0..c.rows()).map(|i| whole[(i, i)]).collect::<Vec<_>>());
+        assert_eq!(c.diagonal(), (0..c.rows).map(|i| whole[(i, i)]).collect::<Vec<_>>());
         // Passes rely on zeros behind the last row.
         let filled = whole.col_iter().flat_map(|c| c.iter()).filter(|x| **x != 0.0).count();
         let tiles = (0..c.tile_rows()).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let stored: usize = tiles
             .map(|(i, j)| {
-                let tile = &c.data[(before(i) + j) * SIZE..][..SIZE];
+                let tile = c.data[before(i) + j].0.as_flattened();
                 let count = tile.iter().filter(|x| **x != E::default()).count();
                 if i == j { count } else { 2 * count }
             })

@@ -257,7 +257,11 @@ struct ReducedRing {
 }
 
 impl ReducedRing {
-    fn new(ring: &RingStiffness, order_key: u64, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
+    fn new(
+        ring: &RingStiffness,
+        order_key: u64,
+        slot: impl Fn(VertexId) -> Option<usize>,
+    ) -> Self {
         let kept: Vec<usize> =
             (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
         let row = |i: usize| 3 * kept[i / 3] + i % 3;

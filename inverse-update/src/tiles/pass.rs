@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::kernel::accumulate;
-use super::{SIZE, TILE, Tiles};
+use super::kernel::add_terms;
+use super::{Block, TILE, Tiles};
 use crate::panel::Panel;
 use crate::stored::Stored;
 
@@ -62,18 +62,20 @@ impl<E: Stored> Tiles<E> {
     /// (s y_i) y_j is (s y_j) y_i to the last bit, so that C stays exactly symmetric; no tile
     /// depends on another, so that threads don't change the result.
     pub(crate) fn add(&mut self, terms: &SignedPanel) {
-        let width = terms.signs.len() * TILE;
+        let width = terms.signs.len();
         if width == 0 {
             return;
         }
-        let convert = |panel: &Panel| panel.data().iter().map(|&x| E::of(x)).collect::<Vec<E>>();
+        let convert = |panel: &Panel| -> Vec<Block<E, 1>> {
+            panel.data().as_chunks::<TILE>().0.iter().map(|x| Block([x.map(E::of)])).collect()
+        };
         let (left, right) = (convert(&terms.signed()), convert(&terms.columns));
-        let each = |first: usize, tiles: &mut [E]| {
+        let each = |first: usize, tiles: &mut [Block<E, TILE>]| {
             let (left, right) = (left.as_slice(), right.as_slice());
             pulp::Arch::new().dispatch(Group { first, tiles, left, right, width });
         };
         if self.is_large() {
-            let groups = self.data.par_chunks_mut(GROUP * SIZE).enumerate();
+            let groups = self.data.par_chunks_mut(GROUP).enumerate();
             groups.for_each(|(group, tiles)| each(GROUP * group, tiles));
         } else {
             each(0, &mut self.data);
@@ -85,9 +87,9 @@ impl<E: Stored> Tiles<E> {
 /// Consecutive tiles, the first of them by number.
 struct Group<'a, E> {
     first: usize,
-    tiles: &'a mut [E],
-    left: &'a [E],
-    right: &'a [E],
+    tiles: &'a mut [Block<E, TILE>],
+    left: &'a [Block<E, 1>],
+    right: &'a [Block<E, 1>],
     width: usize,
 }
 
@@ -103,10 +105,10 @@ impl<E: Stored> pulp::WithSimd for Group<'_, E> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let (mut i, mut j) = place(self.first);
-        for tile in self.tiles.chunks_exact_mut(SIZE) {
+        for tile in self.tiles {
             let left = &self.left[i * self.width..(i + 1) * self.width];
             let right = &self.right[j * self.width..(j + 1) * self.width];
-            accumulate(simd, tile, left, TILE, right);
+            add_terms(simd, &mut tile.0, left, right);
             (i, j) = if j == i { (i + 1, 0) } else { (i, j + 1) };
         }
     }

@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 use super::kernel::{accumulate, multiply};
-use super::{SIZE, TILE, Tiles, before};
+use super::{TILE, Tiles, before};
 use crate::panel::Panel;
 use crate::stored::Stored;
 
@@ -54,11 +54,10 @@ impl<E: Stored> Tiles<E> {
     fn read_column(&self, i: usize, j: usize, target: &mut [f64]) {
         let (block, inner) = (j / TILE, j % TILE);
         if block < i {
-            let tile = &self.data[(before(i) + block) * SIZE..][..SIZE];
-            let entries = tile.as_chunks::<TILE>().0.iter();
-            target.iter_mut().zip(entries).for_each(|(t, row)| *t = row[inner].value());
+            let tile = &self.data[before(i) + block].0;
+            target.iter_mut().zip(tile).for_each(|(t, row)| *t = row[inner].value());
         } else {
-            let row = &self.data[(before(block) + i) * SIZE + inner * TILE..][..TILE];
+            let row = &self.data[before(block) + i].0[inner];
             target.iter_mut().zip(row).for_each(|(t, entry)| *t = entry.value());
         }
     }
@@ -99,7 +98,7 @@ impl<E: Stored> Tiles<E> {
 
     /// By size alone, never by threads.
     fn is_stretched(&self) -> bool {
-        self.data.len() * size_of::<E>() >= super::PARALLEL_FROM
+        size_of_val(&*self.data) >= super::PARALLEL_FROM
     }
 
     /// Ranges of tile rows with about equally many tiles.
@@ -153,7 +152,7 @@ impl<E: Stored> pulp::WithSimd for Stretch<'_, E> {
             let (above, own) = self.target[..(i + 1) * width].split_at_mut(i * width);
             let w = &self.source[i * width..(i + 1) * width];
             for j in 0..=i {
-                let tile = &self.tiles.data[(before(i) + j) * SIZE..][..SIZE];
+                let tile = &self.tiles.data[before(i) + j].0;
                 let x = &self.source[j * width..(j + 1) * width];
                 for k in (0..width).step_by(TILE) {
                     let straight = (&x[k..k + TILE], &mut own[k..k + TILE]);
