@@ -144,8 +144,8 @@ impl Replay {
         match op.kind {
             0..2 => self.add_patch(op),
             2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
-            8 => self.split_batch(op),
             5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
+            7 => self.split_batch(op),
             _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
         }
         self.note();
