@@ -1,12 +1,12 @@
 //! Updates, solves and rebuilds of the inverse. With the times goes the error of the inverse that
 //! was kept through all of them, against a fresh one. To compare maintainers, run the study
-//! `inverse`: there they alternate.
+//! `table1`: there they take turns.
 
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use yawara_bench::{History, Organ, Size, Update, inverse_error};
-use yawara_inverse_update::{InverseMaintainer, Lu, SparseStiffness, build, drift};
+use yawara_inverse_update::{CHOICES, InverseMaintainer, Lu, SparseStiffness, build, drift};
 use yawara_mesh::Change;
 
 /// Rings that take turns.
@@ -48,7 +48,7 @@ fn split_and_merge(c: &mut Criterion) {
         let organ = Organ::new(size).expect("the phantom's constants are valid");
         for homogenisation in ["linear", "laminate"] {
             let (stiffness, pairs) = pairs(&organ, homogenisation);
-            for choice in ["woodbury", "paper"] {
+            for &choice in CHOICES.iter().filter(|choice| **choice != "lu") {
                 let mut maintainer = build(choice, stiffness.clone()).expect("a held body");
                 let mut updates = 0;
                 let id = BenchmarkId::new(format!("{choice}_{homogenisation}"), label);
@@ -68,12 +68,12 @@ fn split_and_merge(c: &mut Criterion) {
     group.finish();
 }
 
-/// u = C f after a few splits, and C afresh.
+/// u = C f after a split, the columns of a tool of three vertices, and a start afresh.
 fn solve_and_rebuild(c: &mut Criterion) {
     let organ = Organ::new(Size::Quick).expect("the phantom's constants are valid");
     let mut group = c.benchmark_group("inverse_update/quick");
     group.sample_size(10);
-    for choice in ["woodbury", "paper", "lu"] {
+    for &choice in CHOICES {
         let (stiffness, pairs) = pairs(&organ, "laminate");
         let mut maintainer = build(choice, stiffness).expect("a held body");
         pairs[0][0].apply(maintainer.as_mut()).expect("a valid update");
@@ -81,6 +81,9 @@ fn solve_and_rebuild(c: &mut Criterion) {
         let mut displacement = load.clone();
         group.bench_function(BenchmarkId::new("solve", choice), |b| {
             b.iter(|| maintainer.solve(black_box(&load), &mut displacement));
+        });
+        group.bench_function(BenchmarkId::new("columns", choice), |b| {
+            b.iter(|| maintainer.columns(black_box(&[3, 1, 4])));
         });
         group.bench_function(BenchmarkId::new("rebuild", choice), |b| {
             b.iter(|| maintainer.rebuild());

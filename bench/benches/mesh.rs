@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use yawara_bench::{Organ, Size};
 use yawara_mesh::phantom::liver;
-use yawara_mesh::{BisectionForest, LabelTree, MeshDelta, Point};
+use yawara_mesh::{BisectionForest, ClosureQueue, LabelTree, MeshDelta, Point};
 
 fn set_up(c: &mut Criterion) {
     let organ = Organ::new(Size::Full).expect("the phantom's constants are valid");
@@ -43,6 +43,16 @@ fn split_and_merge(c: &mut Criterion) {
         b.iter(|| {
             forest
                 .split_with_closure(black_box(point), &mut delta, |_, _| ())
+                .expect("in the body");
+            forest.merge_all().expect("a valid forest");
+        });
+    });
+    let mut queue = ClosureQueue::with_capacity(1);
+    c.bench_function("mesh/drain_closure_and_merge_all", |b| {
+        b.iter(|| {
+            queue.push(black_box(point), 1.0).expect("finite");
+            queue
+                .drain(&mut forest, usize::MAX, || false, &mut delta, |_, _| ())
                 .expect("in the body");
             forest.merge_all().expect("a valid forest");
         });

@@ -50,13 +50,46 @@ pub enum BenchError {
         /// Active vertices.
         vertices: usize,
     },
-    /// The number of updates is out of range.
-    #[error("--updates is {value}, want {low} to {high}", low = .limits.0, high = .limits.1)]
-    Updates {
+    /// A number on the command line is out of range.
+    #[error("{option} is {value}, want {low} to {high}", low = .limits.0, high = .limits.1)]
+    OutOfRange {
+        /// The option.
+        option: &'static str,
         /// The number given.
         value: usize,
         /// Smallest and largest number that make sense.
         limits: (usize, usize),
+    },
+    /// A start mesh is larger than the mesh asked for.
+    #[error("{value} free vertices are fewer than the {low} of the start mesh, want {low} or more")]
+    TooFewVertices {
+        /// The number asked for.
+        value: usize,
+        /// Free vertices of the start mesh.
+        low: usize,
+    },
+    /// A matrix that a fresh factorisation refuses.
+    #[error(
+        "`{method}` can't factor the stiffness of {rows} rows: it is not positive definite to \
+         working precision, want a body that is held"
+    )]
+    NotFactored {
+        /// The direct method.
+        method: &'static str,
+        /// Rows of K.
+        rows: usize,
+    },
+    /// A reference solution that refinement does not settle.
+    #[error(
+        "the reference solution of {rows} rows changes by {change:e} when refined, want {limit:e}"
+    )]
+    Unsettled {
+        /// Rows of K.
+        rows: usize,
+        /// Relative size of the last correction.
+        change: f64,
+        /// The limit.
+        limit: f64,
     },
     /// A measured quantity is not a number.
     #[error("{what} is {value}, want a finite number")]

@@ -18,6 +18,8 @@ pub struct Update {
     pub kind: Change,
     /// The slot that it takes or leaves.
     pub slot: usize,
+    /// Where the vertex is.
+    pub point: Point,
     /// The hand-over; its slots are those before a split and before a merge.
     pub ring: RingChange,
 }
@@ -59,9 +61,9 @@ pub struct History {
     placement: Placement,
     embedding: Embedding,
     slots: Slots,
-    /// Vertices that may come in on top of the start mesh.
-    growth: usize,
-    start: usize,
+    /// The number of free vertices stays between these while [`step`](Self::step) chooses.
+    least: usize,
+    most: usize,
     random: SplitMix64,
     delta: MeshDelta,
     ring: Vec<Tet>,
@@ -78,17 +80,68 @@ impl History {
         growth: usize,
         seed: u64,
     ) -> Result<Self, BenchError> {
+        let slots = Slots::new(organ.free_vertices());
         Ok(Self {
             forest: organ.forest.clone(),
             placement: organ.placement,
             embedding: organ.embedding(homogenisation)?,
-            slots: Slots::new(organ.free_vertices()),
-            growth,
-            start: organ.forest.vertex_count(),
+            least: slots.len(),
+            most: slots.len() + growth,
+            slots,
             random: SplitMix64(seed),
             delta: MeshDelta::empty(),
             ring: Vec::new(),
         })
+    }
+
+    /// Refines the organ's start mesh, coarsest rings first and in random order among equals, until
+    /// it has exactly `vertices` free vertices; from there [`step`](Self::step) goes `wander` up or
+    /// down. The mesh depends on the seed, not on the homogenisation.
+    ///
+    /// # Errors
+    /// [`BenchError::TooFewVertices`] if the start mesh has more; [`BenchError::NoRing`] if its
+    /// finest level has fewer; [`BenchError::Embed`] from the homogenisation.
+    pub fn refined(
+        organ: &Organ,
+        homogenisation: &str,
+        vertices: usize,
+        wander: usize,
+        seed: u64,
+    ) -> Result<Self, BenchError> {
+        let mut history = Self::new(organ, homogenisation, 0, seed)?;
+        let start = history.slots.len();
+        if vertices < start {
+            return Err(BenchError::TooFewVertices { value: vertices, low: start });
+        }
+        while history.slots.len() < vertices {
+            history.refine_coarsest(vertices)?;
+        }
+        history.least = start.max(vertices.saturating_sub(wander));
+        history.most = vertices + wander;
+        Ok(history)
+    }
+
+    /// Splits the rings of the lowest generation, up to `vertices` free vertices.
+    fn refine_coarsest(&mut self, vertices: usize) -> Result<(), BenchError> {
+        let mut points = self.candidates();
+        let missing = BenchError::NoRing { vertices: self.forest.vertex_count() };
+        let generation = |p: Point| self.forest.domain().lattice().generation(p);
+        let lowest = points.iter().map(|&p| generation(p)).min().ok_or(missing)?;
+        points.retain(|&p| generation(p) == lowest);
+        for at in (1..points.len()).rev() {
+            points.swap(at, self.random.below(at + 1));
+        }
+        for point in points {
+            if self.slots.len() == vertices {
+                break;
+            }
+            // A neighbour's split may have changed the ring meanwhile.
+            if self.forest.split_ring(point, &mut self.ring) {
+                let vertex = self.forest.split(point, &mut self.delta)?;
+                self.slots.push(vertex);
+            }
+        }
+        Ok(())
     }
 
     /// The mesh as it is now.
@@ -127,11 +180,8 @@ impl History {
     /// # Errors
     /// [`BenchError::NoRing`] if neither is possible; [`BenchError::ExceedsVoigt`].
     pub fn step(&mut self) -> Result<Update, BenchError> {
-        let merging = match self.forest.vertex_count() - self.start {
-            0 => false,
-            grown if grown >= self.growth => true,
-            _ => self.random.below(2) == 0,
-        };
+        let free = self.slots.len();
+        let merging = free > self.least && (free >= self.most || self.random.below(2) == 0);
         if merging { self.merge() } else { self.split() }
     }
 
@@ -144,10 +194,23 @@ impl History {
         let candidates = self.candidates();
         let pick = self.random.below(candidates.len());
         let point = *candidates.get(pick).ok_or(BenchError::NoRing { vertices })?;
+        self.split_at(point)
+    }
+
+    /// True if there is a vertex that [`merge`](Self::merge) can take out.
+    pub fn can_merge(&self) -> bool {
+        self.forest.vertices().any(|v| self.forest.is_mergeable(v))
+    }
+
+    /// Splits the ring at `point`.
+    ///
+    /// # Errors
+    /// [`BenchError::Mesh`] if there is none; [`BenchError::ExceedsVoigt`].
+    pub fn split_at(&mut self, point: Point) -> Result<Update, BenchError> {
         let vertex = self.forest.split(point, &mut self.delta)?;
         let ring = self.hand_over()?;
         let slot = self.slots.push(vertex);
-        Ok(Update { kind: Change::Split, slot, ring })
+        Ok(Update { kind: Change::Split, slot, point, ring })
     }
 
     /// Merges a random vertex that a split brought in.
@@ -158,13 +221,23 @@ impl History {
         let missing = BenchError::NoRing { vertices: self.forest.vertex_count() };
         let young: Vec<VertexId> =
             self.forest.vertices().filter(|&v| self.forest.is_mergeable(v)).collect();
-        let Some(&vertex) = young.get(self.random.below(young.len())) else {
-            return Err(missing);
-        };
+        let vertex = *young.get(self.random.below(young.len())).ok_or(missing)?;
+        self.merge_at(self.forest.point(vertex))
+    }
+
+    /// Merges the vertex at `point`.
+    ///
+    /// # Errors
+    /// [`BenchError::NoRing`] if there is none that a split brought in; [`BenchError::Mesh`] if its
+    /// ring has been refined; [`BenchError::ExceedsVoigt`].
+    pub fn merge_at(&mut self, point: Point) -> Result<Update, BenchError> {
+        let missing = || BenchError::NoRing { vertices: self.forest.vertex_count() };
+        let vertex = self.forest.vertex_at(point).ok_or_else(missing)?;
+        let slot = self.slots.get(vertex).ok_or_else(missing)?;
         self.forest.merge(vertex, &mut self.delta)?;
         let ring = self.hand_over()?;
-        let slot = self.slots.swap_remove(vertex).ok_or(missing)?;
-        Ok(Update { kind: Change::Merge, slot, ring })
+        self.slots.swap_remove(vertex);
+        Ok(Update { kind: Change::Merge, slot, point, ring })
     }
 
     /// Points to split at whose new vertex would be free.
@@ -260,6 +333,41 @@ mod tests {
                 _ => assert!(rank > 3 && rank <= 21, "{rank}"),
             }
         }
+    }
+
+    #[test]
+    fn a_mesh_is_refined_to_the_exact_size_and_stays_near_it() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let free = organ.free_vertices().count();
+        let histories = ["linear", "laminate"]
+            .map(|family| History::refined(&organ, family, free + 77, 5, 4).unwrap());
+        let [linear, laminate] = histories.each_ref().map(|h| h.slots().vertices());
+        assert_eq!(linear.len(), free + 77);
+        assert_eq!(linear, laminate);
+        let mut history = histories.into_iter().next().unwrap();
+        let sizes: Vec<usize> = (0..60)
+            .map(|_| {
+                history.step().unwrap();
+                history.slots().len()
+            })
+            .collect();
+        assert!(sizes.iter().all(|n| n.abs_diff(free + 77) <= 5), "{sizes:?}");
+        assert!(sizes.iter().min() < sizes.iter().max());
+        let error = History::refined(&organ, "linear", free - 1, 5, 4).err().unwrap();
+        assert!(matches!(error, BenchError::TooFewVertices { .. }), "{error}");
+    }
+
+    #[test]
+    fn a_split_and_its_merge_at_a_point_restore_the_slots() {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let mut history = History::refined(&organ, "linear", 200, 5, 4).unwrap();
+        let before = history.slots().vertices().to_vec();
+        let split = history.split().unwrap();
+        let merge = history.merge_at(split.point).unwrap();
+        assert_eq!((split.slot, merge.slot), (200, 200));
+        assert_eq!(history.slots().vertices(), before);
+        let merge = history.merge().unwrap();
+        assert_eq!(history.split_at(merge.point).unwrap().slot, 199);
     }
 
     #[test]

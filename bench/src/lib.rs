@@ -7,22 +7,30 @@
 #![forbid(unsafe_code)]
 
 mod accuracy;
+mod direct;
 mod error;
 mod history;
+mod machine;
+mod material_edits;
 mod organ;
 mod output;
 mod plot;
+mod progress;
 mod random;
+mod reference;
 mod slots;
 mod statistics;
 mod stream;
 pub mod studies;
 
 pub use accuracy::inverse_error;
+pub use direct::{DIRECT, Direct};
 pub use error::BenchError;
 pub use history::{History, Update};
+pub use machine::Machine;
+pub use material_edits::MaterialEdits;
 pub use organ::{Organ, Size};
 pub use output::Output;
 pub use slots::Slots;
 pub use statistics::{median, percentile, ratios};
-pub use stream::{Bound, Stream};
+pub use stream::Stream;

@@ -1,15 +1,16 @@
 //! `yawara-bench STUDY --out DIR`: competitors side by side, times with their errors.
 #![forbid(unsafe_code)]
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
-use yawara_bench::studies::{inverse, mesh};
+use yawara_bench::studies::{Arguments, drift, mesh, scaling, table1};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
-#[command(version)]
+#[command(name = "yawara-bench", version)]
 struct Cli {
     #[command(subcommand)]
     study: Study,
@@ -17,28 +18,73 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Study {
-    /// Maintainers of the inverse under random splits and merges of the liver phantom.
-    Inverse(inverse::Arguments),
+    /// One vertex in and out at the sizes of the paper's Table 1, by every method.
+    Table1(Arguments),
+    /// What 10000 random updates leave of the inverse, and whether its monitor sees it.
+    Drift(drift::Arguments),
+    /// How the operations grow with the mesh, up to 30000 vertices.
+    Scaling(Arguments),
     /// The bisection forest: shapes, closures, cost of a split, volume to label tree.
     Mesh(mesh::Arguments),
 }
 
+impl Study {
+    /// Updates of the inverse are compared with direct methods that run in one thread: so does all
+    /// else beside them.
+    fn set_threads(&self) -> Result<(), rayon::ThreadPoolBuildError> {
+        match self {
+            Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
+                rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
+            }
+            Self::Mesh(_) => Ok(()),
+        }
+    }
+}
+
 fn run(study: &Study) -> Result<String, BenchError> {
     match study {
-        Study::Inverse(arguments) => inverse::run(arguments),
+        Study::Table1(arguments) => table1::run(arguments),
+        Study::Drift(arguments) => drift::run(arguments),
+        Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),
     }
 }
 
 fn main() -> ExitCode {
-    match run(&Cli::parse().study) {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return refuse(&paragraph(&error)),
+        Err(help) => {
+            // Help into a closed pipe is no failure.
+            let _ = help.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    if let Err(error) = cli.study.set_threads() {
+        return refuse(&error.to_string());
+    }
+    match run(&cli.study) {
         Ok(report) => {
-            print!("{report}");
+            // All is in the files: a reader that leaves early misses nothing.
+            let _ = write!(std::io::stdout(), "{report}");
             ExitCode::SUCCESS
         }
-        Err(error) => {
-            eprintln!("yawara-bench: {error}");
-            ExitCode::from(2)
-        }
+        Err(error) => refuse(&error.to_string()),
     }
+}
+
+/// One paragraph on stderr.
+fn refuse(message: &str) -> ExitCode {
+    let words: Vec<&str> = message.split_whitespace().collect();
+    let _ = writeln!(std::io::stderr(), "yawara-bench: {}", words.join(" "));
+    ExitCode::from(2)
+}
+
+/// The message of a usage error without the usage lines.
+fn paragraph(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let end =
+        ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| text.find(mark)).min();
+    format!("{} (see yawara-bench --help)", text[..end.unwrap_or(text.len())].trim_end())
 }

@@ -28,8 +28,8 @@ const LENGTH_MM: f64 = 196.0;
 /// Voxels along a base cell.
 const VOXELS_PER_CELL: usize = 8;
 
-/// Levels below the start mesh down to which vertices may come in.
-const MAX_LEVEL: u8 = 6;
+/// Levels below the start mesh down to which vertices may come in: to edges of a voxel.
+const MAX_LEVEL: u8 = 9;
 
 /// Label, E (Pa), ν, ρ (kg/m³).
 const TISSUES: [(i64, f64, f64, f64); 4] = [
@@ -104,6 +104,16 @@ impl Organ {
             tree,
             placement,
         })
+    }
+
+    /// The body of the finer start mesh that has at most `free` free vertices, the coarser one if
+    /// neither has.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_at_most(free: usize) -> Result<Self, BenchError> {
+        let full = Self::new(Size::Full)?;
+        if full.free_vertices().count() <= free { Ok(full) } else { Self::new(Size::Quick) }
     }
 
     /// Rest position of a lattice point, m.

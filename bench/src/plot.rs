@@ -13,13 +13,20 @@ pub struct Line {
 }
 
 /// Colours that stay apart in print and for colour-blind eyes (Okabe and Ito).
-const COLOURS: [RGBColor; 5] = [
+const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 0, 0),
+    RGBColor(240, 228, 66),
 ];
+
+/// Width of a plot and of the names of its lines beside it.
+const PLOT: u32 = 720;
+const NAMES: u32 = 220;
 
 /// A log-log plot; `None` where nothing positive is to be shown.
 pub fn log_log(title: &str, axes: [&str; 2], lines: &[Line]) -> Option<String> {
@@ -46,9 +53,10 @@ fn draw(
     x: std::ops::Range<f64>,
     y: std::ops::Range<f64>,
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let root = SVGBackend::with_string(svg, (720, 480)).into_drawing_area();
+    let root = SVGBackend::with_string(svg, (PLOT + NAMES, 480)).into_drawing_area();
     root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let (left, right) = root.split_horizontally(PLOT);
+    let mut chart = ChartBuilder::on(&left)
         .caption(title, ("sans-serif", 20))
         .margin(12)
         .x_label_area_size(44)
@@ -57,20 +65,20 @@ fn draw(
     chart.configure_mesh().x_desc(axes[0]).y_desc(axes[1]).draw()?;
     for (number, line) in lines.iter().enumerate() {
         let colour = COLOURS[number % COLOURS.len()];
-        chart
-            .draw_series(LineSeries::new(line.points.iter().copied(), colour.stroke_width(2)))?
-            .label(line.name.as_str())
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
-        chart
-            .draw_series(line.points.iter().map(|&point| Circle::new(point, 4, colour.filled())))?;
+        // More lines than colours: the further ones have hollow marks.
+        let mark = if number < COLOURS.len() { colour.filled() } else { colour.stroke_width(1) };
+        let stroke = colour.stroke_width(2);
+        chart.draw_series(LineSeries::new(line.points.iter().copied(), stroke))?;
+        chart.draw_series(line.points.iter().map(|&point| Circle::new(point, 4, mark)))?;
+        // Beside the plot: no line lies under its names.
+        let height = 48 + 20 * number as i32;
+        right.draw(&PathElement::new([(0, height), (22, height)], stroke))?;
+        right.draw(&Circle::new((11, height), 4, mark))?;
+        right.draw(&Text::new(line.name.as_str(), (30, height - 7), ("sans-serif", 14)))?;
     }
-    chart
-        .configure_series_labels()
-        .background_style(WHITE.mix(0.8))
-        .border_style(BLACK.mix(0.3))
-        .draw()?;
     root.present()?;
     drop(chart);
+    drop((left, right));
     drop(root);
     Ok(())
 }

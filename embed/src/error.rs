@@ -37,6 +37,29 @@ pub enum EmbedError {
         /// The root cube.
         cell: usize,
     },
+    /// A coarse mesh that a detail mesh does not belong to.
+    #[error(
+        "the coarse mesh has {found:?} root cubes of {found_units} lattice units, the detail mesh \
+         {want:?} of {want_units}: want the same cubes and at most its units"
+    )]
+    OtherLattice {
+        /// Root cubes of the coarse mesh.
+        found: [usize; 3],
+        /// Its lattice units per cube.
+        found_units: i32,
+        /// Root cubes of the detail mesh.
+        want: [usize; 3],
+        /// Its lattice units per cube.
+        want_units: i32,
+    },
+    /// Fewer positions than vertex numbers.
+    #[error("{found} positions for vertex numbers below {want}")]
+    PositionCount {
+        /// How many were given.
+        found: usize,
+        /// How many are needed.
+        want: usize,
+    },
     /// An unknown name.
     #[error("no homogenisation `{name}`; there are {}", choices.join(", "))]
     UnknownHomogenisation {

@@ -9,6 +9,7 @@
 //! Voigt order xx yy zz xy yz zx with engineering shear; degrees of freedom vertex-major x, y, z.
 #![forbid(unsafe_code)]
 
+mod detail;
 mod elasticity;
 mod element;
 mod embedding;
@@ -16,6 +17,7 @@ mod error;
 mod homogenisation;
 mod ring;
 
+pub use detail::DetailMesh;
 pub use elasticity::{Material, isotropic};
 pub use element::{LinearTet, Strain, strain_from_gradient, strain_operator};
 pub use embedding::Embedding;

@@ -22,7 +22,8 @@ pub(crate) fn symmetric_inverse(k: &SparseStiffness) -> Result<Mat<f64>, Inverse
     Ok(inverse)
 }
 
-/// C = K⁻¹ by LU with partial pivoting; K is checked to be definite on the way.
+/// C = K⁻¹ by LU with partial pivoting; K is checked on the way to be positive definite, or
+/// quasi-definite as announced.
 ///
 /// # Errors
 /// As [`symmetric_inverse`].
@@ -44,7 +45,9 @@ fn cholesky(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
 
 /// A quasi-definite matrix has an L D Lᵀ in any order, with the signs of its diagonal in D.
 fn signed(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
-    let singular = |row, value| InverseError::Singular { what: WHAT, row, value, limit: limit(k) };
+    let floor = |row| limit(k) * k.diagonal(row).abs();
+    let singular =
+        |row, value| InverseError::Singular { what: WHAT, row, value, limit: floor(row) };
     let factor = k.to_dense().ldlt(Side::Lower).map_err(|error| {
         let faer::linalg::cholesky::ldlt::factor::LdltError::ZeroPivot { index } = error;
         singular(index, 0.0)
@@ -52,8 +55,8 @@ fn signed(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
     let pivots = factor.D().column_vector();
     for row in 0..k.dofs() {
         let value = k.sign(row) * pivots[row];
-        // Not `value <= 0.0`: a NaN has to fail as well.
-        if !(value > 0.0 && value.is_finite()) {
+        // Not `value <= floor(row)`: a NaN has to fail as well.
+        if !(value > floor(row) && value.is_finite()) {
             return Err(singular(row, value));
         }
     }

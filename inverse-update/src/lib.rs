@@ -2,9 +2,9 @@
 //! date while vertices come and go.
 //!
 //! This crate knows matrices and index sets, no meshes. A *vertex* is a block of
-//! [`SparseStiffness::block`] rows (3 displacements, or 4 with a pressure), a *slot* its number, `0..vertices()`.
-//! A split appends one slot; a merge removes one and moves the last slot into the gap
-//! (as `Vec::swap_remove`), so that storage stays dense.
+//! [`SparseStiffness::block`] rows (3 displacements, or 4 with a pressure), a *slot* its number,
+//! `0..vertices()`. A split appends one slot; a merge removes one and moves the last slot into the
+//! gap (as `Vec::swap_remove`), so that storage stays dense.
 #![forbid(unsafe_code)]
 
 mod capacitance;
@@ -34,7 +34,7 @@ pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
 pub use refine::{MOST_REFINEMENTS, REFINED_RESIDUAL};
-pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse};
+pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse, elimination_order};
 pub use stiffness::SparseStiffness;
 pub use woodbury::{PackedInverse, Woodbury, WoodburyF32};
 
@@ -43,11 +43,30 @@ use faer::Mat;
 /// The scene names that [`build`] knows, the default first.
 pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "sparse", "paper", "lu"];
 
-/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³).
+/// Free vertices from which `sparse` beats a dense inverse at everything but reading columns.
+const SPARSE_FROM: usize = 150;
+
+/// Free vertices up to which a dense inverse wins where each update is followed by reading columns
+/// of at least [`MANY_COLUMNS`] vertices in full.
+const DENSE_TO: usize = 600;
+
+/// See [`DENSE_TO`].
+const MANY_COLUMNS: usize = 3;
+
+/// The maintainer that takes least time for a split with a solve, by measurement (the crossings
+/// in the study `table1`), given how many free vertices there are and of how many of them full
+/// columns are read after each update.
+pub fn choose(vertices: usize, columns_per_update: usize) -> &'static str {
+    let reads_many = columns_per_update >= MANY_COLUMNS && vertices <= DENSE_TO;
+    if vertices < SPARSE_FROM || reads_many { "woodbury" } else { "sparse" }
+}
+
+/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse`.
 ///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
-/// `stiffness` is not positive definite (a part of the body hangs free).
+/// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as
+/// it announces; [`InverseError::BlockTooLarge`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,
@@ -126,6 +145,27 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
 
+    /// The block C_pp of C on the rows and columns of `slots`: what a tool that holds them feels.
+    ///
+    /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
+    /// a shorter way.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        let columns = self.columns(slots)?;
+        let block = self.stiffness().block();
+        let row = |i: usize| block * slots[i / block] + i % block;
+        let half = |i: usize, j: usize| 0.5 * columns[(row(i), j)];
+        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+    }
+
+    /// Whether columns of C lie ready to be read. If not, C_:p w costs less as one solve with the
+    /// right-hand side w than from the columns.
+    fn holds_columns(&self) -> bool {
+        false
+    }
+
     /// Computes the inverse afresh from [`stiffness`](Self::stiffness).
     ///
     /// # Errors
@@ -134,4 +174,18 @@ pub trait InverseMaintainer: Send {
 
     /// The safeguards that took effect so far.
     fn counts(&self) -> Counts;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dense_where_it_is_small_or_its_columns_are_read() {
+        assert_eq!(choose(20, 0), "woodbury");
+        assert_eq!(choose(400, 0), "sparse");
+        assert_eq!(choose(400, 9), "woodbury");
+        assert_eq!(choose(2000, 9), "sparse");
+        assert!([0, 200, 4000].iter().all(|&n| CHOICES.contains(&choose(n, 1))));
+    }
 }

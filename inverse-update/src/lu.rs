@@ -20,7 +20,7 @@ impl Lu {
     /// Inverts `stiffness`. Cost: O(n³).
     ///
     /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite.
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
         let inverse = lu_inverse(&stiffness)?;
         Ok(Self { stiffness, inverse })

@@ -20,7 +20,8 @@ use crate::{
 /// The inner matrix of (10) is not symmetric and is solved by LU, so that C is symmetric to
 /// rounding only, and rounding grows: a reference for what the paper's order costs and loses.
 /// Like `woodbury` it starts afresh from K, and counts it, where K would not stay safely
-/// positive definite, or quasi-definite. Cost: O(n²p + np² + p³) per update, O(n²) per solve, n² numbers.
+/// positive definite, or quasi-definite. Cost: O(n²p + np² + p³) per update, O(n²) per solve, n²
+/// numbers.
 /// # Source
 /// Oishi, Tagawa, Tanaka, eqs. (9)–(15).
 pub struct Paper {
@@ -137,7 +138,7 @@ impl Paper {
     /// Inverts `stiffness`. Cost: O(n³).
     ///
     /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite.
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
         let inverse = symmetric_inverse(&stiffness)?;
         Ok(Self { stiffness, inverse, rebuilds: 0 })
@@ -316,6 +317,10 @@ impl InverseMaintainer for Paper {
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         full::columns(&self.inverse, slots, self.stiffness.block())
+    }
+
+    fn holds_columns(&self) -> bool {
+        true
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {

@@ -1,6 +1,7 @@
 //! `sparse`: a block LDLᵀ of K, newest vertex first, kept by low-rank walks along its tree.
 
 mod bennett;
+mod compliance;
 mod cover;
 mod dissection;
 mod edit;
@@ -10,7 +11,10 @@ mod pattern;
 mod pivot;
 mod rebase;
 mod substitution;
+mod sweep;
 mod symbolic;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,10 +35,14 @@ use substitution::TOGETHER;
 /// The most rows per vertex that the kernels are made for.
 const MOST_ROWS: usize = 4;
 
-/// The relative residual of a solution above which it is refined once.
+/// The residual ‖D^(−½)(K u − f)‖ / ‖D^(−½) f‖, D = |diag K|, above which a solution is refined.
 pub const REFINEMENT_LIMIT: f64 = 1e-11;
 
-/// When the factor of [`Sparse`] gets a fresh elimination order.
+/// A pivot that has come down by this factor has lost digits that a factor made afresh would have.
+const SOFTENED: f64 = 1e4;
+
+/// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
+/// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RebaseOptions {
     /// Updates after which it does: the newest vertices, all in front, lengthen the paths.
@@ -50,7 +58,7 @@ pub struct RebaseOptions {
 
 impl Default for RebaseOptions {
     fn default() -> Self {
-        Self { updates: 100, growth: 1.3, delay: 50, background: true }
+        Self { updates: 150, growth: 1.3, delay: 100, background: true }
     }
 }
 
@@ -80,6 +88,7 @@ pub struct Sparse {
     /// A fresh factor on its way, and the length of the journal at its snapshot.
     rebase: Option<(Rebase, usize)>,
     options: RebaseOptions,
+    /// Of the walks on `based`, its loss as well.
     scratch: Scratch,
     rebuilds: usize,
     rebases: usize,
@@ -185,10 +194,36 @@ impl Sparse {
         }
     }
 
+    /// Solves for up to [`TOGETHER`] loads, which `solutions` hold at first, and refines once
+    /// those whose residual asks for it.
+    fn solve_together(
+        &self,
+        loads: &[&[f64]],
+        solutions: &mut [&mut [f64]],
+    ) -> Result<(), InverseError> {
+        self.based.factor.solve(solutions);
+        let k = &self.stiffness;
+        let square = |x: &[f64]| -> f64 {
+            x.iter().enumerate().map(|(i, x)| x * x / k.diagonal(i).abs()).sum()
+        };
+        let mut residual = vec![0.0; k.dofs()];
+        for (load, solution) in loads.iter().zip(solutions) {
+            k.apply(solution, &mut residual)?;
+            residual.iter_mut().zip(*load).for_each(|(r, f)| *r = f - *r);
+            if square(&residual) > REFINEMENT_LIMIT * REFINEMENT_LIMIT * square(load) {
+                self.based.factor.solve(&mut [&mut residual]);
+                solution.iter_mut().zip(&residual).for_each(|(u, step)| *u += step);
+                self.refinements.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        Ok(())
+    }
+
     fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
         self.based = based;
         self.journal = journal;
         self.rebase = None;
+        self.scratch = Scratch::default();
     }
 
     /// Enters an edit in the journal; starts and adopts re-bases.
@@ -218,8 +253,19 @@ impl Sparse {
 
     fn is_due(&self) -> bool {
         let limit = self.options.growth * self.based.base.blocks as f64;
-        self.journal.len() >= self.options.updates || self.based.factor.blocks as f64 > limit
+        self.journal.len() >= self.options.updates
+            || self.based.factor.blocks as f64 > limit
+            || self.scratch.loss > SOFTENED
     }
+}
+
+/// The order in which a fresh [`Sparse`] eliminates the vertices of `stiffness`, first to go first:
+/// nested dissection where they have places, minimum degree where they have none.
+///
+/// For whoever factors K by other means. Cost: O(n log n) and some hundred edges per vertex.
+#[must_use]
+pub fn elimination_order(stiffness: &SparseStiffness) -> Vec<usize> {
+    dissection::order(&Pattern::of(stiffness))
 }
 
 /// A factor from K alone.
@@ -266,38 +312,36 @@ impl InverseMaintainer for Sparse {
         let rows = self.stiffness.dofs();
         check_vector("f", f, rows)?;
         check_length("u", u, rows)?;
-        u.copy_from_slice(f);
-        self.based.factor.solve(&mut [&mut *u]);
-        let mut residual = vec![0.0; rows];
-        self.stiffness.apply(u, &mut residual)?;
-        residual.iter_mut().zip(f).for_each(|(r, f)| *r = f - *r);
-        let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
-        if square(&residual) > REFINEMENT_LIMIT * REFINEMENT_LIMIT * square(f) {
-            self.based.factor.solve(&mut [&mut residual]);
-            u.iter_mut().zip(&residual).for_each(|(u, correction)| *u += correction);
-            self.refinements.fetch_add(1, Ordering::Relaxed);
-        }
+        let mut solution = f.to_vec();
+        self.solve_together(&[f], &mut [&mut solution])?;
+        u.copy_from_slice(&solution);
         Ok(())
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         check_range(slots, self.vertices())?;
-        let block = self.stiffness.block();
-        let mut columns = Mat::<f64>::zeros(self.stiffness.dofs(), block * slots.len());
-        for j in 0..columns.ncols() {
-            columns[(block * slots[j / block] + j % block, j)] = 1.0;
-        }
+        let (rows, block) = (self.stiffness.dofs(), self.stiffness.block());
+        let mut columns = Mat::<f64>::zeros(rows, block * slots.len());
         let all: Vec<usize> = (0..columns.ncols()).collect();
         for group in all.chunks(TOGETHER) {
-            let mut sides: Vec<Vec<f64>> =
-                group.iter().map(|&j| columns.col_as_slice(j).to_vec()).collect();
-            let mut parts: Vec<&mut [f64]> = sides.iter_mut().map(|s| s.as_mut_slice()).collect();
-            self.based.factor.solve(&mut parts);
-            for (&j, side) in group.iter().zip(&sides) {
-                columns.col_as_slice_mut(j).copy_from_slice(side);
+            let mut loads = vec![vec![0.0; rows]; group.len()];
+            for (&j, load) in group.iter().zip(&mut loads) {
+                load[block * slots[j / block] + j % block] = 1.0;
+            }
+            let mut solutions = loads.clone();
+            let loads: Vec<&[f64]> = loads.iter().map(Vec::as_slice).collect();
+            let mut sides: Vec<&mut [f64]> = solutions.iter_mut().map(Vec::as_mut_slice).collect();
+            self.solve_together(&loads, &mut sides)?;
+            for (&j, solution) in group.iter().zip(&solutions) {
+                columns.col_as_slice_mut(j).copy_from_slice(solution);
             }
         }
         Ok(columns)
+    }
+
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        check_range(slots, self.vertices())?;
+        Ok(self.based.factor.compliance(slots))
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {

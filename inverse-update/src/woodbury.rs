@@ -432,6 +432,11 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         Ok(solution.at_rows(&(0..solution.rows()).collect::<Vec<_>>()))
     }
 
+    fn holds_columns(&self) -> bool {
+        // What is refined is a solution for every column.
+        !E::REFINED
+    }
+
     fn rebuild(&mut self) -> Result<(), InverseError> {
         *self.tiles_mut() = fresh(&self.stiffness)?;
         *self.is_fresh.get_mut() = true;

@@ -35,6 +35,11 @@ impl Domain {
         (0..self.inside.len()).filter(|&cell| self.inside[cell])
     }
 
+    /// True where a cube (its linear number) is inside.
+    pub fn has_cell(&self, cell: usize) -> bool {
+        self.inside.get(cell).copied().unwrap_or(false)
+    }
+
     /// True where `p` lies in the closure of the body.
     pub fn contains(&self, p: Point) -> bool {
         self.lattice.cells_around(p).any(|cell| self.inside[cell])

@@ -378,6 +378,14 @@ pub enum MeshError {
         /// The lattice point.
         point: [i32; 3],
     },
+    /// A priority of a split request that orders nothing.
+    #[error("split request at lattice point {point:?} has priority {value}, want a finite number")]
+    PriorityNotFinite {
+        /// The lattice point.
+        point: [i32; 3],
+        /// Its priority.
+        value: f64,
+    },
     /// A vertex that can't go out now.
     #[error(
         "no merge of vertex {vertex}: not active, part of the start mesh, \
@@ -537,6 +545,33 @@ pub enum MeshError {
         /// Corners of the face, ascending.
         face: [u32; 3],
     },
+    /// A range of values that holds none, or stands for the background.
+    #[error("range {index} for label {label} is [{low}, {high}): want {want}")]
+    ValueRange {
+        /// Its position in the list.
+        index: usize,
+        /// The label.
+        label: i64,
+        /// Its lower end.
+        low: f64,
+        /// Its upper end.
+        high: f64,
+        /// What it should be.
+        want: &'static str,
+    },
+    /// Two ranges of values share some, or a label.
+    #[error(
+        "ranges {first} and {second} share {what}: want each value in one range at most, and each \
+         label once"
+    )]
+    RangesMeet {
+        /// The position of one in the list.
+        first: usize,
+        /// The position of the other.
+        second: usize,
+        /// What they share: values or the label.
+        what: &'static str,
+    },
     /// A length of a file unit that is no length.
     #[error("unit is {value} m, want a finite length > 0")]
     LengthUnit {
@@ -602,4 +637,15 @@ pub enum MeshError {
         /// Its name, if any.
         name: String,
     },
+    /// A DICOM file or series.
+    #[cfg(feature = "dicom")]
+    #[error(transparent)]
+    Dicom(Box<crate::dicom_reader::DicomError>),
+}
+
+#[cfg(feature = "dicom")]
+impl From<crate::dicom_reader::DicomError> for MeshError {
+    fn from(error: crate::dicom_reader::DicomError) -> Self {
+        Self::Dicom(Box::new(error))
+    }
 }

@@ -22,8 +22,8 @@ pub struct ReadReport {
     pub resampling: Option<Resampling>,
 }
 
-/// Reads a label map: one integer per voxel, of any integer or float type, NIfTI-1, NRRD or
-/// MetaImage.
+/// Reads a label map: one integer per voxel, of any integer or float type, NIfTI-1, NRRD,
+/// MetaImage, or a DICOM series (its directory, or one file of it).
 ///
 /// As [`read_labels_with`] without a spacing; resampling is told by a warning.
 ///
@@ -143,6 +143,11 @@ impl Format {
 }
 
 fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), MeshError> {
+    // The only format that keeps an image in a directory.
+    #[cfg(feature = "dicom")]
+    if path.is_dir() {
+        return Ok((Format::Dicom.names().0, crate::dicom_reader::read_dicom(path)?));
+    }
     let start = start_of(path)?;
     let Some(format) = Format::of_content(&start).or_else(|| Format::of_name(path)) else {
         let start = start[..start.len().min(16)].escape_ascii().to_string();
@@ -156,7 +161,10 @@ fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), MeshError> {
         Format::Nrrd => Ok((name, crate::nrrd_reader::read_nrrd(path)?)),
         #[cfg(feature = "metaimage")]
         Format::MetaImage => Ok((name, crate::metaimage_reader::read_metaimage(path)?)),
+        #[cfg(feature = "dicom")]
+        Format::Dicom => Ok((name, crate::dicom_reader::read_dicom(path)?)),
         // Formats whose reader this build leaves out.
+        #[allow(unreachable_patterns)] // Where all are built in.
         _ => Err(MeshError::FormatNotBuilt { path: path.into(), format: name, feature }),
     }
 }

@@ -11,15 +11,19 @@
 
 mod cases;
 mod export;
+mod label_boundary;
 mod label_field;
 mod measure;
+mod outlines;
 mod ply;
 mod vtp;
 
 use nalgebra::Vector3;
 
 pub use export::SurfaceData;
+pub use label_boundary::LabelBoundary;
 pub use label_field::LabelField;
+pub use outlines::{Outline, Outlines};
 pub use ply::{PlyEncoding, write_ply};
 pub use vtp::write_vtp;
 

@@ -7,10 +7,13 @@
 
 use std::collections::HashMap;
 
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::error::MeshError;
+use crate::geometry::Placement;
 use crate::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint, root_corners};
+use crate::lattice::Lattice;
 use crate::volume::LabelVolume;
 
 /// A tetrahedron's content: one label throughout, or a heterogeneous node of a [`LabelTree`].
@@ -29,6 +32,9 @@ pub enum Content {
 const HOMOGENEOUS: u32 = 1 << 31;
 
 impl NodeRef {
+    /// A tetrahedron of background.
+    pub(crate) const VOID: Self = Self(HOMOGENEOUS);
+
     /// A tetrahedron of one dense label.
     pub fn label(label: u16) -> Self {
         Self(HOMOGENEOUS | u32::from(label))
@@ -77,6 +83,15 @@ impl CellGrid {
             first_voxel[axis] = low[axis] as i64 - slack / 2;
         }
         Ok(Self { cells, voxels_per_cell, first_voxel })
+    }
+
+    /// Where a lattice on these cubes lies, for voxels of edge `voxel_m` (m), the first of them at
+    /// the origin.
+    pub fn placement(&self, voxel_m: f64, lattice: &Lattice) -> Placement {
+        Placement {
+            origin: Vector3::from(self.first_voxel.map(|v| v as f64 * voxel_m)),
+            unit: self.voxels_per_cell as f64 * voxel_m / f64::from(lattice.units),
+        }
     }
 
     /// The level at which one TYPE0 cube is one voxel: 3k for cubes of 2^k voxels.

@@ -5,7 +5,9 @@
 //! from the bits of its coordinates alone; the mesh is a set of vertices closed under these
 //! dependencies (a diamond hierarchy: Weiss and De Floriani, Computer Graphics Forum 30(8), 2011).
 
+use crate::domain::Domain;
 use crate::kuhn::Point;
+use crate::locality::z_order;
 
 /// Which of three kinds of older vertices a split needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,6 +139,19 @@ impl Lattice {
         result
     }
 
+    /// The ends of the edge whose midpoint `p` is: `None` for root vertices. They are older.
+    ///
+    /// Along each odd axis the edge runs from the coordinate ≡ 0 mod 4s to the other one: from
+    /// even corners of cubes to odd ones.
+    pub fn edge_ends(&self, p: Point) -> Option<[Point; 2]> {
+        let (site, s) = self.site(p);
+        if site == Site::Root {
+            return None;
+        }
+        let even = p.map(|c| if c & s == 0 { c } else { (c + s) & !(4 * s - 1) });
+        Some([even, std::array::from_fn(|i| 2 * p[i] - even[i])])
+    }
+
     /// The root cubes whose closure holds `p` (1, 2, 4 or 8), as linear cell numbers.
     pub fn cells_around(&self, p: Point) -> impl Iterator<Item = usize> + use<> {
         let (cells, units) = (self.cells, self.units);
@@ -170,56 +185,110 @@ impl Lattice {
     }
 }
 
-/// A map from lattice points to `u32` without hashing: one lazily filled page per root cube.
+/// A map from lattice points to `u32` without hashing: one page of memory per root cube.
 #[derive(Clone, Debug)]
 pub struct PointMap {
-    pages: Vec<Option<Box<[u32]>>>,
+    /// Number of each root cube's page, or [`ABSENT`].
+    pages: Vec<u32>,
     page_counts: [usize; 3],
     shift: u32,
+    values: Vec<u32>,
 }
 
 /// The value of a point that is not in a [`PointMap`].
 pub const ABSENT: u32 = u32::MAX;
 
 impl PointMap {
-    /// An empty map over `lattice`.
+    /// An empty map over `lattice`; a page comes with the first value on it.
     pub fn new(lattice: &Lattice) -> Self {
         let page_counts = lattice.cells.map(|n| n + 1);
         Self {
-            pages: vec![None; page_counts.iter().product()],
+            pages: vec![ABSENT; page_counts.iter().product()],
             page_counts,
             shift: lattice.units.trailing_zeros(),
+            values: Vec::new(),
         }
     }
 
+    /// An empty map with the pages of all points of a body, so that setting them allocates
+    /// nothing.
+    pub fn over(domain: &Domain) -> Self {
+        let lattice = domain.lattice();
+        let mut map = Self::new(lattice);
+        let mut corners: Vec<[usize; 3]> = Vec::new();
+        for cell in domain.cells() {
+            let low = lattice.cell_coordinates(cell);
+            corners.extend((0..8).map(|c| [0, 1, 2].map(|axis| low[axis] + (c >> axis & 1))));
+        }
+        corners.sort_by_cached_key(|corner| z_order(corner.map(|c| c as i32)));
+        let mut count = 0;
+        for corner in corners {
+            let page = map.page(corner);
+            if map.pages[page] == ABSENT {
+                map.pages[page] = count;
+                count += 1;
+            }
+        }
+        map.values = vec![ABSENT; (count as usize) << (3 * map.shift)];
+        map
+    }
+
+    fn page(&self, [x, y, z]: [usize; 3]) -> usize {
+        let [nx, ny, _] = self.page_counts;
+        x + nx * (y + ny * z)
+    }
+
+    /// Place of `p` in the list of pages and on its page.
+    #[inline]
     fn address(&self, p: Point) -> (usize, usize) {
         let mask = (1i32 << self.shift) - 1;
-        let page = p.map(|c| (c >> self.shift) as usize);
-        let local = p.map(|c| (c & mask) as usize);
-        let [nx, ny, _] = self.page_counts;
+        let local = |axis: usize| (p[axis] & mask) as usize;
+        let page = |axis: usize| (p[axis] >> self.shift) as usize;
         (
-            page[0] + nx * (page[1] + ny * page[2]),
-            local[0] | local[1] << self.shift | local[2] << (2 * self.shift),
+            self.page([page(0), page(1), page(2)]),
+            local(0) | local(1) << self.shift | local(2) << (2 * self.shift),
         )
+    }
+
+    /// Where `p` is kept, and the value there; (usize::MAX, [`ABSENT`]) off all pages.
+    #[inline]
+    pub(crate) fn find(&self, p: Point) -> (usize, u32) {
+        let (page, local) = self.address(p);
+        match self.pages[page] {
+            ABSENT => (usize::MAX, ABSENT),
+            number => {
+                let place = (number as usize) << (3 * self.shift) | local;
+                (place, self.values[place])
+            }
+        }
+    }
+
+    /// Sets the value at a place that [`Self::find`] gave.
+    #[inline]
+    pub(crate) fn set_at(&mut self, place: usize, value: u32) {
+        self.values[place] = value;
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        let filled = self.pages.iter().flatten().count();
-        self.pages.len() * size_of::<Option<Box<[u32]>>>() + filled * (4 << (3 * self.shift))
+        4 * (self.pages.capacity() + self.values.capacity())
     }
 
     /// The value at `p`, or [`ABSENT`].
+    #[inline]
     pub fn get(&self, p: Point) -> u32 {
-        let (page, local) = self.address(p);
-        self.pages[page].as_ref().map_or(ABSENT, |values| values[local])
+        self.find(p).1
     }
 
     /// Sets the value at `p`; [`ABSENT`] removes it.
     pub fn set(&mut self, p: Point, value: u32) {
         let (page, local) = self.address(p);
-        let size = 1usize << (3 * self.shift);
-        self.pages[page].get_or_insert_with(|| vec![ABSENT; size].into())[local] = value;
+        if self.pages[page] == ABSENT {
+            let size = 1 << (3 * self.shift);
+            self.pages[page] = (self.values.len() / size) as u32;
+            self.values.resize(self.values.len() + size, ABSENT);
+        }
+        self.values[(self.pages[page] as usize) << (3 * self.shift) | local] = value;
     }
 }
 

@@ -6,8 +6,13 @@
 pub mod blur;
 #[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
 mod byte_stream;
+pub mod classify;
 mod closure;
+mod closure_queue;
 mod delta;
+mod diamond;
+#[cfg(feature = "dicom")]
+pub mod dicom_reader;
 mod domain;
 mod error;
 mod forest;
@@ -19,6 +24,7 @@ pub mod isosurface;
 pub mod kuhn;
 mod label_tree;
 pub mod lattice;
+mod locality;
 #[cfg(feature = "metaimage")]
 pub mod metaimage_reader;
 #[cfg(feature = "nifti")]
@@ -33,13 +39,16 @@ mod queries;
 pub mod raw_volume;
 mod refine;
 pub mod resample;
+mod ring_shape;
 #[cfg(any(feature = "nrrd", feature = "metaimage"))]
 mod text_header;
+mod update;
 pub mod volume;
 mod voxels;
 #[cfg(feature = "vtu")]
 pub mod vtu_reader;
 
+pub use closure_queue::ClosureQueue;
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
 pub use error::MeshError;
@@ -49,4 +58,4 @@ pub use kuhn::Point;
 pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
 pub use lattice::Lattice;
 pub use plain_mesh::{PlainMesh, Repairs};
-pub use refine::{LabelRefinement, Region};
+pub use refine::{LabelRefinement, Region, Wants};

@@ -157,9 +157,8 @@ fn unit_mm(header: &TextHeader) -> Result<f64, MeshError> {
 fn scale(header: &TextHeader) -> Result<Option<[f64; 2]>, MeshError> {
     let slope = header.get("elementtointensityfunctionslope");
     let offset = header.get("elementtointensityfunctionoffset");
-    let number = |field: Option<&TextField>, default| match field {
-        Some(field) => Ok(finite(header, field, 1)?[0]),
-        None => Ok(default),
+    let number = |field: Option<&TextField>, default| -> Result<f64, MeshError> {
+        field.map_or(Ok(default), |field| Ok(finite(header, field, 1)?[0]))
     };
     let scale = [number(slope, 1.0)?, number(offset, 0.0)?];
     Ok((scale != [1.0, 0.0]).then_some(scale))

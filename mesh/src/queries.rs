@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use crate::delta::{Tet, TetId, VertexId};
+use crate::diamond::{Diamond, NONE, SLOTS, TetRecord, occupied, tet_number, tet_place};
 use crate::domain::Domain;
-use crate::forest::{BisectionForest, Diamond, NONE, TetRecord, VertexRecord};
+use crate::forest::{BisectionForest, VertexRecord};
 use crate::geometry::FACES;
 use crate::kuhn::Point;
 use crate::label_tree::LabelTree;
@@ -24,10 +25,14 @@ impl BisectionForest {
             .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
     }
 
-    /// True where `vertex` may be merged: active, above the start mesh, without dependents.
+    /// True where `vertex` may be merged: active, above the start mesh and not of the floor that
+    /// [`Self::make_floor`] set, without dependents.
     pub fn is_mergeable(&self, vertex: VertexId) -> bool {
         self.vertices.get(vertex.index()).is_some_and(|record| {
-            record.alive && record.generation > self.start_level && record.active_dependents == 0
+            record.alive
+                && !record.floor
+                && record.generation > self.start_level
+                && self.diamonds[record.diamond as usize].active_dependents == 0
         })
     }
 
@@ -50,7 +55,7 @@ impl BisectionForest {
         &self.tree
     }
 
-    /// The floor of merging.
+    /// The uniform level that merging never goes below.
     pub fn start_level(&self) -> u8 {
         self.start_level
     }
@@ -67,7 +72,7 @@ impl BisectionForest {
 
     /// Number of leaf tetrahedra.
     pub fn leaf_count(&self) -> usize {
-        self.leaves.len()
+        self.leaf_count
     }
 
     /// One more than the largest vertex number ever in use: the length of arrays by vertex.
@@ -77,19 +82,17 @@ impl BisectionForest {
 
     /// One more than the largest tetrahedron number ever in use.
     pub fn tet_capacity(&self) -> usize {
-        self.tets.len()
+        self.diamonds.len() * SLOTS
     }
 
     /// Bytes held, without the label tree.
     pub fn bytes(&self) -> usize {
         self.vertices.capacity() * size_of::<VertexRecord>()
-            + self.tets.capacity() * size_of::<TetRecord>()
             + self.diamonds.capacity() * size_of::<Diamond>()
             + self.by_point.bytes()
             + 4 * (self.free_vertices.capacity()
-                + self.free_pairs.capacity()
                 + self.free_diamonds.capacity()
-                + self.leaves.capacity())
+                + self.open.capacity())
     }
 
     /// Active vertices, ascending numbers.
@@ -99,15 +102,15 @@ impl BisectionForest {
 
     /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
     pub fn leaves(&self) -> impl ExactSizeIterator<Item = Tet> + '_ {
-        self.leaves.iter().map(|&i| self.tet_at(i as usize))
+        Leaves { forest: self, open: self.open.iter(), id: NONE, members: 0, left: self.leaf_count }
     }
 
     /// The faces of leaves that lie on the domain's hull, corners ascending, in the order of
     /// the leaves. Cost: O(leaves); which faces these are is kept with every split and merge.
     pub fn boundary_faces(&self) -> Vec<[VertexId; 3]> {
         let mut faces = Vec::new();
-        for &leaf in &self.leaves {
-            let record = &self.tets[leaf as usize];
+        for leaf in self.leaves() {
+            let record = self.record(leaf.id);
             for opposite in (0..4).filter(|i| record.hull & (1 << i) != 0) {
                 let mut face = FACES[opposite].map(|i| record.vertices[i]);
                 face.sort_unstable();
@@ -129,17 +132,17 @@ impl BisectionForest {
 
     /// The point whose activation would bisect `tet`; none at the finest level.
     pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
-        let diamond = self.tets[tet.index()].diamond;
-        (diamond != NONE).then(|| self.diamonds[diamond as usize].point)
+        let diamond = &self.diamonds[tet_place(tet.0).0];
+        (diamond.level < self.max_level).then_some(diamond.point)
     }
 
     /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
     /// are given with the number of their parent. Returns false otherwise.
     pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
-        let id = self.by_point_checked(p);
-        if id == ABSENT || self.diamonds[id as usize].vertex != NONE || !self.is_ready(p) {
+        if !self.is_candidate(p) {
             return false;
         }
+        let id = self.by_point.get(p);
         self.parents_of(id, ring);
         true
     }
@@ -154,25 +157,64 @@ impl BisectionForest {
         true
     }
 
-    fn parents_of(&self, diamond: u32, ring: &mut Vec<Tet>) {
-        let Diamond { ring: members, len, .. } = self.diamonds[diamond as usize];
+    /// Fills `ring` with the members of a diamond, in the order of their slots.
+    fn parents_of(&self, id: u32, ring: &mut Vec<Tet>) {
+        let Diamond { members, ref tets, .. } = self.diamonds[id as usize];
         ring.clear();
-        ring.extend(members[..usize::from(len)].iter().map(|&t| self.tet_at(t as usize)));
-        ring.sort_unstable_by_key(|t| {
-            let record = &self.tets[t.id.index()];
-            (record.root, record.path)
-        });
+        ring.extend(occupied(members).map(|slot| tets[slot].tet(tet_number(id, slot))));
+    }
+
+    fn record(&self, tet: TetId) -> &TetRecord {
+        let (diamond, slot) = tet_place(tet.0);
+        &self.diamonds[diamond].tets[slot]
+    }
+
+    /// True where a split may happen now.
+    pub(crate) fn is_candidate(&self, p: Point) -> bool {
+        let id = self.by_point_checked(p);
+        id != ABSENT && self.is_splittable(id)
     }
 
     /// Points at which a split may happen now, ascending keys.
     pub fn candidates(&self) -> Vec<Point> {
         let mut points: Vec<Point> = self
-            .diamonds
+            .open
             .iter()
-            .filter(|d| d.vertex == NONE && d.len > 0 && self.is_ready(d.point))
-            .map(|d| d.point)
+            .filter(|&&id| self.diamonds[id as usize].level < self.max_level)
+            .filter(|&&id| self.is_splittable(id))
+            .map(|&id| self.diamonds[id as usize].point)
             .collect();
         points.sort_unstable_by_key(|&p| Lattice::key(p));
         points
     }
 }
+
+/// The leaves, diamond by diamond.
+struct Leaves<'a> {
+    forest: &'a BisectionForest,
+    open: std::slice::Iter<'a, u32>,
+    id: u32,
+    members: u8,
+    left: usize,
+}
+
+impl Iterator for Leaves<'_> {
+    type Item = Tet;
+
+    fn next(&mut self) -> Option<Tet> {
+        while self.members == 0 {
+            self.id = *self.open.next()?;
+            self.members = self.forest.diamonds[self.id as usize].members;
+        }
+        let slot = self.members.trailing_zeros() as usize;
+        self.members &= self.members - 1;
+        self.left -= 1;
+        Some(self.forest.diamonds[self.id as usize].tets[slot].tet(tet_number(self.id, slot)))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.left, Some(self.left))
+    }
+}
+
+impl ExactSizeIterator for Leaves<'_> {}

@@ -24,6 +24,10 @@ pub enum Command {
     Plan(PlanArguments),
     /// Writes the undeformed tetrahedra of a label map.
     Mesh(MeshArguments),
+    /// Writes the labels that a scene would use of an image: resampled to cubes, classified.
+    Labels(LabelsArguments),
+    /// Writes the outlines of a label map's labels, closed and oriented.
+    Surface(SurfaceArguments),
     /// Lists the built-in scenes.
     Scenes,
     /// Lists the graphics adapters (needs the feature `gpu`).
@@ -82,8 +86,42 @@ pub struct MeshArguments {
     /// Bisections of every base tetrahedron; 3 halve the edges.
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub level: u8,
-    /// The file to write.
+    /// The file to write: .vtu (VTK) or .msh (Gmsh).
     #[arg(long, value_name = "FILE.vtu")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct LabelsArguments {
+    /// A label map or, with --range, an image of intensities (NIfTI, NRRD, MetaImage).
+    pub image: PathBuf,
+    /// The file to write.
+    #[arg(long, value_name = "FILE.nii.gz")]
+    pub out: PathBuf,
+    /// Edge of the voxels in mm [default: the image's, its smallest where they differ].
+    #[arg(long, value_name = "F")]
+    pub voxel_mm: Option<f64>,
+    /// Standard deviation in mm of a Gaussian that smooths intensities first.
+    #[arg(long, value_name = "F")]
+    pub blur_mm: Option<f64>,
+    /// Gives LABEL to intensities from LOW on and below HIGH (inf and -inf allowed); repeatable.
+    /// What is in no range becomes 0.
+    #[arg(long, value_name = "LABEL:LOW:HIGH", allow_hyphen_values = true)]
+    pub range: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct SurfaceArguments {
+    /// A label map, or the word phantom for the procedural liver.
+    pub image: String,
+    /// A label to outline; repeatable [default: all].
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub label: Vec<i64>,
+    /// Width in voxels of the blur that rounds off stairs; tubes of radius below 1.18 of it vanish.
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_hyphen_values = true)]
+    pub sigma_voxels: f64,
+    /// The file to write: .ply or .vtp, scanner RAS in mm.
+    #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
 

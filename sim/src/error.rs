@@ -119,30 +119,28 @@ pub enum SimError {
         /// The scene.
         scene: String,
     },
-    /// Voxels that are not cubes.
-    #[error(
-        "{image}: voxels of {x} x {y} x {z} mm, want spacings within 1 % of each other; \
-         resample the image to isotropic voxels first"
-    )]
-    Anisotropic {
-        /// The image.
-        image: String,
-        /// Spacing along the right, mm.
-        x: f64,
-        /// Spacing along the anterior, mm.
-        y: f64,
-        /// Spacing along the superior, mm.
-        z: f64,
-    },
     /// An image without any voxel of the body.
     #[error("{image}: nothing but background, want at least one voxel with a label other than 0")]
     Empty {
         /// The image.
         image: String,
     },
+    /// An image of which no intensity lies in a material's range.
+    #[error(
+        "{image}: no voxel lies in a range of [[materials]]; its values go from {low} to {high}"
+    )]
+    NothingInRange {
+        /// The image.
+        image: String,
+        /// Its smallest value, after smoothing.
+        low: f32,
+        /// Its largest.
+        high: f32,
+    },
     /// A label of the image that the scene says nothing about.
     #[error(
-        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it"
+        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it \
+         (nor one with other = true, and image.ignore_labels does not name it)"
     )]
     LabelWithoutMaterial {
         /// The label as in the image.
@@ -163,6 +161,25 @@ pub enum SimError {
         image: String,
         /// Edge of a base cell, mm.
         base_mm: f64,
+    },
+    /// A tag of a mesh file that the scene says nothing about.
+    #[error("tag {tag} occurs in {mesh} ({tets} tetrahedra) but [[materials]] has no entry for it")]
+    TagWithoutMaterial {
+        /// The tag as in the file.
+        tag: i64,
+        /// The file.
+        mesh: String,
+        /// How many tetrahedra have it.
+        tets: u64,
+    },
+    /// Nothing holds a mesh from a file.
+    #[error(
+        "nothing of {mesh} is fixed: no region in [[fixed]] holds three vertices off one line; \
+         enlarge a region (fractions of the mesh's bounding box)"
+    )]
+    MeshNotFixed {
+        /// The file.
+        mesh: String,
     },
     /// A start mesh beyond the budget.
     #[error("the start mesh has {count} vertices, want at most mesh.max_vertices = {limit}")]

@@ -1,43 +1,46 @@
 //! The deformed mesh as arrays for output.
 
 use nalgebra::{Matrix6, Vector3};
+use yawara_corot::Element;
 use yawara_embed::Strain;
-use yawara_mesh::Tet;
+use yawara_mesh::TetId;
 use yawara_mesh::geometry::signed_volume;
-use yawara_mesh::volume::Grid;
 
-use crate::refinement::Adaptive;
 use crate::report::Frame;
+use crate::start::ScannerAxes;
+use crate::state::State;
 
 /// The current state in scanner coordinates, vertices and tetrahedra by ascending number.
-pub(crate) fn capture(state: &Adaptive, grid: &Grid, label_values: &[i64], time_s: f64) -> Frame {
+/// `indicator`: the last measurement by tetrahedron, if the mesh is one that refines.
+pub(crate) fn capture(
+    state: &State,
+    axes: &ScannerAxes,
+    indicator: Option<&dyn Fn(TetId) -> f64>,
+    time_s: f64,
+) -> Frame {
     let mut frame = Frame { time_s, ..Frame::default() };
-    let mut number = vec![0u32; state.forest.vertex_capacity()];
-    for v in state.forest.vertices() {
+    let mut number = vec![0u32; state.vertex_capacity()];
+    for v in state.vertices() {
         number[v.index()] = frame.points_mm.len() as u32;
         let (rest, now) = (state.rest[v.index()], state.positions[v.index()]);
-        let moved = grid.rotation * ((now - rest) * 1e3);
-        frame.points_mm.push(grid.to_ras_mm(now).into());
-        frame.displacement_mm.push(moved.into());
+        frame.points_mm.push(axes.to_ras_mm(&now).into());
+        frame.displacement_mm.push(axes.to_ras_direction(&((now - rest) * 1e3)).into());
     }
-    let mut leaves: Vec<Tet> = state.forest.leaves().collect();
-    leaves.sort_unstable_by_key(|tet| tet.id);
-    for tet in leaves {
-        let Some(element) = state.body.element(tet.id) else {
-            continue;
-        };
-        let mut corners = tet.vertices;
-        if signed_volume(&corners.map(|v| state.rest[v.index()])) < 0.0 {
+    let mut elements: Vec<&Element> = state.body.elements().iter().collect();
+    elements.sort_unstable_by_key(|element| element.tet);
+    for element in elements {
+        let mut corners = element.vertices;
+        if signed_volume(&corners.map(|v| state.rest[v])) < 0.0 {
             corners.swap(2, 3);
         }
         let stress = element.elasticity * element.corotated_strain(&state.positions);
-        let label = state.embedding.tree().majority(tet.node);
-        frame.tets.push(corners.map(|v| number[v.index()]));
-        frame.level.push(tet.level);
-        frame.label.push(label_values[usize::from(label)]);
+        let cell = state.cell(element.tet);
+        frame.tets.push(corners.map(|v| number[v]));
+        frame.level.push(cell.level);
+        frame.label.push(cell.label);
         frame.young_modulus_pa.push(isotropic_part(&element.elasticity));
         frame.von_mises_pa.push(von_mises(&stress));
-        frame.indicator.push(state.measured(&tet));
+        frame.indicator.extend(indicator.map(|measured| measured(element.tet)));
     }
     frame
 }
@@ -52,7 +55,7 @@ fn isotropic_part(d: &Matrix6<f64>) -> f64 {
     9.0 * bulk * shear_modulus / (3.0 * bulk + shear_modulus)
 }
 
-fn von_mises(s: &Strain) -> f64 {
+pub(crate) fn von_mises(s: &Strain) -> f64 {
     let normal = Vector3::new(s[0] - s[1], s[1] - s[2], s[2] - s[0]).norm_squared();
     let shear = Vector3::new(s[3], s[4], s[5]).norm_squared();
     (0.5 * normal + 3.0 * shear).sqrt()

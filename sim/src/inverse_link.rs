@@ -1,5 +1,6 @@
 //! Between the mesh's vertices and the inverse's slots.
 
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use faer::Mat;
@@ -25,6 +26,7 @@ pub struct InverseLink {
     maintainer: Box<dyn InverseMaintainer>,
     slot_of: Vec<usize>,
     vertex_of: Vec<VertexId>,
+    tools: Mutex<Option<Arc<Held>>>,
     pub(crate) update_ms: Vec<f64>,
     pub(crate) updates: usize,
     pub(crate) drift_max: f64,
@@ -66,6 +68,7 @@ impl InverseLink {
             maintainer: factory(stiffness)?,
             slot_of,
             vertex_of: free_vertices,
+            tools: Mutex::new(None),
             update_ms: Vec::new(),
             updates: 0,
             drift_max: 0.0,
@@ -175,21 +178,51 @@ impl InverseLink {
     /// The inverse with `held` vertices (not fixed ones) fixed as well.
     pub(crate) fn constrained(&self, held: &[usize]) -> Result<Constrained<'_>, SimError> {
         let slots: Vec<usize> = held.iter().filter_map(|&v| self.slot(v)).collect();
-        let columns = self.maintainer.columns(&slots)?;
-        let rows = |i: usize| 3 * slots[i / 3] + i % 3;
-        let block = Mat::from_fn(3 * slots.len(), 3 * slots.len(), |i, j| columns[(rows(i), j)]);
+        let mut known = self.tools.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(tools) = known.as_ref()
+            && tools.updates == self.updates
+            && tools.slots == slots
+        {
+            return Ok(Constrained { link: self, tools: Arc::clone(tools) });
+        }
+        let tools = Arc::new(Held::new(self, slots)?);
+        *known = Some(Arc::clone(&tools));
+        Ok(Constrained { link: self, tools })
+    }
+}
+
+/// What is known of the vertices that tools hold, until the mesh or the hold changes.
+struct Held {
+    updates: usize,
+    slots: Vec<usize>,
+    /// C_:p, where the maintainer has it at hand.
+    columns: Option<Mat<f64>>,
+    /// Of C_pp.
+    factor: Llt<f64>,
+}
+
+impl Held {
+    fn new(link: &InverseLink, slots: Vec<usize>) -> Result<Self, SimError> {
+        let maintainer = link.maintainer.as_ref();
+        let (columns, block) = if maintainer.holds_columns() {
+            let columns = maintainer.columns(&slots)?;
+            let row = |i: usize| 3 * slots[i / 3] + i % 3;
+            let n = columns.ncols();
+            let block = Mat::from_fn(n, n, |i, j| columns[(row(i), j)]);
+            (Some(columns), block)
+        } else {
+            (None, maintainer.compliance(&slots)?)
+        };
         let factor = Llt::new(block.as_ref(), faer::Side::Lower)
             .map_err(|_| SimError::ComplianceNotPositive { vertices: slots.len() })?;
-        Ok(Constrained { link: self, slots, columns, factor })
+        Ok(Self { updates: link.updates, slots, columns, factor })
     }
 }
 
 /// K⁻¹ with some vertices held: C − C_:p C_pp⁻¹ C_p:.
 pub(crate) struct Constrained<'a> {
     link: &'a InverseLink,
-    slots: Vec<usize>,
-    columns: Mat<f64>,
-    factor: Llt<f64>,
+    tools: Arc<Held>,
 }
 
 impl Constrained<'_> {
@@ -202,12 +235,12 @@ impl Constrained<'_> {
         }
         let mut solution = vec![0.0; n];
         self.link.maintainer.solve(&local, &mut solution)?;
-        if !self.slots.is_empty() {
-            let at_held = Mat::from_fn(3 * self.slots.len(), 1, |i, _| {
-                solution[3 * self.slots[i / 3] + i % 3]
-            });
-            self.subtract_columns(&self.factor.solve(&at_held), &mut solution);
-            for &slot in &self.slots {
+        let slots = &self.tools.slots;
+        if !slots.is_empty() {
+            let at_held =
+                Mat::from_fn(3 * slots.len(), 1, |i, _| solution[3 * slots[i / 3] + i % 3]);
+            self.subtract_columns(&self.tools.factor.solve(&at_held), &mut solution)?;
+            for &slot in slots {
                 solution[3 * slot..3 * slot + 3].fill(0.0);
             }
         }
@@ -217,20 +250,37 @@ impl Constrained<'_> {
 
     /// The displacements that moving the held vertices by `moves` (in the order of `held`)
     /// drags along in the unrotated linear body: C_:p C_pp⁻¹ moves, by vertex number.
-    pub fn drag(&self, moves: &[Vector3<f64>], y: &mut [f64]) {
-        let rhs = Mat::from_fn(3 * self.slots.len(), 1, |i, _| moves[i / 3][i % 3]);
+    pub fn drag(&self, moves: &[Vector3<f64>], y: &mut [f64]) -> Result<(), SimError> {
+        let rhs = Mat::from_fn(3 * self.tools.slots.len(), 1, |i, _| moves[i / 3][i % 3]);
         let mut solution = vec![0.0; 3 * self.link.vertex_of.len()];
-        self.subtract_columns(&(-self.factor.solve(&rhs)), &mut solution);
+        self.subtract_columns(&(-self.tools.factor.solve(&rhs)), &mut solution)?;
         self.scatter(&solution, y);
+        Ok(())
     }
 
-    fn subtract_columns(&self, weights: &Mat<f64>, target: &mut [f64]) {
-        for j in 0..self.columns.ncols() {
-            let weight = weights[(j, 0)];
-            for (t, c) in target.iter_mut().zip(self.columns.col(j).iter()) {
-                *t -= weight * c;
+    /// target ← target − C_:p weights.
+    fn subtract_columns(&self, weights: &Mat<f64>, target: &mut [f64]) -> Result<(), SimError> {
+        if let Some(columns) = &self.tools.columns {
+            for j in 0..columns.ncols() {
+                let weight = weights[(j, 0)];
+                for (t, c) in target.iter_mut().zip(columns.col(j).iter()) {
+                    *t -= weight * c;
+                }
+            }
+            return Ok(());
+        }
+        let mut load = vec![0.0; target.len()];
+        for (i, &slot) in self.tools.slots.iter().enumerate() {
+            for a in 0..3 {
+                load[3 * slot + a] = weights[(3 * i + a, 0)];
             }
         }
+        let mut product = vec![0.0; target.len()];
+        self.link.maintainer.solve(&load, &mut product)?;
+        for (t, p) in target.iter_mut().zip(&product) {
+            *t -= p;
+        }
+        Ok(())
     }
 
     fn scatter(&self, local: &[f64], y: &mut [f64]) {
@@ -257,11 +307,7 @@ struct ReducedRing {
 }
 
 impl ReducedRing {
-    fn new(
-        ring: &RingStiffness,
-        order_key: u64,
-        slot: impl Fn(VertexId) -> Option<usize>,
-    ) -> Self {
+    fn new(ring: &RingStiffness, order_key: u64, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
         let kept: Vec<usize> =
             (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
         let row = |i: usize| 3 * kept[i / 3] + i % 3;

@@ -3,9 +3,11 @@
 
 mod cli;
 mod devices_command;
+mod labels_command;
 mod mesh_command;
 mod printer;
 mod run_command;
+mod surface_command;
 mod text;
 
 use std::io::IsTerminal;
@@ -67,6 +69,8 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         }
         Command::Plan(arguments) => plan(&arguments, &mut out)?,
         Command::Mesh(arguments) => mesh_command::run(&arguments, &mut out)?,
+        Command::Labels(arguments) => labels_command::run(&arguments, &mut out)?,
+        Command::Surface(arguments) => surface_command::run(&arguments, &mut out)?,
         Command::Scenes => scenes(&mut out)?,
         Command::Devices => devices_command::run(&mut out)?,
     }
@@ -88,6 +92,6 @@ fn scenes(out: &mut Printer) -> Result<(), SimError> {
     scene_file::built_in().iter().try_for_each(|(name, text)| {
         let table: toml::Table = toml::from_str(text).unwrap_or_default();
         let description = table.get("description").and_then(toml::Value::as_str);
-        out.print(&format!("{name:<10} {}\n", description.unwrap_or_default()))
+        out.print(&format!("{name:<11} {}\n", description.unwrap_or_default()))
     })
 }

@@ -24,10 +24,7 @@ const MAX_DOUBLINGS: f64 = MAX_LEVEL as f64 / 3.0;
 
 pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError> {
     let MeshArguments { image, base_mm, level, out: file } = arguments;
-    if file.extension().is_none_or(|extension| extension != "vtu") {
-        let value = file.display().to_string();
-        return Err(refuse("--out", value, "a file name that ends in .vtu".into()));
-    }
+    let write = writer(file)?;
     if let Some(base) = base_mm.filter(|base| !(*base > 0.0 && base.is_finite())) {
         return Err(refuse("--base-mm", base.to_string(), "finite and more than 0".into()));
     }
@@ -37,9 +34,24 @@ pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError>
     };
     let mesh = UniformMesh::new(image, &volume, *base_mm, *level)?;
     let frame = mesh.frame(&volume);
-    write_vtu(file, &frame)?;
+    write(file, &frame)?;
     out.print(&mesh.describe(&volume, &frame))?;
     out.print(&format!("written to {}\n", file.display()))
+}
+
+type Writer = fn(&Path, &Frame) -> Result<(), SimError>;
+
+/// The writer that the name asks for.
+fn writer(file: &Path) -> Result<Writer, SimError> {
+    match file.extension().and_then(|extension| extension.to_str()) {
+        Some("vtu") => Ok(write_vtu),
+        #[cfg(feature = "gmsh")]
+        Some("msh") => Ok(yawara::output::write_msh),
+        _ => {
+            let value = file.display().to_string();
+            Err(refuse("--out", value, "a file name that ends in .vtu or .msh".into()))
+        }
+    }
 }
 
 fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
@@ -90,12 +102,7 @@ impl UniformMesh {
             );
             return Err(refuse("--level", level.to_string(), want));
         }
-        let cell_m = voxels_per_cell as f64 * grid.spacing_mm * 1e-3;
-        let first = Vector3::from(cells.first_voxel.map(|v| v as f64));
-        let placement = Placement {
-            origin: first * (grid.spacing_mm * 1e-3),
-            unit: cell_m / f64::from(lattice.units),
-        };
+        let placement = cells.placement(grid.spacing_mm * 1e-3, &lattice);
         let forest = BisectionForest::new(domain, tree.clone(), level, level)?;
         Ok(Self { forest, tree, placement, grid, voxels_per_cell })
     }

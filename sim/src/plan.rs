@@ -1,29 +1,53 @@
 //! What a scene needs, what it does not, and why.
 
+use crate::fixed_mesh::FixedMesh;
+use crate::inverse_link::InverseLink;
 use crate::report::PlanRow;
 use crate::scene::{Scene, Tool};
 use crate::setup::Setup;
-use crate::stages::Stages;
+use crate::stages::{AUTO, Stages};
+use crate::start::{Origin, Start};
+use crate::surfaces::surface_level;
 
 /// The plan of a scene, in the order of the pipeline.
-pub(crate) fn rows(scene: &Scene, setup: &Setup, stages: &Stages) -> Vec<PlanRow> {
-    vec![
-        image(setup),
-        mesh(scene, setup),
-        domain(setup),
-        homogenisation(setup, stages),
+pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow> {
+    let mut rows = match &start.origin {
+        Origin::Image(setup) => {
+            vec![image(setup), mesh(scene, setup), domain(setup), homogenisation(setup, stages)]
+        }
+        Origin::MeshFile(mesh) => mesh_file(mesh, stages),
+    };
+    rows.extend([
         row("element", "p1", true, "linear displacement; locks from a Poisson ratio of 0.45 on"),
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         refinement(scene, stages),
-        inverse(scene),
         compliance(scene),
-        row(
-            "surface",
-            "none",
-            false,
-            "frames hold tetrahedra; embedded surfaces are not written yet",
+        surface(scene, start),
+    ]);
+    rows
+}
+
+/// The rows of a mesh that is what it is.
+fn mesh_file(mesh: &FixedMesh, stages: &Stages) -> Vec<PlanRow> {
+    let domain = match mesh.excluded_components {
+        0 => row("domain", "all parts", true, "every part is held by a fixed region"),
+        parts => row(
+            "domain",
+            "held parts",
+            true,
+            format!(
+                "{parts} part(s) with {} tetrahedra are not held by a fixed region and left out",
+                mesh.excluded_tets
+            ),
         ),
+    };
+    let why = format!("every tetrahedron has one of {} material(s)", mesh.material_count);
+    vec![
+        row("image", "none", false, "the scene names a mesh file"),
+        row("mesh", &mesh.name, true, &mesh.done),
+        domain,
+        row("homogenisation", stages.homogenisation.name(), false, why),
     ]
 }
 
@@ -32,37 +56,76 @@ fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow
 }
 
 fn image(setup: &Setup) -> PlanRow {
-    let [nx, ny, nz] = setup.grid.dims;
-    let why =
-        format!("{}; {nx} x {ny} x {nz} voxels of {} mm", setup.image_done, setup.grid.spacing_mm);
-    row("image", &setup.image_name, true, why)
+    let image = &setup.summary.image;
+    let [nx, ny, nz] = image.dims;
+    let mut why = image.format.clone();
+    if image.format != "procedural" {
+        why += &format!(" {}", image.content);
+    }
+    if image.resampled {
+        why += &format!("; {}", image.resampling());
+    }
+    why += &format!("; {nx} x {ny} x {nz} voxels of {} mm", image.voxel_mm);
+    if image.blur_mm > 0.0 {
+        why += &format!(", smoothed by {} mm", image.blur_mm);
+    }
+    if !image.ignored_labels.is_empty() {
+        why += &format!("; {} label(s) ignored", image.ignored_labels.len());
+    }
+    for other in image.materials.iter().filter(|material| material.other) {
+        why += &format!("; {} label(s) take the material of others", other.labels.len());
+    }
+    for empty in image.empty_ranges() {
+        why += &format!("; WARNING: no voxel lies in the range of \"{}\"", empty.name);
+    }
+    row("image", setup.image_name(), true, why)
 }
 
 fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
-    let asked = scene.mesh.base_mm;
     let used = setup.base_m * 1e3;
+    let asked = scene.mesh.base_mm.unwrap_or(used);
     let rounded = if (asked - used).abs() > 1e-9 * used {
         format!("; {asked} mm were asked for, rounded to a power of two of voxels")
     } else {
         String::new()
     };
-    let why = format!(
+    let mut why = format!(
         "{} base cells of {used} mm, level {} to {}, {} vertices at the start{rounded}",
         setup.forest.domain().cells().count(),
         scene.mesh.start_level,
-        scene.mesh.max_level,
+        scene.mesh.finest_level(),
         setup.forest.vertex_count(),
     );
+    if let Some(refined) = &setup.summary.label_refinement {
+        why += &format!(
+            "; {} of them towards labels down to level {}",
+            refined.vertices, refined.level
+        );
+        if refined.tets_left > 0 {
+            why += &format!(
+                ", WARNING: max_vertices = {} ended it with {} tetrahedra of several labels left",
+                scene.mesh.max_vertices, refined.tets_left
+            );
+        }
+    }
     row("mesh", "bisection", true, why)
 }
 
 fn domain(setup: &Setup) -> PlanRow {
-    if setup.excluded_components == 0 {
-        return row("domain", "all parts", true, "every part is held by a fixed region");
+    let domain = &setup.summary.domain;
+    let (kept, cells, voxels) = domain.total(true);
+    let (excluded, without_cells, without_voxels) = domain.total(false);
+    let mut why = format!(
+        "{kept} of {} part(s) joined by faces, with {cells} base cells and {voxels} voxels, held by \
+         a fixed region",
+        domain.components
+    );
+    if excluded == 0 {
+        return row("domain", "all parts", true, why);
     }
-    let why = format!(
-        "{} part(s) with {} base cells are not held by a fixed region and left out",
-        setup.excluded_components, setup.excluded_cells
+    why += &format!(
+        "; {excluded} part(s) with {without_cells} base cells and {without_voxels} voxels are not \
+         held and left out"
     );
     row("domain", "held parts", true, why)
 }
@@ -86,7 +149,10 @@ fn homogenisation(setup: &Setup, stages: &Stages) -> PlanRow {
 
 fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     let indicator = &stages.indicator;
-    if scene.mesh.max_level == scene.mesh.start_level {
+    if scene.mesh.path.is_some() {
+        return row("refinement", indicator.name(), false, "a mesh from a file has no levels");
+    }
+    if !scene.mesh.refines() {
         return row("refinement", indicator.name(), false, "max_level equals start_level");
     }
     let rules = &scene.refinement;
@@ -100,12 +166,18 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     row("refinement", indicator.name(), true, why)
 }
 
-fn inverse(scene: &Scene) -> PlanRow {
-    let name = &scene.stages.inverse;
-    if scene.mesh.max_level == scene.mesh.start_level {
-        return row("inverse update", name, false, "the mesh never changes: inverted once");
+/// The row of the inverse, once there is one.
+pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
+    let name = inverse.maintainer().name();
+    let mut why = String::from("the mesh changes while the body moves");
+    if !scene.mesh.refines() {
+        why = "the mesh never changes: factored once".into();
     }
-    row("inverse update", name, true, "the mesh changes while the body moves")
+    if scene.stages.inverse == AUTO {
+        let vertices = inverse.maintainer().vertices();
+        why += &format!("; {name} is the fastest for {vertices} free vertices");
+    }
+    row("inverse update", name, scene.mesh.refines(), why)
 }
 
 fn compliance(scene: &Scene) -> PlanRow {
@@ -114,4 +186,18 @@ fn compliance(scene: &Scene) -> PlanRow {
         return row("compliance columns", "none", false, "no tool touches the body");
     }
     row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)"))
+}
+
+fn surface(scene: &Scene, start: &Start) -> PlanRow {
+    let asked = &scene.output.surfaces;
+    let Origin::Image(setup) = &start.origin else {
+        return row("surface", "none", false, "a mesh from a file has faces of its own");
+    };
+    if asked.is_empty() {
+        return row("surface", "none", false, "output.surfaces names no label");
+    }
+    let level = surface_level(scene, setup);
+    let labels: Vec<String> = asked.iter().map(|one| one.label.to_string()).collect();
+    let why = format!("labels {}, cut at level {level}", labels.join(", "));
+    row("surface", "marching tetrahedra", true, why)
 }

@@ -2,33 +2,30 @@
 
 use std::time::Instant;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
+use yawara_corot::Element;
 use yawara_corot::rotation::polar_warm;
-use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet, RingStiffness};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
+use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId};
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
 use crate::inverse_link::InverseLink;
 use crate::report::StageTimes;
 use crate::scene::Refinement;
+use crate::state::{Cell, State};
 use crate::tools::Hold;
 
 /// A question to a rest position.
 pub(crate) type RestTest = Box<dyn Fn(&Vector3<f64>) -> bool + Send>;
 
-/// The state that splits and merges change together.
-pub(crate) struct Adaptive {
+/// What splits and merges go by: the forest and its content. It changes a [`State`].
+pub(crate) struct Refiner {
     pub forest: BisectionForest,
-    pub embedding: Embedding,
-    pub placement: Placement,
-    pub body: Body,
-    /// Rest and current positions by vertex number, m.
-    pub rest: Vec<Vector3<f64>>,
-    pub positions: Vec<Vector3<f64>>,
-    pub holds: Vec<Hold>,
+    embedding: Embedding,
+    placement: Placement,
+    label_values: Vec<i64>,
     /// Whether a rest position lies in a fixed region.
     is_fixed: RestTest,
     /// Step in which each vertex came in.
@@ -47,90 +44,96 @@ pub(crate) struct Remeshed {
     pub merges: usize,
 }
 
-impl Adaptive {
+/// What asks for refinement, and how much of it there may be.
+pub(crate) struct Demand<'a> {
+    pub rules: &'a Refinement,
+    pub max_vertices: usize,
+    pub indicator: &'a dyn Indicator,
+}
+
+impl Refiner {
+    /// Takes a start mesh over; the state it starts in comes with it. `holds` is by vertex number.
     pub fn new(
         forest: BisectionForest,
         embedding: Embedding,
         placement: Placement,
-        holds: Vec<Hold>,
+        label_values: Vec<i64>,
+        holds: &[Hold],
         is_fixed: RestTest,
-    ) -> Self {
-        let capacity = forest.vertex_capacity();
-        let mut rest = vec![Vector3::zeros(); capacity];
-        for v in forest.vertices() {
-            rest[v.index()] = placement.position(forest.point(v));
-        }
-        let mut state = Self {
-            positions: rest.clone(),
-            rest,
-            holds,
-            is_fixed,
-            born: vec![0; capacity],
-            measured: Vec::new(),
-            body: Body::new(),
+    ) -> (Self, State) {
+        let refiner = Self {
+            born: vec![0; forest.vertex_capacity()],
             forest,
             embedding,
             placement,
+            label_values,
+            is_fixed,
+            measured: Vec::new(),
             delta: MeshDelta::empty(),
             ring: Vec::new(),
             members: Vec::new(),
         };
-        let leaves: Vec<Tet> = state.forest.leaves().collect();
-        for tet in leaves {
-            let element = state.element(&tet, nalgebra::Matrix3::identity());
-            state.body.insert(element);
+        let mut state = State::default();
+        for v in refiner.forest.vertices() {
+            let rest = refiner.placement.position(refiner.forest.point(v));
+            state.add_vertex(v, rest, rest, holds[v.index()]);
         }
-        state
+        for tet in refiner.forest.leaves() {
+            refiner.add_tet(&mut state, &tet, Matrix3::identity());
+        }
+        (refiner, state)
     }
 
-    fn element(&self, tet: &Tet, rotation: nalgebra::Matrix3<f64>) -> Element {
-        Element {
+    fn add_tet(&self, state: &mut State, tet: &Tet, rotation: Matrix3<f64>) {
+        let element = Element {
             tet: tet.id,
             vertices: tet.vertices.map(VertexId::index),
-            geometry: self.rest_geometry(tet),
+            geometry: rest_geometry(state, tet),
             elasticity: self.embedding.elasticity(tet.node),
             rotation,
-        }
-    }
-
-    fn rest_geometry(&self, tet: &Tet) -> LinearTet {
-        LinearTet::new(&tet.vertices.map(|v| self.rest[v.index()]))
+        };
+        let label = self.embedding.tree().majority(tet.node);
+        let cell = Cell {
+            level: tet.level,
+            label: self.label_values[usize::from(label)],
+            density_kg_m3: self.embedding.density(tet.node),
+        };
+        state.add_tet(element, cell);
     }
 
     /// Last measured indicator of a leaf's ring; 0 if never measured.
-    pub fn measured(&self, tet: &Tet) -> f64 {
-        self.measured.get(tet.id.index()).copied().unwrap_or(0.0)
+    pub fn measured(&self, tet: TetId) -> f64 {
+        self.measured.get(tet.index()).copied().unwrap_or(0.0)
     }
 
     /// Merges where the indicator has become small, then splits where it is large.
     pub fn remesh(
         &mut self,
+        state: &mut State,
         step: usize,
-        rules: &Refinement,
-        max_vertices: usize,
-        indicator: &dyn Indicator,
+        demand: &Demand<'_>,
         inverse: &mut InverseLink,
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
-        let leaving = self.wanted_merges(step, rules, indicator);
-        let arriving = self.wanted_splits(rules, indicator);
+        let leaving = self.wanted_merges(state, step, demand);
+        let arriving = self.wanted_splits(state, demand);
         times.indicator_ms = milliseconds(begin);
 
         let begin = Instant::now();
         let inverse_before: f64 = inverse.update_ms.iter().sum();
         let mut done = Remeshed::default();
         for v in leaving {
-            self.merge(v, inverse)?;
+            self.merge(state, v, inverse)?;
             done.merges += 1;
         }
         for p in arriving {
-            if self.forest.vertex_count() >= max_vertices {
+            if self.forest.vertex_count() >= demand.max_vertices {
                 break;
             }
             // A merge of this round may have taken an older vertex that `p` needs.
             if self.forest.split_ring(p, &mut self.ring) {
-                self.split(p, step, inverse)?;
+                self.split(state, p, step, inverse)?;
                 done.splits += 1;
             }
         }
@@ -140,7 +143,8 @@ impl Adaptive {
     }
 
     /// Points to split at, largest indicator first.
-    fn wanted_splits(&mut self, rules: &Refinement, indicator: &dyn Indicator) -> Vec<Point> {
+    fn wanted_splits(&mut self, state: &State, demand: &Demand<'_>) -> Vec<Point> {
+        let rules = demand.rules;
         let mut wanted: Vec<(f64, Point)> = Vec::new();
         self.measured.clear();
         self.measured.resize(self.forest.tet_capacity(), 0.0);
@@ -148,7 +152,7 @@ impl Adaptive {
             if !self.forest.split_ring(p, &mut self.ring) {
                 continue;
             }
-            let value = self.measure_ring(indicator);
+            let value = self.measure_ring(state, demand.indicator);
             for tet in &self.ring {
                 self.measured[tet.id.index()] = value;
             }
@@ -162,12 +166,8 @@ impl Adaptive {
         wanted.into_iter().map(|(_, p)| p).collect()
     }
 
-    fn wanted_merges(
-        &mut self,
-        step: usize,
-        rules: &Refinement,
-        indicator: &dyn Indicator,
-    ) -> Vec<VertexId> {
+    fn wanted_merges(&mut self, state: &State, step: usize, demand: &Demand<'_>) -> Vec<VertexId> {
+        let rules = demand.rules;
         let limit = rules.merge_fraction * rules.split_above;
         let settled: Vec<VertexId> = self
             .forest
@@ -177,33 +177,34 @@ impl Adaptive {
         settled
             .into_iter()
             .filter(|&v| {
-                self.forest.merge_ring(v, &mut self.ring) && self.measure_ring(indicator) <= limit
+                self.forest.merge_ring(v, &mut self.ring)
+                    && self.measure_ring(state, demand.indicator) <= limit
             })
             .collect()
     }
 
     /// The indicator of the coarse tetrahedra now in `self.ring`.
-    fn measure_ring(&mut self, indicator: &dyn Indicator) -> f64 {
+    fn measure_ring(&mut self, state: &State, indicator: &dyn Indicator) -> f64 {
         self.members.clear();
         for tet in &self.ring {
-            self.members.push(self.member(tet));
+            self.members.push(self.member(state, tet));
         }
         indicator.measure(&self.members)
     }
 
-    fn member(&self, tet: &Tet) -> RingMember {
-        let (geometry, rotation) = match self.body.element(tet.id) {
+    fn member(&self, state: &State, tet: &Tet) -> RingMember {
+        let (geometry, rotation) = match state.body.element(tet.id) {
             Some(element) => (element.geometry, Some(element.rotation)),
-            None => (self.rest_geometry(tet), None),
+            None => (rest_geometry(state, tet), None),
         };
         let (halves, parent) = self.embedding.combine(tet.node, &geometry, tet.level);
-        let f = geometry.gradient(&tet.vertices.map(|v| self.positions[v.index()]));
+        let f = geometry.gradient(&tet.vertices.map(|v| state.positions[v.index()]));
         RingMember {
             parent,
             halves,
             deformation_gradient: f,
             rotation: rotation.unwrap_or_else(|| {
-                polar_warm(&f, &self.body.vertex_rotations()[tet.vertices[0].index()])
+                polar_warm(&f, &state.body.vertex_rotations()[tet.vertices[0].index()])
             }),
             geometry,
             is_void: self.embedding.tree().labels(tet.node).as_slice() == [0],
@@ -212,13 +213,13 @@ impl Adaptive {
 
     /// Where the embedding has the midpoint of the ring now in `self.ring`:
     /// ½(x_a+x_b) + Σ V R X ε / Σ V.
-    fn embedded_midpoint(&mut self) -> Vector3<f64> {
+    fn embedded_midpoint(&self, state: &State) -> Vector3<f64> {
         let tet = self.ring[0];
         let ends = [tet.vertices[0], tet.vertices[bisected_corner(tet.level)]];
-        let middle = 0.5 * (self.positions[ends[0].index()] + self.positions[ends[1].index()]);
+        let middle = 0.5 * (state.positions[ends[0].index()] + state.positions[ends[1].index()]);
         let (mut offset, mut volume) = (Vector3::zeros(), 0.0);
         for tet in &self.ring {
-            let member = self.member(tet);
+            let member = self.member(state, tet);
             offset += member.midpoint_offset() * member.geometry.volume;
             volume += member.geometry.volume;
         }
@@ -226,67 +227,73 @@ impl Adaptive {
     }
 
     /// Splits at `p`, whose ring is in `self.ring`.
-    fn split(&mut self, p: Point, step: usize, inverse: &mut InverseLink) -> Result<(), SimError> {
-        let position = self.embedded_midpoint();
+    fn split(
+        &mut self,
+        state: &mut State,
+        p: Point,
+        step: usize,
+        inverse: &mut InverseLink,
+    ) -> Result<(), SimError> {
+        let position = self.embedded_midpoint(state);
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         let vertex = self.forest.split(p, &mut delta)?;
-        self.grow(vertex.index() + 1);
-        let at = vertex.index();
-        self.rest[at] = self.placement.position(p);
-        self.positions[at] = position;
-        self.born[at] = step;
-        let ends = delta.edge.map(|v| self.holds[v.index()]);
+        let rest = self.placement.position(p);
+        let ends = delta.edge.map(|v| state.holds[v.index()]);
         // Between two fixed regions that face each other the body is free.
-        let held =
-            ends[0] == ends[1] && (ends[0] != Hold::Fixed || (self.is_fixed)(&self.rest[at]));
-        self.holds[at] = if held { ends[0] } else { Hold::Free };
+        let held = ends[0] == ends[1] && (ends[0] != Hold::Fixed || (self.is_fixed)(&rest));
+        state.add_vertex(vertex, rest, position, if held { ends[0] } else { Hold::Free });
+        self.born.resize(state.vertex_capacity(), 0);
+        self.born[vertex.index()] = step;
         for ring_tet in &delta.ring {
-            let parent = self.body.remove(ring_tet.parent.id);
-            let rotation = parent.map_or_else(nalgebra::Matrix3::identity, |e| e.rotation);
+            let parent = state.body.remove(ring_tet.parent.id);
+            let rotation = parent.map_or_else(Matrix3::identity, |e| e.rotation);
             for child in &ring_tet.children {
-                let element = self.element(child, rotation);
-                self.body.insert(element);
+                self.add_tet(state, child, rotation);
             }
         }
-        self.update_inverse(&delta, inverse)?;
+        self.update_inverse(state, &delta, inverse)?;
         self.delta = delta;
         Ok(())
     }
 
-    fn merge(&mut self, vertex: VertexId, inverse: &mut InverseLink) -> Result<(), SimError> {
+    fn merge(
+        &mut self,
+        state: &mut State,
+        vertex: VertexId,
+        inverse: &mut InverseLink,
+    ) -> Result<(), SimError> {
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         self.forest.merge(vertex, &mut delta)?;
         for ring_tet in &delta.ring {
-            let mut rotation = nalgebra::Matrix3::identity();
+            let mut rotation = Matrix3::identity();
             for child in &ring_tet.children {
-                if let Some(element) = self.body.remove(child.id) {
+                if let Some(element) = state.body.remove(child.id) {
                     rotation = element.rotation;
                 }
             }
-            let element = self.element(&ring_tet.parent, rotation);
-            self.body.insert(element);
+            self.add_tet(state, &ring_tet.parent, rotation);
         }
-        self.update_inverse(&delta, inverse)?;
-        self.holds[vertex.index()] = Hold::Free;
+        self.update_inverse(state, &delta, inverse)?;
+        state.remove_vertex(vertex);
         self.delta = delta;
         Ok(())
     }
 
-    fn update_inverse(&self, delta: &MeshDelta, inverse: &mut InverseLink) -> Result<(), SimError> {
-        let ring = RingStiffness::new(delta, &self.embedding, |v| self.rest[v.index()]);
-        let fixed = self.holds[delta.vertex.index()] == Hold::Fixed;
+    fn update_inverse(
+        &self,
+        state: &State,
+        delta: &MeshDelta,
+        inverse: &mut InverseLink,
+    ) -> Result<(), SimError> {
+        let ring = RingStiffness::new(delta, &self.embedding, |v| state.rest[v.index()]);
+        let fixed = state.holds[delta.vertex.index()] == Hold::Fixed;
         let key = Lattice::key(self.forest.point(delta.vertex));
         inverse.apply(delta.change, delta.vertex, fixed, key, &ring)
     }
+}
 
-    fn grow(&mut self, length: usize) {
-        if self.rest.len() < length {
-            self.rest.resize(length, Vector3::zeros());
-            self.positions.resize(length, Vector3::zeros());
-            self.holds.resize(length, Hold::Free);
-            self.born.resize(length, 0);
-        }
-    }
+fn rest_geometry(state: &State, tet: &Tet) -> LinearTet {
+    LinearTet::new(&tet.vertices.map(|v| state.rest[v.index()]))
 }
 
 /// Time since `begin`, ms.

@@ -1,6 +1,12 @@
 //! What a simulation reports: the plan, a row per step, frames and the summary.
 
+use nalgebra::Vector3;
 use serde::Serialize;
+
+pub use crate::body_report::{
+    BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
+    Part,
+};
 
 /// One stage of a run and why it does or does not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -78,8 +84,40 @@ pub struct Frame {
     pub young_modulus_pa: Vec<f64>,
     /// Von Mises stress, Pa.
     pub von_mises_pa: Vec<f64>,
-    /// Refinement indicator of its ring at the last measurement.
+    /// Refinement indicator of its ring at the last measurement; empty if nothing is measured.
     pub indicator: Vec<f64>,
+    /// Outlines of labels.
+    pub surfaces: Vec<SurfaceFrame>,
+}
+
+/// The outline of a label at one moment, carried along by the mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceFrame {
+    /// The label as in the image.
+    pub label: i64,
+    /// Positions, scanner RAS, mm.
+    pub points_mm: Vec<Vector3<f64>>,
+    /// Displacements, scanner axes, mm.
+    pub displacement_mm: Vec<Vector3<f64>>,
+    /// Corners, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The outline of a label over the run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SurfaceSummary {
+    /// The label as in the image.
+    pub label: i64,
+    /// How many triangles.
+    pub triangles: usize,
+    /// Pieces that share no vertex.
+    pub pieces: usize,
+    /// Area at rest, m².
+    pub area_rest_m2: f64,
+    /// Volume inside at rest, m³.
+    pub volume_rest_m3: f64,
+    /// Volume inside at the end, m³.
+    pub volume_end_m3: f64,
 }
 
 /// Smallest, typical and largest of a series of times.
@@ -189,6 +227,10 @@ pub struct Summary {
     pub seed: u64,
     /// What ran, what did not, and why.
     pub plan: Vec<PlanRow>,
+    /// What the body was made of: `image`, `domain` and `label_refinement` in JSON. None of it for
+    /// a mesh from a file.
+    #[serde(flatten)]
+    pub body: Option<BodySummary>,
     /// The mesh.
     pub mesh: MeshSummary,
     /// The steps.
@@ -197,6 +239,9 @@ pub struct Summary {
     pub inverse: InverseSummary,
     /// The force on the tools.
     pub force: ForceSummary,
+    /// The outlines of labels, if the scene asks for any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<SurfaceSummary>,
     /// Wall-clock time of everything, s.
     pub wall_s: f64,
 }

@@ -18,6 +18,9 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     let mut overrides = arguments.set.clone();
     overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
     let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
+    if scene.output.field && !cfg!(feature = "nifti") {
+        return Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" });
+    }
     let target = match &arguments.out {
         Some(path) => path.clone(),
         None => Path::new("runs").join(&scene.name),
@@ -41,22 +44,42 @@ fn run_scene(
     directory.write_scene(scene)?;
     let every = scene.output.frames_every;
     if every > 0 {
-        directory.write_frame(&simulation.frame(), 0)?;
+        write_frame(scene, &simulation, &mut directory, 0)?;
     }
     let bar = progress(simulation.steps_left());
     while simulation.steps_left() > 0 {
         let report = simulation.step()?;
         directory.write_step(&report)?;
         if every > 0 && (report.step % every == 0 || simulation.steps_left() == 0) {
-            directory.write_frame(&simulation.frame(), report.step)?;
+            write_frame(scene, &simulation, &mut directory, report.step)?;
         }
         bar.set_message(format!("{} vertices", report.vertices));
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let summary = simulation.summary();
+    if let Some(fields) = simulation.fields()? {
+        directory.write_fields(&fields)?;
+    }
+    let summary = simulation.summary()?;
     directory.write_summary(&summary)?;
     Ok((summary, directory.finish()?))
+}
+
+fn write_frame(
+    scene: &Scene,
+    simulation: &Simulation,
+    directory: &mut RunDirectory,
+    step: usize,
+) -> Result<(), SimError> {
+    let frame = simulation.frame()?;
+    directory.write_frame(&frame, step)?;
+    #[cfg(feature = "gmsh")]
+    if scene.output.msh {
+        directory.write_msh(&frame, step)?;
+    }
+    #[cfg(not(feature = "gmsh"))]
+    let _ = scene;
+    Ok(())
 }
 
 /// A bar on stderr if people watch it.

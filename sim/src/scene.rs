@@ -17,8 +17,9 @@ pub struct Scene {
     #[serde(default = "default_seed")]
     pub seed: u64,
     /// Where the labels come from.
+    #[serde(default)]
     pub image: Image,
-    /// One entry per label that occurs in the image.
+    /// One entry per label that occurs in the image, or per range of its intensities.
     #[serde(default)]
     pub materials: Vec<MaterialEntry>,
     /// What stands for the void inside base cells.
@@ -51,11 +52,12 @@ pub struct Scene {
     pub output: Output,
 }
 
-/// A label volume: a file if `path` is given, else a phantom.
+/// A volume: a file if `path` is given, else a phantom. A file holds intensities if the materials
+/// have ranges, else labels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Image {
-    /// NIfTI label map; replaces the phantom.
+    /// Label map or intensity image (NIfTI, NRRD, MetaImage); replaces the phantom.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathBuf>,
     /// Procedural body.
@@ -67,9 +69,16 @@ pub struct Image {
     /// Size of the `block` phantom, mm: a whole number of voxels each.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 3]>,
-    /// Voxel edge of a phantom, mm.
+    /// Voxel edge of a phantom, mm; or the voxel edge to which a file is resampled, by default
+    /// its smallest one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_mm: Option<f64>,
+    /// Standard deviation of a Gaussian that smooths intensities before they are classified, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blur_mm: Option<f64>,
+    /// Labels of a label map that become void.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore_labels: Vec<i64>,
 }
 
 /// Procedural bodies.
@@ -82,12 +91,20 @@ pub enum Phantom {
     Block,
 }
 
-/// Material of a label.
+/// Material of a label, of a range of intensities, or of all labels that no other entry names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialEntry {
-    /// The label as it stands in the image.
-    pub label: i64,
+    /// The label as it stands in the image; with `range`, the label in outputs (by default the
+    /// entry's position counted from 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<i64>,
+    /// Intensities from the first number on and below the second, in the image's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Takes all labels that neither another entry nor `ignore_labels` names.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub other: bool,
     /// What it is, for people.
     #[serde(default)]
     pub name: String,
@@ -110,20 +127,47 @@ pub struct Void {
     pub poisson_ratio: f64,
 }
 
-/// Base cells and levels.
+/// Base cells and levels, or a mesh from a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshOptions {
+    /// Tetrahedra from a Gmsh (.msh) or VTK (.vtu) file in place of an image; never refined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Length of a unit of that file, m.
+    #[serde(default = "default_unit")]
+    pub unit_m: f64,
     /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
-    pub base_mm: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base_mm: Option<f64>,
     /// Level of the uniform mesh at the start, the floor of merging.
     #[serde(default)]
     pub start_level: u8,
-    /// Finest level the simulation may refine to.
-    pub max_level: u8,
+    /// Finest level the simulation may refine to; not beyond `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_level: Option<u8>,
     /// Most vertices the mesh may have.
     #[serde(default = "default_max_vertices")]
     pub max_vertices: usize,
+    /// Level down to which the start mesh is refined where tetrahedra hold several labels, which
+    /// merging keeps; `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_level: Option<u8>,
+    /// Where `label_level` applies; everywhere if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_region: Option<Region>,
+}
+
+impl MeshOptions {
+    /// Finest level the simulation may refine to.
+    pub fn finest_level(&self) -> u8 {
+        self.max_level.unwrap_or(self.start_level)
+    }
+
+    /// Whether the simulation may refine at all.
+    pub fn refines(&self) -> bool {
+        self.finest_level() > self.start_level
+    }
 }
 
 /// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
@@ -202,7 +246,7 @@ pub struct StageNames {
     pub equilibrium: String,
     /// What asks for refinement.
     pub indicator: String,
-    /// How the inverse is kept.
+    /// How the inverse is kept; `auto` picks by size.
     pub inverse: String,
 }
 
@@ -236,8 +280,28 @@ pub struct Solver {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
-    /// A VTU frame every so many steps (and at the start and the end); 0 for none.
+    /// A frame every so many steps (and at the start and the end); 0 for none.
     pub frames_every: usize,
+    /// Every frame as a Gmsh mesh (.msh) too.
+    pub msh: bool,
+    /// Fields on the image's grid at the end, as NIfTI.
+    pub field: bool,
+    /// Finest level of the mesh that carries the surfaces; that of one voxel if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface_level: Option<u8>,
+    /// Labels whose outlines every frame has.
+    pub surfaces: Vec<SurfaceEntry>,
+}
+
+/// The outline of a label.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceEntry {
+    /// The label as it stands in the image.
+    pub label: i64,
+    /// Width of the blur that rounds off the voxels' stairs; thin tubes (r < 1.18 σ) vanish.
+    #[serde(default = "default_sigma")]
+    pub sigma_voxels: f64,
 }
 
 fn default_seed() -> u64 {
@@ -246,6 +310,14 @@ fn default_seed() -> u64 {
 
 fn default_density() -> f64 {
     1000.0
+}
+
+fn default_sigma() -> f64 {
+    1.0
+}
+
+fn default_unit() -> f64 {
+    1e-3
 }
 
 fn default_axis() -> [f64; 3] {
@@ -269,7 +341,7 @@ impl Default for StageNames {
             corotation: "element".into(),
             equilibrium: "anderson".into(),
             indicator: "energy".into(),
-            inverse: "woodbury".into(),
+            inverse: crate::stages::AUTO.into(),
         }
     }
 }
@@ -288,6 +360,12 @@ impl Default for Solver {
 
 impl Default for Output {
     fn default() -> Self {
-        Self { frames_every: 5 }
+        Self {
+            frames_every: 5,
+            msh: false,
+            field: false,
+            surface_level: None,
+            surfaces: Vec::new(),
+        }
     }
 }

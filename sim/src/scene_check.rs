@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;
+use std::path::Path;
 
 use crate::SimError;
-use crate::scene::{Image, Key, MaterialEntry, Phantom, Region, Scene, Tool};
+use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
+use crate::stages::AUTO;
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -30,9 +32,14 @@ impl Scene {
         )?;
         let storable = i64::try_from(self.seed).is_ok();
         check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
-        check.image(&self.image)?;
+        match &self.mesh.path {
+            Some(path) => check.mesh_file(self, path)?,
+            None => check.image(&self.image)?,
+        }
+        check.image_content(self)?;
         check.materials(self)?;
         check.mesh(self)?;
+        check.label_refinement(&self.mesh)?;
         for (i, region) in self.fixed.iter().enumerate() {
             check.region(region, &format!("fixed[{i}]"))?;
         }
@@ -43,16 +50,17 @@ impl Scene {
             check.tool(tool, &format!("tools[{i}]"))?;
         }
         check.stages(self)?;
-        check.numbers(self)
+        check.numbers(self)?;
+        check.output(self)
     }
 }
 
-struct Check<'a> {
-    place: &'a str,
+pub(crate) struct Check<'a> {
+    pub place: &'a str,
 }
 
 impl Check<'_> {
-    fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
+    pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
         if ok {
             return Ok(());
         }
@@ -91,7 +99,7 @@ impl Check<'_> {
         }
         if let Some(path) = &image.path {
             let blank = path.as_os_str().is_empty();
-            return self.that(!blank, "image.path", path, "the path of a label map");
+            return self.that(!blank, "image.path", path, "the path of a label map or an image");
         }
         let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
                     `liver` or `block`, in image.phantom)";
@@ -116,45 +124,41 @@ impl Check<'_> {
         }
     }
 
-    fn materials(&self, scene: &Scene) -> Result<(), SimError> {
-        let mut seen = BTreeSet::new();
-        for (i, material) in scene.materials.iter().enumerate() {
-            let key = |name: &str| format!("materials[{i}].{name}");
-            let MaterialEntry { label, young_modulus_pa, poisson_ratio, density_kg_m3, .. } =
-                material;
-            let want = "a label other than 0, which is void ([void] says what stands for it)";
-            self.that(*label != 0, &key("label"), label, want)?;
-            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
-            let sane = (1e-6..=1e15).contains(young_modulus_pa);
-            let want = "between 1e-6 and 1e15";
-            self.that(sane, &key("young_modulus_pa"), *young_modulus_pa, want)?;
-            self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
-            let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
-            self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
-        }
-        let ratio = scene.void.stiffness_ratio;
-        let in_range = ratio > 0.0 && ratio <= 1.0;
-        self.that(in_range, "void.stiffness_ratio", ratio, "more than 0 and at most 1")?;
-        self.poisson("void.poisson_ratio", scene.void.poisson_ratio)
-    }
-
-    fn poisson(&self, key: &str, ratio: f64) -> Result<(), SimError> {
-        self.that(ratio > -1.0 && ratio < 0.5, key, ratio, "more than -1 and less than 0.5")
+    /// A mesh from a file is what there is: no image beside it and no levels below it.
+    fn mesh_file(&self, scene: &Scene, path: &Path) -> Result<(), SimError> {
+        let blank = path.as_os_str().is_empty();
+        self.that(!blank, "mesh.path", path, "the path of a mesh, .msh or .vtu")?;
+        self.positive("mesh.unit_m", scene.mesh.unit_m)?;
+        let want = "no image beside mesh.path: a scene has one or the other";
+        let image = &scene.image;
+        self.that(image.path.is_none(), "image.path", &image.path, want)?;
+        self.that(image.phantom.is_none(), "image.phantom", image.phantom, want)?;
+        let mesh = &scene.mesh;
+        let want = "no such key beside mesh.path: a mesh from a file is not refined (give its \
+                    image instead to refine)";
+        self.that(mesh.max_level.is_none(), "mesh.max_level", mesh.max_level, want)?;
+        self.that(mesh.start_level == 0, "mesh.start_level", mesh.start_level, want)?;
+        self.that(mesh.label_level.is_none(), "mesh.label_level", mesh.label_level, want)?;
+        self.that(mesh.base_mm.is_none(), "mesh.base_mm", mesh.base_mm, want)
     }
 
     fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
         let mesh = &scene.mesh;
         let finest = yawara_mesh::lattice::MAX_LEVEL;
-        self.positive("mesh.base_mm", mesh.base_mm)?;
+        if mesh.path.is_none() {
+            let want = "the edge of a base cell in mm";
+            let base_mm = self.given(mesh.base_mm, "mesh.base_mm", want)?;
+            self.positive("mesh.base_mm", base_mm)?;
+        }
+        let (start, max) = (mesh.start_level, mesh.finest_level());
         let want = format!("at most {finest}");
-        self.that(mesh.max_level <= finest, "mesh.max_level", mesh.max_level, &want)?;
-        let want = format!("at most max_level, {}", mesh.max_level);
-        let in_range = mesh.start_level <= mesh.max_level;
-        self.that(in_range, "mesh.start_level", mesh.start_level, &want)?;
+        self.that(max <= finest, "mesh.max_level", max, &want)?;
+        let want = format!("at most max_level, {max}");
+        self.that(start <= max, "mesh.start_level", start, &want)?;
         self.that(mesh.max_vertices >= 4, "mesh.max_vertices", mesh.max_vertices, "at least 4")
     }
 
-    fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
+    pub fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
         match region {
             Region::Box { min, max } => {
                 self.vector(&format!("{key}.min"), min)?;
@@ -201,12 +205,13 @@ impl Check<'_> {
 
     fn stages(&self, scene: &Scene) -> Result<(), SimError> {
         let stages = &scene.stages;
+        let inverses = [&[AUTO], yawara_inverse_update::CHOICES].concat();
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::COROTATIONS),
             ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
             ("indicator", &stages.indicator, crate::indicator::CHOICES),
-            ("inverse", &stages.inverse, yawara_inverse_update::CHOICES),
+            ("inverse", &stages.inverse, &inverses),
         ] {
             let want = format!("one of {}", choices.join(", "));
             self.that(choices.contains(&&name[..]), &format!("stages.{key}"), name, &want)?;
@@ -233,5 +238,29 @@ impl Check<'_> {
         let fraction = refinement.merge_fraction;
         let in_range = (0.0..1.0).contains(&fraction);
         self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")
+    }
+
+    fn output(&self, scene: &Scene) -> Result<(), SimError> {
+        let output = &scene.output;
+        let finest = yawara_mesh::lattice::MAX_LEVEL;
+        let in_range = output.surface_level.is_none_or(|level| level <= finest);
+        let want = format!("at most {finest}");
+        self.that(in_range, "output.surface_level", output.surface_level, &want)?;
+        let msh = cfg!(feature = "gmsh") || !output.msh;
+        self.that(msh, "output.msh", output.msh, "false: this build leaves the feature gmsh out")?;
+        let on_image = scene.mesh.path.is_none() || !output.field;
+        let want = "false: a mesh from a file has no grid of voxels";
+        self.that(on_image, "output.field", output.field, want)?;
+        let mut seen = BTreeSet::new();
+        for (i, SurfaceEntry { label, sigma_voxels }) in output.surfaces.iter().enumerate() {
+            let key = |name: &str| format!("output.surfaces[{i}].{name}");
+            let want = "an image: a mesh from a file has no surfaces to extract";
+            self.that(scene.mesh.path.is_none(), &key("label"), label, want)?;
+            self.that(*label != 0, &key("label"), label, "a label other than 0")?;
+            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
+            let in_range = (0.0..=16.0).contains(sigma_voxels);
+            self.that(in_range, &key("sigma_voxels"), sigma_voxels, "0 to 16")?;
+        }
+        Ok(())
     }
 }

@@ -17,11 +17,13 @@ use crate::scene::Scene;
 use key_path::{KeyPath, Step};
 use overrides::Override;
 
-const BUILT_IN: [(&str, &str); 4] = [
+const BUILT_IN: [(&str, &str); 6] = [
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver_ct", include_str!("../scenes/liver_ct.toml")),
     ("beam", include_str!("../scenes/beam.toml")),
     ("twist", include_str!("../scenes/twist.toml")),
+    ("abdomen_ct", include_str!("../scenes/abdomen_ct.toml")),
+    ("organs_ct", include_str!("../scenes/organs_ct.toml")),
 ];
 
 /// The built-in scenes: name and TOML text.
@@ -210,7 +212,7 @@ max = [0, 1, 1]
         )
         .unwrap();
         assert_eq!(scene.materials[0].young_modulus_pa, 7e3);
-        assert_eq!(scene.materials[1].label, 2);
+        assert_eq!(scene.materials[1].label, Some(2));
         assert_eq!(scene.stages.inverse, "paper");
         assert_eq!(scene.image.path.as_deref(), Some(Path::new("some where.nii.gz")));
         assert_eq!(scene.gravity_m_s2, [0.0, 0.0, -9.81]);

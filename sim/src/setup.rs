@@ -4,21 +4,21 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use yawara_embed::Material;
-use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{Grid, LabelVolume, read_labels_with};
+use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
 
+use crate::body_report::{BodySummary, DomainSummary};
 use crate::error::SimError;
-use crate::scene::{Image, Phantom, Region, Scene};
+use crate::image_source::ImageSource;
+use crate::scene::{Region, Scene};
+use crate::start::spans_a_plane;
+use crate::{label_floor, parts};
 
 /// What a body is made of, before anything moves.
 pub(crate) struct Setup {
-    /// What the image is called in messages.
-    pub image_name: String,
-    /// Where its voxels come from and whether they were resampled.
-    pub image_done: String,
-    pub grid: Grid,
-    pub label_values: Vec<i64>,
+    /// Image, parts and label refinement, for the plan and the summary.
+    pub summary: BodySummary,
+    pub volume: LabelVolume,
     pub tree: Arc<LabelTree>,
     pub forest: BisectionForest,
     pub placement: Placement,
@@ -29,9 +29,6 @@ pub(crate) struct Setup {
     pub base_m: f64,
     /// By start vertex number: true where it touches a voxel that is not void.
     pub solid: Vec<bool>,
-    /// Face-connected groups of base cells that nothing holds, and their cells.
-    pub excluded_components: usize,
-    pub excluded_cells: usize,
 }
 
 /// The bounding box of all non-void voxels, in solver coordinates (m).
@@ -47,6 +44,15 @@ impl OrganBox {
         let voxel = volume.grid().spacing_mm * 1e-3;
         let at = |v: [usize; 3], add: usize| Vector3::from_fn(|i, _| (v[i] + add) as f64 * voxel);
         Some(Self { low: at(low, 0), high: at(high, 1) })
+    }
+
+    /// Where `x` lies on a grid of 2²⁰ points a side over the box, packed as a lattice key is.
+    pub fn grid_key(&self, x: &Vector3<f64>) -> u64 {
+        let size = self.high - self.low;
+        let longest = size.max().max(f64::MIN_POSITIVE);
+        let at = (x - self.low) * (f64::from(1u32 << 20) / longest);
+        // Saturates: nothing lies outside the box.
+        Lattice::key([at.x as i32, at.y as i32, at.z as i32].map(|c| c.max(0)))
     }
 
     /// Solver position of a point given in fractions of the box.
@@ -79,57 +85,27 @@ impl Region {
     }
 }
 
-/// The labels a scene asks for, what to call them in messages, and what was done to them.
-fn read_volume(scene: &Scene) -> Result<(LabelVolume, String, String), SimError> {
-    let Image { path, phantom, length_mm, size_mm, voxel_mm } = &scene.image;
-    if let Some(path) = path {
-        let (volume, report) = read_labels_with(path, None)?;
-        if let Some(resampling) = report.resampling {
-            let [x, y, z] = resampling.from_mm;
-            return Err(SimError::Anisotropic { image: path.display().to_string(), x, y, z });
-        }
-        let done = format!("{} label map", report.format);
-        return Ok((volume, path.display().to_string(), done));
-    }
-    let voxel_mm = voxel_mm.unwrap_or(2.0);
-    match phantom {
-        Some(Phantom::Liver) => {
-            let mut size = LiverPhantom { voxel_mm, seed: scene.seed, ..Default::default() };
-            if let Some(length_mm) = length_mm {
-                size.length_mm = *length_mm;
-            }
-            Ok((liver(size)?, "the liver phantom".into(), "procedural".into()))
-        }
-        Some(Phantom::Block) => {
-            let size = size_mm.unwrap_or([voxel_mm; 3]);
-            let cells = size.map(|s| (s / voxel_mm).round().max(1.0) as usize);
-            Ok((block(cells, voxel_mm)?, "the block phantom".into(), "procedural".into()))
-        }
-        None => Err(SimError::NoImage { scene: scene.name.clone() }),
-    }
-}
-
 impl Setup {
     /// Reads the image and builds everything that does not depend on stages.
     pub fn new(scene: &Scene) -> Result<Self, SimError> {
-        let (volume, image_name, image_done) = read_volume(scene)?;
-        let materials = materials(scene, &volume, &image_name)?;
-        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image_name.clone() })?;
+        let source = ImageSource::read(scene)?;
+        let materials = source.materials(scene)?;
+        let ImageSource { volume, summary: image, .. } = source;
+        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image.name.clone() })?;
         let voxel_mm = volume.grid().spacing_mm;
-        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm, voxel_mm);
+        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
-        let lattice = Lattice::new(grid.cells, scene.mesh.max_level);
+        let lattice = Lattice::new(grid.cells, scene.mesh.finest_level());
         let base_m = voxels_per_cell as f64 * voxel_mm * 1e-3;
-        let placement = Placement {
-            origin: Vector3::from_fn(|i, _| grid.first_voxel[i] as f64 * voxel_mm * 1e-3),
-            unit: base_m / f64::from(lattice.units),
-        };
+        let placement = grid.placement(voxel_mm * 1e-3, &lattice);
         let mut setup = Self {
-            image_name,
-            image_done,
-            grid: volume.grid().clone(),
-            label_values: volume.values().to_vec(),
+            summary: BodySummary {
+                image,
+                domain: DomainSummary::default(),
+                label_refinement: None,
+            },
+            volume,
             forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,
             tree,
             placement,
@@ -137,15 +113,20 @@ impl Setup {
             organ,
             base_m,
             solid: Vec::new(),
-            excluded_components: 0,
-            excluded_cells: 0,
         };
-        setup.drop_unheld_components(scene, &volume)?;
+        setup.drop_unheld_components(scene)?;
+        setup.summary.label_refinement =
+            label_floor::refine(&mut setup.forest, scene, &organ, &placement)?;
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
-            setup.solid[v.index()] = touches_solid(&volume, &setup.rest(v));
+            setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
         }
         Ok(setup)
+    }
+
+    /// What the image is called in messages.
+    pub fn image_name(&self) -> &str {
+        &self.summary.image.name
     }
 
     /// Length of a cube's edge at the start level, m.
@@ -165,20 +146,16 @@ impl Setup {
     }
 
     fn nothing_fixed(&self) -> SimError {
-        SimError::NothingFixed { image: self.image_name.clone(), base_mm: self.base_m * 1e3 }
+        SimError::NothingFixed { image: self.image_name().into(), base_mm: self.base_m * 1e3 }
     }
 
     /// Groups of base cells that hang together by faces but are not held could move freely or
     /// turn about an edge: they are taken out and counted.
-    fn drop_unheld_components(
-        &mut self,
-        scene: &Scene,
-        volume: &LabelVolume,
-    ) -> Result<(), SimError> {
+    fn drop_unheld_components(&mut self, scene: &Scene) -> Result<(), SimError> {
         let fixed: Vec<[i32; 3]> = self
             .forest
             .vertices()
-            .filter(|&v| self.is_fixed(scene, v) && touches_solid(volume, &self.rest(v)))
+            .filter(|&v| self.is_fixed(scene, v) && touches_solid(&self.volume, &self.rest(v)))
             .map(|v| self.forest.point(v))
             .collect();
         if fixed.is_empty() {
@@ -187,35 +164,37 @@ impl Setup {
         let mut domain = self.forest.domain().clone();
         let components = domain.components();
         let lattice = *domain.lattice();
-        let mut kept = 0;
-        for component in components {
-            let held: Vec<[i32; 3]> = fixed
+        let is_held = |component: &[usize]| {
+            let touches = |p: [i32; 3]| {
+                lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
+            };
+            let held: Vec<Vector3<f64>> = fixed
                 .iter()
-                .filter(|&&p| {
-                    lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
-                })
-                .copied()
+                .filter(|&&p| touches(p))
+                .map(|&p| self.placement.position(p))
                 .collect();
-            if spans_a_plane(&held) {
-                kept += 1;
-                continue;
-            }
-            self.excluded_components += 1;
-            self.excluded_cells += component.len();
-            domain.exclude(&component);
-        }
-        if kept == 0 {
+            spans_a_plane(&held)
+        };
+        let voxels = parts::solid_voxels(&self.volume, self.tree.grid());
+        let found = parts::summary(&components, is_held, &voxels);
+        if found.kept == 0 {
             return Err(self.nothing_fixed());
         }
-        if self.excluded_components > 0 {
+        let (parts, cells, voxels) = found.total(false);
+        if parts > 0 {
             tracing::warn!(
-                "{} part(s) of {} ({} base cells) are not held by a fixed region and left out",
-                self.excluded_components,
-                self.image_name,
-                self.excluded_cells
+                "{parts} part(s) of {} ({cells} base cells, {voxels} voxels) are not held by a \
+                 fixed region and left out",
+                self.image_name(),
             );
+            for (component, part) in components.iter().zip(&found.parts) {
+                if !part.kept {
+                    domain.exclude(component);
+                }
+            }
             self.forest = start_forest(scene, domain, &self.tree)?;
         }
+        self.summary.domain = found;
         Ok(())
     }
 }
@@ -225,7 +204,7 @@ fn start_forest(
     domain: Domain,
     tree: &Arc<LabelTree>,
 ) -> Result<BisectionForest, SimError> {
-    let (start, max) = (scene.mesh.start_level, scene.mesh.max_level);
+    let (start, max) = (scene.mesh.start_level, scene.mesh.finest_level());
     let forest = BisectionForest::new(domain, Arc::clone(tree), start, max)?;
     let (count, limit) = (forest.vertex_count(), scene.mesh.max_vertices);
     if count > limit {
@@ -253,48 +232,4 @@ fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
 pub(crate) fn voxels_per_cell(base_mm: f64, voxel_mm: f64) -> usize {
     let power = (base_mm / voxel_mm).log2().round().clamp(0.0, 10.0);
     1 << power as u32
-}
-
-/// True where the points do not lie on one line: enough to hold a rigid body.
-fn spans_a_plane(points: &[[i32; 3]]) -> bool {
-    let Some(first) = points.first() else {
-        return false;
-    };
-    let from_first = |p: &[i32; 3]| Vector3::from_fn(|i, _| i64::from(p[i] - first[i]));
-    let directions: Vec<Vector3<i64>> = points.iter().map(from_first).collect();
-    let Some(line) = directions.iter().find(|d| d.iter().any(|&c| c != 0)) else {
-        return false;
-    };
-    directions.iter().any(|d| d.cross(line).iter().any(|&c| c != 0))
-}
-
-/// One material per dense label, void first.
-fn materials(
-    scene: &Scene,
-    volume: &LabelVolume,
-    image_name: &str,
-) -> Result<Vec<Material>, SimError> {
-    let counts = volume.counts();
-    let mut softest = f64::INFINITY;
-    let mut solid = Vec::new();
-    for (dense, &value) in volume.values().iter().enumerate().skip(1) {
-        let Some(entry) = scene.materials.iter().find(|m| m.label == value) else {
-            return Err(SimError::LabelWithoutMaterial {
-                label: value,
-                image: image_name.into(),
-                voxels: counts[dense],
-            });
-        };
-        softest = softest.min(entry.young_modulus_pa);
-        solid.push(Material::new(
-            entry.young_modulus_pa,
-            entry.poisson_ratio,
-            entry.density_kg_m3,
-        )?);
-    }
-    if solid.is_empty() {
-        return Err(SimError::Empty { image: image_name.into() });
-    }
-    let void = Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
-    Ok(std::iter::once(void).chain(solid).collect())
 }

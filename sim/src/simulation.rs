@@ -5,20 +5,23 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
 use yawara_embed::Embedding;
-use yawara_mesh::volume::Grid;
-use yawara_mesh::{Lattice, VertexId};
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{Lattice, TetId, VertexId};
 
 use crate::error::SimError;
 use crate::frame;
 use crate::indicator::Indicator;
 use crate::inverse_link::InverseLink;
 use crate::plan;
-use crate::refinement::{Adaptive, Remeshed, milliseconds};
-use crate::report::{Frame, PlanRow, StageTimes, StepReport, Summary};
+use crate::refinement::{Demand, Refiner, Remeshed, milliseconds};
+use crate::report::{BodySummary, Frame, PlanRow, StageTimes, StepReport, Summary};
 use crate::scene::Scene;
 use crate::setup::Setup;
 use crate::solve::Span;
 use crate::stages::Stages;
+use crate::start::{Origin, ScannerAxes, Start};
+use crate::state::State;
+use crate::surfaces::Surfaces;
 use crate::tally::Tally;
 use crate::tools::{Grab, Hold};
 
@@ -29,10 +32,16 @@ pub struct Simulation {
     pub(crate) equilibrium: Box<dyn Equilibrium>,
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,
-    grid: Grid,
-    label_values: Vec<i64>,
+    axes: ScannerAxes,
+    /// None for a mesh from a file.
+    body_summary: Option<BodySummary>,
+    /// The labels, if fields are to be written on their grid.
+    pub(crate) volume: Option<LabelVolume>,
     pub(crate) tools: Vec<Grab>,
-    pub(crate) state: Adaptive,
+    pub(crate) state: State,
+    /// None for a mesh from a file.
+    refiner: Option<Refiner>,
+    surfaces: Option<Surfaces>,
     pub(crate) inverse: InverseLink,
     /// Gravity in solver axes, m/s².
     pub(crate) gravity: Vector3<f64>,
@@ -53,35 +62,55 @@ impl Simulation {
     pub fn new(scene: &Scene, stages: Stages) -> Result<Self, SimError> {
         let begin = Instant::now();
         scene.validate(&scene.name)?;
-        let setup = Setup::new(scene)?;
-        let (tools, holds) = Grab::all(scene, &setup)?;
-        let plan = plan::rows(scene, &setup, &stages);
-        let Setup { grid, label_values, tree, forest, placement, materials, organ, .. } = setup;
-        let regions = scene.fixed.clone();
-        let is_fixed = Box::new(move |x: &Vector3<f64>| {
-            regions.iter().any(|region| region.contains(&organ, x))
-        });
+        let start = Start::new(scene)?;
+        let (tools, holds) = Grab::all(scene, &start)?;
+        let mut plan = plan::rows(scene, &start, &stages);
+        let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
-        let embedding = Embedding::new(tree, materials, homogenisation)?;
-        let state = Adaptive::new(forest, embedding, placement, holds, is_fixed);
+        let (mut body_summary, mut volume) = (None, None);
+        let (state, refiner, surfaces) = match origin {
+            Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
+            Origin::Image(setup) => {
+                let surfaces = Surfaces::new(scene, &setup)?;
+                let regions = scene.fixed.clone();
+                let is_fixed = Box::new(move |x: &Vector3<f64>| {
+                    regions.iter().any(|region| region.contains(&organ, x))
+                });
+                let Setup { tree, forest, placement, materials, .. } = *setup;
+                let label_values = setup.volume.values().to_vec();
+                body_summary = Some(setup.summary);
+                volume = scene.output.field.then_some(setup.volume);
+                let embedding = Embedding::new(tree, materials, homogenisation)?;
+                let (refiner, state) =
+                    Refiner::new(forest, embedding, placement, label_values, &holds, is_fixed);
+                (state, Some(refiner), surfaces)
+            }
+        };
         let free: Vec<VertexId> =
-            state.forest.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
-        let capacity = state.forest.vertex_capacity();
-        let key = |v| Lattice::key(state.forest.point(v));
+            state.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
+        let capacity = state.vertex_capacity();
+        let key = |v: VertexId| match &refiner {
+            Some(refiner) => Lattice::key(refiner.forest.point(v)),
+            None => organ.grid_key(&state.rest[v.index()]),
+        };
         let inverse = InverseLink::new(&state.body, free, capacity, key, &inverse)?;
+        plan.push(plan::inverse(scene, &inverse));
         Ok(Self {
-            gravity: grid.rotation.transpose() * Vector3::from(scene.gravity_m_s2),
+            gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
             scene: scene.clone(),
             corotation,
             equilibrium,
             indicator,
             plan,
-            grid,
-            label_values,
+            axes,
+            body_summary,
+            volume,
             tools,
             internal: vec![Vector3::zeros(); capacity],
             tally: Tally::new(begin, &state),
             state,
+            refiner,
+            surfaces,
             inverse,
             reached_s: 0.0,
             fading: Vec::new(),
@@ -121,46 +150,37 @@ impl Simulation {
         let report = StepReport {
             step,
             time_s: span.to,
-            vertices: self.state.forest.vertex_count(),
-            tets: self.state.forest.leaf_count(),
+            vertices: self.state.vertex_count(),
+            tets: self.state.tet_count(),
             splits: remeshed.splits,
             merges: remeshed.merges,
             iterations: outcome.iterations,
             substeps: outcome.substeps,
             residual: outcome.residual,
             converged: outcome.converged,
-            force_n: (self.grid.rotation * force).into(),
+            force_n: self.axes.to_ras_direction(&force).into(),
             times,
         };
         self.tally.add(&report, &self.state, milliseconds(begin));
         Ok(report)
     }
 
-    /// True where the scene may refine at all.
-    fn refines(&self) -> bool {
-        self.scene.mesh.max_level > self.scene.mesh.start_level
-    }
-
     fn remesh(&mut self, step: usize, times: &mut StageTimes) -> Result<Remeshed, SimError> {
-        if !self.refines() {
+        let Some(refiner) = self.refiner.as_mut().filter(|_| self.scene.mesh.refines()) else {
             return Ok(Remeshed::default());
-        }
-        let max_vertices = self.scene.mesh.max_vertices;
-        self.state.remesh(
-            step,
-            &self.scene.refinement,
-            max_vertices,
-            self.indicator.as_ref(),
-            &mut self.inverse,
-            times,
-        )
+        };
+        let demand = Demand {
+            rules: &self.scene.refinement,
+            max_vertices: self.scene.mesh.max_vertices,
+            indicator: self.indicator.as_ref(),
+        };
+        refiner.remesh(&mut self.state, step, &demand, &mut self.inverse, times)
     }
 
     /// Frees the vertices of tools that let go before `span` ends; their reactions fade out.
     fn let_go(&mut self, span: Span) {
         let leaving: Vec<VertexId> = self
             .state
-            .forest
             .vertices()
             .filter(|v| match self.state.holds[v.index()] {
                 Hold::Grabbed(tool) => !self.tools[tool].holds_at(span.to),
@@ -179,14 +199,31 @@ impl Simulation {
         self.fading.extend(leaving.into_iter().zip(reactions));
     }
 
-    /// The current mesh with its fields, for output.
-    pub fn frame(&self) -> Frame {
+    /// The current mesh with its fields and surfaces, for output.
+    ///
+    /// # Errors
+    /// [`SimError::Mesh`] if a position is not finite.
+    pub fn frame(&self) -> Result<Frame, SimError> {
         let time_s = self.tally.steps() as f64 * self.scene.time.step_s;
-        frame::capture(&self.state, &self.grid, &self.label_values, time_s)
+        let measured = self.refiner.as_ref().map(|refiner| |tet| refiner.measured(tet));
+        let indicator = measured.as_ref().map(|measured| measured as &dyn Fn(TetId) -> f64);
+        let mut frame = frame::capture(&self.state, &self.axes, indicator, time_s);
+        if let (Some(surfaces), Some(refiner)) = (&self.surfaces, &self.refiner) {
+            frame.surfaces = surfaces.frames(refiner, &self.state.positions, &self.axes)?;
+        }
+        Ok(frame)
     }
 
     /// Everything that happened so far.
-    pub fn summary(&self) -> Summary {
-        self.tally.summary(&self.scene, &self.plan, &self.inverse)
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub fn summary(&self) -> Result<Summary, SimError> {
+        let surfaces = match (&self.surfaces, &self.refiner) {
+            (Some(surfaces), Some(refiner)) => surfaces.summary(refiner, &self.state.positions)?,
+            _ => Vec::new(),
+        };
+        let body = self.body_summary.as_ref();
+        Ok(self.tally.summary(&self.scene, &self.plan, body, &self.inverse, surfaces))
     }
 }

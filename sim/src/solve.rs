@@ -9,9 +9,10 @@ use yawara_mesh::VertexId;
 
 use crate::error::SimError;
 use crate::inverse_link::{Constrained, InverseLink};
-use crate::refinement::{Adaptive, milliseconds};
+use crate::refinement::milliseconds;
 use crate::report::StageTimes;
 use crate::simulation::Simulation;
+use crate::state::State;
 use crate::tools::{Grab, Hold};
 
 /// A part of a step, from one time to another, s.
@@ -39,10 +40,10 @@ struct Held<'a> {
 }
 
 impl<'a> Held<'a> {
-    fn new(state: &Adaptive, inverse: &'a InverseLink) -> Result<Self, SimError> {
+    fn new(state: &State, inverse: &'a InverseLink) -> Result<Self, SimError> {
         let mut free = vec![false; state.positions.len()];
         let mut vertices = Vec::new();
-        for v in state.forest.vertices() {
+        for v in state.vertices() {
             match state.holds[v.index()] {
                 Hold::Free => free[v.index()] = true,
                 Hold::Fixed => {}
@@ -55,10 +56,10 @@ impl<'a> Held<'a> {
 
     /// Positions with the held vertices at their targets and the others dragged along as in the
     /// warped linear body: the first iterate.
-    fn drag(&self, state: &Adaptive, tools: &[Grab], t: f64) -> Vec<Vector3<f64>> {
+    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Result<Vec<Vector3<f64>>, SimError> {
         let mut positions = state.positions.clone();
         if self.vertices.is_empty() {
-            return positions;
+            return Ok(positions);
         }
         let rotations = state.body.vertex_rotations();
         let targets: Vec<Vector3<f64>> =
@@ -70,14 +71,14 @@ impl<'a> Held<'a> {
             .map(|(&(v, _), target)| rotations[v].transpose() * (target - positions[v]))
             .collect();
         let mut drag = vec![0.0; 3 * positions.len()];
-        self.constrained.drag(&moves, &mut drag);
+        self.constrained.drag(&moves, &mut drag)?;
         for (v, d) in drag.chunks_exact(3).enumerate() {
             positions[v] += rotations[v] * Vector3::from_column_slice(d);
         }
         for (&(v, _), target) in self.vertices.iter().zip(&targets) {
             positions[v] = *target;
         }
-        positions
+        Ok(positions)
     }
 }
 
@@ -151,7 +152,7 @@ impl Simulation {
         // Elements and vertices may have come in since the last solve: renew their rotations.
         self.evaluate_forces();
         let held = Held::new(&self.state, &self.inverse)?;
-        let moved = held.drag(&self.state, &self.tools, span.to);
+        let moved = held.drag(&self.state, &self.tools, span.to)?;
         times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
@@ -222,12 +223,11 @@ impl Simulation {
         if gravity == Vector3::zeros() {
             return weights;
         }
-        for tet in self.state.forest.leaves() {
-            if let Some(element) = self.state.body.element(tet.id) {
-                let mass = element.geometry.volume * self.state.embedding.density(tet.node);
-                for v in element.vertices {
-                    weights[v] += 0.25 * mass * gravity;
-                }
+        for element in self.state.body.elements() {
+            let density = self.state.cell(element.tet).density_kg_m3;
+            let mass = element.geometry.volume * density;
+            for v in element.vertices {
+                weights[v] += 0.25 * mass * gravity;
             }
         }
         weights
@@ -242,7 +242,7 @@ impl Simulation {
     /// Sum of the reactions on all tools, solver axes, N.
     pub(crate) fn tool_force(&self, t: f64) -> Vector3<f64> {
         let held = |v: &VertexId| matches!(self.state.holds[v.index()], Hold::Grabbed(_));
-        let vertices: Vec<VertexId> = self.state.forest.vertices().filter(held).collect();
+        let vertices: Vec<VertexId> = self.state.vertices().filter(held).collect();
         if vertices.is_empty() {
             return Vector3::zeros();
         }

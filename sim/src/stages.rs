@@ -2,11 +2,15 @@
 
 use yawara_corot::{Corotation, Equilibrium, corotation_by_name, equilibrium_by_name};
 use yawara_embed::Homogenisation;
+use yawara_inverse_update::{SparseStiffness, choose};
 
 use crate::error::SimError;
 use crate::indicator::{self, Indicator};
 use crate::inverse_link::InverseFactory;
 use crate::scene::StageNames;
+
+/// The name that leaves the choice to the plan.
+pub(crate) const AUTO: &str = "auto";
 
 /// One implementation of each stage. Replace any field with your own before
 /// [`crate::Simulation::new`].
@@ -31,12 +35,17 @@ impl Stages {
     /// simulation is made.
     pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
         let inverse = names.inverse.clone();
+        // A scene's tools read compliance blocks, no full columns, where columns are not at hand.
+        let name = move |k: &SparseStiffness| match &inverse[..] {
+            AUTO => choose(k.vertices(), 0).to_owned(),
+            name => name.to_owned(),
+        };
         Ok(Self {
             homogenisation: yawara_embed::by_name(&names.homogenisation)?,
             corotation: corotation_by_name(&names.corotation)?,
             equilibrium: equilibrium_by_name(&names.equilibrium)?,
             indicator: indicator::by_name(&names.indicator)?,
-            inverse: Box::new(move |k| yawara_inverse_update::build(&inverse, k)),
+            inverse: Box::new(move |k| yawara_inverse_update::build(&name(&k), k)),
         })
     }
 }

@@ -5,12 +5,12 @@ use std::time::Instant;
 use yawara_mesh::Quality;
 
 use crate::inverse_link::InverseLink;
-use crate::refinement::Adaptive;
 use crate::report::{
-    ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
-    StepSummary, Summary,
+    BodySummary, ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
+    StepReport, StepSummary, Summary, SurfaceSummary,
 };
 use crate::scene::Scene;
+use crate::state::State;
 
 /// Layout version of [`Summary`].
 const SCHEMA: u32 = 1;
@@ -33,12 +33,12 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    pub fn new(begin: Instant, state: &Adaptive) -> Self {
+    pub fn new(begin: Instant, state: &State) -> Self {
         let count = |n| Range { start: n, max: n, end: n };
         Self {
             begin,
-            vertices: count(state.forest.vertex_count()),
-            tets: count(state.forest.leaf_count()),
+            vertices: count(state.vertex_count()),
+            tets: count(state.tet_count()),
             splits: 0,
             merges: 0,
             worst: worst_quality(state),
@@ -56,7 +56,7 @@ impl Tally {
         self.steps
     }
 
-    pub fn add(&mut self, report: &StepReport, state: &Adaptive, step_ms: f64) {
+    pub fn add(&mut self, report: &StepReport, state: &State, step_ms: f64) {
         self.steps += 1;
         self.splits += report.splits;
         self.merges += report.merges;
@@ -78,13 +78,21 @@ impl Tally {
         self.force_end = force;
     }
 
-    pub fn summary(&self, scene: &Scene, plan: &[PlanRow], inverse: &InverseLink) -> Summary {
+    pub fn summary(
+        &self,
+        scene: &Scene,
+        plan: &[PlanRow],
+        body: Option<&BodySummary>,
+        inverse: &InverseLink,
+        surfaces: Vec<SurfaceSummary>,
+    ) -> Summary {
         let counts = inverse.maintainer().counts();
         Summary {
             schema: SCHEMA,
             scene: scene.name.clone(),
             seed: scene.seed,
             plan: plan.to_vec(),
+            body: body.cloned(),
             mesh: MeshSummary {
                 vertices: self.vertices,
                 tets: self.tets,
@@ -110,16 +118,18 @@ impl Tally {
                 drift_max: inverse.drift_max,
             },
             force: ForceSummary { max_n: self.force_max, end_n: self.force_end },
+            surfaces,
             wall_s: self.begin.elapsed().as_secs_f64(),
         }
     }
 }
 
-fn worst_quality(state: &Adaptive) -> Quality {
+fn worst_quality(state: &State) -> Quality {
     let perfect = Quality { radius_ratio: 1.0, circumradius_over_shortest_edge: 0.0 };
     state
-        .forest
-        .leaves()
-        .map(|tet| Quality::of(&tet.vertices.map(|v| state.rest[v.index()])))
+        .body
+        .elements()
+        .iter()
+        .map(|element| Quality::of(&element.vertices.map(|v| state.rest[v])))
         .fold(perfect, Quality::worse)
 }

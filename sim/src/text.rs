@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use yawara::report::{PlanRow, Summary};
+use yawara::report::{BodySummary, InverseSummary, PlanRow, Summary};
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {
@@ -22,11 +22,27 @@ pub fn plan(rows: &[PlanRow]) -> String {
 
 /// The summary, a line per subject.
 pub fn summary(summary: &Summary) -> String {
-    let Summary { mesh, steps, inverse, force, .. } = summary;
+    let Summary { body, mesh, steps, inverse, force, .. } = summary;
     let mut text = String::from("\n");
     let mut line = |title: &str, words: String| {
         let _ = writeln!(text, "{title:<9} {words}");
     };
+    if let Some(body) = body {
+        let image = &body.image;
+        let mut done = format!("{} {}", image.format, image.content);
+        if image.resampled {
+            done += &format!(", {} to {} mm", image.resampling(), image.voxel_mm);
+        }
+        line("image", done);
+        let (parts, cells, voxels) = body.domain.total(true);
+        line(
+            "domain",
+            format!(
+                "{parts} of {} part(s), {cells} base cells, {voxels} voxels",
+                body.domain.components
+            ),
+        );
+    }
     let range = |r: &yawara::report::Range| format!("{} → {} → {}", r.start, r.max, r.end);
     line(
         "mesh",
@@ -53,21 +69,25 @@ pub fn summary(summary: &Summary) -> String {
             steps.converged, steps.count, steps.residual_max, time.p50, time.p99, time.max
         ),
     );
-    line(
-        "inverse",
-        format!(
-            "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds, solve {:.3} ms, drift {:.1e}",
-            inverse.choice,
-            inverse.updates,
-            inverse.time_ms.p50,
-            inverse.time_ms.p99,
-            inverse.rebuilds,
-            inverse.solve_ms.p50,
-            inverse.drift_max
-        ),
-    );
+    line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    for surface in &summary.surfaces {
+        line(
+            "surface",
+            format!(
+                "label {}: {} triangles in {} pieces, {:.2} mL at rest, {:.2} mL at the end",
+                surface.label,
+                surface.triangles,
+                surface.pieces,
+                1e6 * surface.volume_rest_m3,
+                1e6 * surface.volume_end_m3
+            ),
+        );
+    }
     line("time", format!("{:.2} s in all", summary.wall_s));
+    for warning in body.iter().flat_map(body_warnings) {
+        line("warning", warning);
+    }
     for row in summary.plan.iter().filter(|row| !row.runs) {
         line("left out", format!("{}: {}", row.stage, row.why));
     }
@@ -79,4 +99,43 @@ pub fn summary(summary: &Summary) -> String {
         );
     }
     text
+}
+
+/// Safeguards that did not take effect are left out, but for fresh starts.
+fn inverse_words(inverse: &InverseSummary) -> String {
+    let mut words = format!(
+        "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds",
+        inverse.choice, inverse.updates, inverse.time_ms.p50, inverse.time_ms.p99, inverse.rebuilds
+    );
+    for (count, what) in
+        [(inverse.failed_pivots, "failed pivots"), (inverse.refinement_steps, "refinement steps")]
+    {
+        if count > 0 {
+            words += &format!(", {count} {what}");
+        }
+    }
+    words + &format!(", solve {:.3} ms, drift {:.1e}", inverse.solve_ms.p50, inverse.drift_max)
+}
+
+/// What of the body is not as the scene asked for.
+fn body_warnings(body: &BodySummary) -> Vec<String> {
+    let empty = body.image.empty_ranges();
+    let mut warnings: Vec<String> =
+        empty.map(|range| format!("no voxel lies in the range of \"{}\"", range.name)).collect();
+    let (parts, cells, voxels) = body.domain.total(false);
+    if parts > 0 {
+        warnings.push(format!(
+            "{parts} part(s) with {cells} base cells and {voxels} voxels are left out: no fixed \
+             region holds them"
+        ));
+    }
+    let refined = body.label_refinement.filter(|refined| refined.tets_left > 0);
+    if let Some(refined) = refined {
+        warnings.push(format!(
+            "max_vertices ended the refinement towards labels: {} tetrahedra above level {} still \
+             hold several",
+            refined.tets_left, refined.level
+        ));
+    }
+    warnings
 }

@@ -1,19 +1,18 @@
 //! Tools: what holds or moves which vertices, and where to.
 
-use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use nalgebra::{Rotation3, Unit, Vector3};
 use yawara_mesh::VertexId;
 
 use crate::error::SimError;
 use crate::scene::{Key, Region, Scene, Tool};
-use crate::setup::Setup;
+use crate::start::{ScannerAxes, Start};
 
 /// A grab in solver coordinates.
 pub(crate) struct Grab {
     centre: Vector3<f64>,
     axis: Vector3<f64>,
     path: Vec<Key>,
-    /// Scanner axes → solver axes.
-    to_solver: Matrix3<f64>,
+    axes: ScannerAxes,
     release_s: Option<f64>,
 }
 
@@ -27,25 +26,24 @@ pub(crate) enum Hold {
 
 impl Grab {
     /// All tools of a scene, and what each start vertex is held by (by vertex number).
-    pub fn all(scene: &Scene, setup: &Setup) -> Result<(Vec<Self>, Vec<Hold>), SimError> {
-        let mut holds = vec![Hold::Free; setup.forest.vertex_capacity()];
-        for v in setup.forest.vertices() {
-            if setup.is_fixed(scene, v) {
+    pub fn all(scene: &Scene, start: &Start) -> Result<(Vec<Self>, Vec<Hold>), SimError> {
+        let mut holds = vec![Hold::Free; start.rest.len()];
+        for &v in &start.vertices {
+            if start.is_fixed(scene, v) {
                 holds[v.index()] = Hold::Fixed;
             }
         }
         let mut grabs = Vec::new();
         for (number, tool) in scene.tools.iter().enumerate() {
             let Tool::Grab { region, path, turn_axis, release_s } = tool;
-            for v in reach(number, region, setup, &holds)? {
+            for v in reach(number, region, start, &holds)? {
                 holds[v.index()] = Hold::Grabbed(number);
             }
-            let to_solver = setup.grid.rotation.transpose();
             grabs.push(Self {
-                centre: region.centre(&setup.organ),
-                axis: to_solver * Vector3::from(*turn_axis),
+                centre: region.centre(&start.organ),
+                axis: start.axes.to_solver_direction(&Vector3::from(*turn_axis)),
                 path: path.clone(),
-                to_solver,
+                axes: start.axes,
                 release_s: *release_s,
             });
         }
@@ -62,7 +60,7 @@ impl Grab {
     pub fn target(&self, rest: &Vector3<f64>, t: f64) -> Vector3<f64> {
         let (shift, angle) = self.pose(t);
         let turn = Rotation3::from_axis_angle(&Unit::new_normalize(self.axis), angle);
-        self.centre + turn * (rest - self.centre) + self.to_solver * shift
+        self.centre + turn * (rest - self.centre) + self.axes.to_solver_direction(&shift)
     }
 
     /// Displacement (scanner axes, m) and turn (rad) at time `t`: linear between keys.
@@ -86,32 +84,33 @@ impl Grab {
 fn reach(
     number: usize,
     region: &Region,
-    setup: &Setup,
+    start: &Start,
     holds: &[Hold],
 ) -> Result<Vec<VertexId>, SimError> {
-    let available: Vec<VertexId> = setup
-        .forest
-        .vertices()
-        .filter(|v| setup.solid[v.index()] && holds[v.index()] == Hold::Free)
+    let available: Vec<VertexId> = start
+        .vertices
+        .iter()
+        .copied()
+        .filter(|v| start.solid[v.index()] && holds[v.index()] == Hold::Free)
         .collect();
     let inside: Vec<VertexId> = available
         .iter()
         .copied()
-        .filter(|&v| region.contains(&setup.organ, &setup.rest(v)))
+        .filter(|&v| region.contains(&start.organ, &start.rest[v.index()]))
         .collect();
     if !inside.is_empty() {
         return Ok(inside);
     }
-    let centre = region.centre(&setup.organ);
-    let distance = |v: &VertexId| (setup.rest(*v) - centre).norm();
+    let centre = region.centre(&start.organ);
+    let distance = |v: &VertexId| (start.rest[v.index()] - centre).norm();
     let nearest = available.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
     match nearest {
-        Some(&v) if distance(&v) <= setup.start_edge_m() => Ok(vec![v]),
+        Some(&v) if distance(&v) <= start.edge_m => Ok(vec![v]),
         _ => Err(SimError::ToolOutside {
             key: format!("tools[{number}].region"),
-            image: setup.image_name.clone(),
+            image: start.name.clone(),
             distance_mm: nearest.map_or(f64::INFINITY, |v| distance(v) * 1e3),
-            limit_mm: setup.start_edge_m() * 1e3,
+            limit_mm: start.edge_m * 1e3,
         }),
     }
 }

@@ -150,14 +150,13 @@ fn wrong_spacing_even_with_a_valid_sform() {
     }
 }
 
+/// One spacing so large that cubes of the others would be too many.
 #[test]
-fn anisotropic_voxels() {
-    image_spoilt(
-        |image| {
-            image.f32(88, 10.0).f32(320, 10.0);
-        },
-        &["10"],
-    );
+fn far_too_unequal_spacings() {
+    let spoil = |image: &mut Nifti| {
+        image.f32(88, 5e5).f32(320, 5e5);
+    };
+    image_spoilt(spoil, &["500000", "limit"]);
 }
 
 #[test]
@@ -206,6 +205,90 @@ fn material_out_of_range() {
     }
 }
 
+/// What a material takes of the image.
+#[test]
+fn materials_that_do_not_fit_the_image() {
+    let soft = "materials.0={range=[-30, 150], young_modulus_pa=1, poisson_ratio=0}";
+    let entry = |i: usize, what: &str| {
+        format!("materials.{i}={{{what}, young_modulus_pa=1, poisson_ratio=0}}")
+    };
+    let cases = [
+        // On the phantom of the scene.
+        (vec![soft.to_owned()], "materials[0].range", "phantoms hold labels"),
+        (vec![entry(0, "name='x'")], "materials[0]", "without label"),
+        (vec![entry(0, "other=true, label=1")], "materials[0].other", "beside label"),
+        (vec![entry(1, "other=true"), entry(2, "other=true")], "materials[2].other", "one such"),
+    ];
+    for (set, key, word) in cases {
+        let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
+        bar().refused(&run_with(&set), &[key, word]);
+    }
+    let on_file = [
+        (entry(1, "label=2"), "materials[1].label is 2", "a range, as materials[0] has one"),
+        (entry(1, "other=true"), "materials[1].other", "a range, as materials[0] has one"),
+        (entry(1, "range=[140, 300]"), "materials[1].range", "[-30.0, 150.0]"),
+        (entry(1, "range=[-inf, inf]"), "materials[1].range", "materials[0].range"),
+        (entry(1, "range=[200, 200]"), "materials[1].range", "low below high"),
+        (entry(1, "range=[300, 200]"), "materials[1].range", "low below high"),
+        (entry(1, "range=[nan, 200]"), "materials[1].range", "low below high"),
+        (entry(1, "range=[200, nan]"), "materials[1].range", "low below high"),
+        (entry(1, "range=[200]"), "materials[1].range", "an array of 2 numbers"),
+        (entry(1, "range=[200, 300], label=1"), "materials[1].label is 1", "each label once"),
+        (entry(1, "range=[200, 300], label=0"), "materials[1].label is 0", "void"),
+        ("image.ignore_labels=[5]".into(), "image.ignore_labels[0]", "holds intensities"),
+    ];
+    for (set, key, word) in on_file {
+        let bench = bar();
+        bench.write("labels.nii", Nifti::cube(40).bytes());
+        let image = ["--set", soft, "--set", "image.path=labels.nii"];
+        bench.succeed(&[&["plan", "bar.toml"][..], &image].concat());
+        let set = [&image[..], &["--set", &set]].concat();
+        bench.refused(&run_with(&set), &["--set", key, word]);
+    }
+    // In the file, the line is named.
+    let bench = bar();
+    bench.write("bar.toml", BAR.replace("label = 1", "range = [3, 3]"));
+    bench.refused(&RUN, &["bar.toml, line 8: materials[0].range is [3.0, 3.0]"]);
+}
+
+#[test]
+fn no_intensity_in_any_range() {
+    let bench = bar();
+    bench.write("labels.nii", Nifti::cube(40).bytes());
+    let set = ["--set", "materials.0={range=[41, 50], young_modulus_pa=1, poisson_ratio=0}"];
+    let image = ["--set", "image.path=labels.nii"];
+    let words = ["labels.nii", "no voxel lies in a range", "from 40 to 40"];
+    bench.refused(&run_with(&[set, image].concat()), &words);
+}
+
+#[test]
+fn labels_of_what_can_not_be_classified() {
+    let bench = bar();
+    bench.write("labels.nii", Nifti::cube(40).bytes());
+    let labels = |more: &[&'static str]| {
+        let mut arguments = vec!["labels", "labels.nii", "--out", "a.nii"];
+        arguments.extend(more);
+        arguments
+    };
+    bench.succeed(&labels(&["--range", "1:3:50"]));
+    let cases: [(&[&'static str], &[&str]); 9] = [
+        (&["--range", "1:3"], &["--range is 1:3", "LABEL:LOW:HIGH"]),
+        (&["--range", "1:3:4:5"], &["LABEL:LOW:HIGH"]),
+        (&["--range", "1.5:3:4"], &["LABEL:LOW:HIGH"]),
+        (&["--range", "1:5:4"], &["[5, 4)", "below"]),
+        (&["--range", "1:nan:4"], &["NaN", "below"]),
+        (&["--range", "0:3:4"], &["void"]),
+        (&["--range", "1:3:9", "--range", "2:8:10"], &["ranges 0 and 1 share values"]),
+        (&["--blur-mm", "1"], &["--blur-mm", "--range"]),
+        (&["--voxel-mm", "0"], &["> 0"]),
+    ];
+    for (more, words) in cases {
+        bench.refused(&labels(more), words);
+    }
+    bench.refused(&["labels", "labels.nii", "--out", "a.mha"], &["a.mha", ".nii.gz"]);
+    bench.refused(&["labels", "no.nii", "--out", "b.nii"], &["no.nii"]);
+}
+
 #[test]
 fn value_out_of_range() {
     let cases = [
@@ -226,7 +309,7 @@ fn value_out_of_range() {
         ("tools.0.turn_axis=[0, 0, 0]", "tools[0].turn_axis"),
         ("tools.0.region={shape=\"sphere\", centre=[0,0,0], radius_m=0}", "radius_m"),
         ("materials.1={label=1, young_modulus_pa=1, poisson_ratio=0}", "each label once"),
-        ("stages.inverse=magic", "woodbury, paper, lu"),
+        ("stages.inverse=magic", "woodbury, woodbury_f32, sparse, paper, lu"),
         ("stages.homogenisation=magic", "laminate"),
         ("stages.corotation=magic", "element"),
         ("stages.equilibrium=magic", "anderson"),
@@ -234,6 +317,14 @@ fn value_out_of_range() {
         ("image.size_mm=[40, 20, 21]", "image.size_mm[2] is 21.0"),
         ("image.voxel_mm=-5", "image.voxel_mm"),
         ("image.path=\"\"", "image.path"),
+        ("image.blur_mm=-1", "at least 0"),
+        ("image.blur_mm=nan", "NaN"),
+        ("image.blur_mm=2", "label map"),
+        ("image.ignore_labels=[3, 1]", "image.ignore_labels[1] is 1"),
+        ("image.ignore_labels=[0.5]", "a whole number"),
+        ("mesh.label_level=4", "to max_level, 3"),
+        ("mesh.label_region={shape=\"sphere\", centre=[0,0,0], radius_m=1}", "mesh.label_level"),
+        ("output.field=1", "true or false"),
         ("name=../up", "name"),
         ("seed=-1", "at least 0"),
     ];

@@ -47,14 +47,14 @@ fn steps(bench: &Workbench, file: &str) -> Vec<Vec<String>> {
 fn scenes_are_listed_with_a_description() {
     let text = Workbench::new().succeed(&["scenes"]);
     let first: Vec<&str> = text.lines().map(|line| line.split_once(' ').unwrap().0).collect();
-    assert_eq!(first, ["liver", "liver_ct", "beam", "twist"]);
+    assert_eq!(first, ["liver", "liver_ct", "beam", "twist", "abdomen_ct", "organs_ct"]);
     assert!(text.lines().all(|line| line.len() > 20), "{text}");
 }
 
 #[test]
 fn help_and_version_go_to_standard_output() {
     let bench = Workbench::new();
-    for command in ["run", "plan", "mesh", "scenes", "devices"] {
+    for command in ["run", "plan", "mesh", "labels", "scenes", "devices"] {
         assert!(bench.succeed(&["--help"]).contains(command));
     }
     assert!(bench.succeed(&["--version"]).starts_with("yawara "));

@@ -13,11 +13,11 @@ fn run() -> (Vec<String>, [Frame; 2], Summary) {
     while simulation.steps_left() > 0 {
         let report = simulation.step().unwrap();
         if report.step == 12 {
-            pulled = Some(simulation.frame());
+            pulled = Some(simulation.frame().unwrap());
         }
         reports.push(format!("{:?}", StepReport { times: Default::default(), ..report }));
     }
-    (reports, [pulled.unwrap(), simulation.frame()], simulation.summary())
+    (reports, [pulled.unwrap(), simulation.frame().unwrap()], simulation.summary().unwrap())
 }
 
 fn bits(frame: &Frame) -> Vec<u64> {

@@ -176,7 +176,7 @@ fn sag(level: u8, gravity: f64) -> f64 {
     let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
     let report = simulation.step().unwrap();
     assert!(report.converged, "{report:?}");
-    let frame = simulation.frame();
+    let frame = simulation.frame().unwrap();
     let right = frame.points_mm.iter().zip(&frame.displacement_mm).map(|(p, u)| p[0] - u[0]);
     let end = right.clone().fold(f64::MIN, f64::max);
     let moved: Vec<f64> = right

@@ -1,24 +1,20 @@
 //! `mesh`: shapes, closures, the cost of a split, and what a volume costs to take in.
 
 use std::fmt::Write;
-use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
-use yawara_mesh::phantom::{LiverPhantom, liver};
-use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, Point, Quality,
-};
+use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
 
 use crate::error::BenchError;
 use crate::output::Output;
 use crate::plot::{Line, log_log, slope};
 use crate::random::SplitMix64;
-use crate::statistics::median;
+use crate::studies::mesh_updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
+use crate::studies::mesh_volumes::{self, VolumeRow};
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -58,38 +54,6 @@ pub struct ClosureRow {
     pub most: usize,
 }
 
-/// A split and its merge at random places of a mesh of fixed depth.
-#[derive(Clone, Debug, Serialize)]
-pub struct UpdateRow {
-    /// Leaves of the mesh.
-    pub leaves: usize,
-    /// Median time of a split with its merge, ns.
-    pub split_and_merge_ns: f64,
-    /// Reading and writing as many bytes as the ring holds, once, at random places, ns.
-    pub ring_pass_ns: f64,
-    /// Their ratio.
-    pub ratio: f64,
-    /// Bytes of the forest per leaf.
-    pub bytes_per_leaf: f64,
-}
-
-/// A liver phantom taken into a label tree.
-#[derive(Clone, Debug, Serialize)]
-pub struct VolumeRow {
-    /// Voxels along the longest side.
-    pub size: usize,
-    /// Voxels in all.
-    pub voxels: usize,
-    /// Heterogeneous tetrahedra.
-    pub nodes: usize,
-    /// Time of the label tree, s.
-    pub seconds: f64,
-    /// Voxels per second.
-    pub voxels_per_second: f64,
-    /// Bytes per heterogeneous tetrahedron.
-    pub bytes_per_node: f64,
-}
-
 /// The whole study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
@@ -101,12 +65,14 @@ pub struct Report {
     pub closures: Vec<ClosureRow>,
     /// Updates by size.
     pub updates: Vec<UpdateRow>,
-    /// Exponent of time over leaves.
-    pub update_slope: f64,
+    /// Exponents of their times over leaves.
+    pub update_slopes: UpdateSlopes,
     /// Volumes by size.
     pub volumes: Vec<VolumeRow>,
-    /// Exponent of time over heterogeneous tetrahedra.
+    /// Exponent of the tree's time over heterogeneous tetrahedra.
     pub volume_time_slope: f64,
+    /// Exponent of the forest's time over its leaves.
+    pub forest_time_slope: f64,
 }
 
 /// Runs the study, writes its files and returns its table.
@@ -120,24 +86,27 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     } else {
         (&[3, 6, 13, 28], &[64, 96, 128, 192, 256])
     };
-    let updates: Vec<UpdateRow> = cells.iter().map(|&n| update_row(n)).collect::<Result<_, _>>()?;
-    let volumes: Vec<VolumeRow> = sizes.iter().map(|&n| volume_row(n)).collect::<Result<_, _>>()?;
-    let times: Vec<(f64, f64)> =
-        updates.iter().map(|r| (r.leaves as f64, r.split_and_merge_ns)).collect();
+    let updates: Vec<UpdateRow> =
+        cells.iter().map(|&n| update_row(&mut forest(n, 3, 6)?)).collect::<Result<_, _>>()?;
+    let volumes: Vec<VolumeRow> =
+        sizes.iter().map(|&n| mesh_volumes::row(n)).collect::<Result<_, _>>()?;
     let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
+    let forests: Vec<(f64, f64)> =
+        volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
     let report = Report {
-        schema: 1,
+        schema: 3,
         shapes: shapes()?,
         closures: closures()?,
-        update_slope: slope(&times),
+        update_slopes: UpdateSlopes::of(&updates),
         updates,
         volume_time_slope: slope(&trees),
+        forest_time_slope: slope(&forests),
         volumes,
     };
     let table = table(&report);
     output.write("mesh.csv", &csv(&report))?;
     output.write("mesh.txt", &table)?;
-    for (name, svg) in plots(&report, times, trees) {
+    for (name, svg) in plots(&report, trees) {
         output.write(name, &svg)?;
     }
     let json = serde_json::to_string_pretty(&report).map_err(|error| BenchError::Io {
@@ -197,91 +166,20 @@ fn closures() -> Result<Vec<ClosureRow>, BenchError> {
     Ok(added.iter().enumerate().filter(|(_, a)| !a.is_empty()).map(row).collect())
 }
 
-/// Bytes that a split touches of one tetrahedron: its own record and its children's.
-const BYTES_PER_RING_TET: usize = 3 * 64;
-
-/// Splits per sample: long enough for the clock, short enough for many samples.
-const BATCH: usize = 512;
-
-fn update_row(cells: usize) -> Result<UpdateRow, BenchError> {
-    let mut f = forest(cells, 3, 6)?;
-    let mut random = SplitMix64(2);
-    let all = f.candidates();
-    let points: Vec<Point> = (0..BATCH * 8).map(|_| all[random.below(all.len())]).collect();
-    let mut delta = MeshDelta::empty();
-    let ring_bytes = 6 * BYTES_PER_RING_TET;
-    let mut memory = vec![1u8; (f.leaf_count() * 64).max(4 * ring_bytes)];
-    let (mut times, mut passes) = (Vec::new(), Vec::new());
-    for round in 0..5 {
-        for batch in points.chunks(BATCH) {
-            let begin = Instant::now();
-            for &p in batch {
-                let v = f.split(p, &mut delta)?;
-                f.merge(v, &mut delta)?;
-            }
-            let split = begin.elapsed().as_nanos() as f64 / batch.len() as f64;
-            let starts: Vec<usize> =
-                batch.iter().map(|_| random.below(memory.len() - ring_bytes)).collect();
-            let begin = Instant::now();
-            for &start in &starts {
-                for byte in black_box(&mut memory[start..start + ring_bytes]) {
-                    *byte = byte.wrapping_add(1);
-                }
-            }
-            let pass = begin.elapsed().as_nanos() as f64 / batch.len() as f64;
-            // The first round warms caches and free lists.
-            if round > 0 {
-                times.push(split);
-                passes.push(pass);
-            }
-        }
-    }
-    let (split_and_merge_ns, ring_pass_ns) = (median(&times), median(&passes));
-    Ok(UpdateRow {
-        leaves: f.leaf_count(),
-        split_and_merge_ns,
-        ring_pass_ns,
-        ratio: split_and_merge_ns / ring_pass_ns,
-        bytes_per_leaf: f.bytes() as f64 / f.leaf_count() as f64,
-    })
-}
-
-fn volume_row(size: usize) -> Result<VolumeRow, BenchError> {
-    let length_mm = 200.0;
-    // The organ with its margin of background fills the grid along its longest side.
-    let voxel_mm = length_mm / (size as f64 - 4.0);
-    let volume = liver(LiverPhantom { length_mm, voxel_mm, seed: 1 })?;
-    let voxels = volume.labels().len();
-    let grid = CellGrid::around(&volume, 16)?;
-    let mut seconds = f64::INFINITY;
-    let mut tree = None;
-    for _ in 0..3 {
-        let begin = Instant::now();
-        tree = Some(LabelTree::new(&volume, grid)?);
-        seconds = seconds.min(begin.elapsed().as_secs_f64());
-    }
-    let (nodes, bytes) = tree.map_or((0, 0), |t| (t.node_count(), t.bytes()));
-    Ok(VolumeRow {
-        size: volume.grid().dims.into_iter().max().unwrap_or(0),
-        voxels,
-        nodes,
-        seconds,
-        voxels_per_second: voxels as f64 / seconds,
-        bytes_per_node: bytes as f64 / nodes as f64,
-    })
-}
-
-fn plots(
-    report: &Report,
-    times: Vec<(f64, f64)>,
-    trees: Vec<(f64, f64)>,
-) -> Vec<(&'static str, String)> {
-    let passes = report.updates.iter().map(|r| (r.leaves as f64, r.ring_pass_ns)).collect();
+fn plots(report: &Report, trees: Vec<(f64, f64)>) -> Vec<(&'static str, String)> {
     let line = |name: &str, points| Line { name: name.into(), points };
+    let over_leaves = |name: &str, value: &dyn Fn(&UpdateRow) -> f64| {
+        line(name, report.updates.iter().map(|r| (r.leaves as f64, value(r))).collect())
+    };
     let updates = log_log(
         "One vertex in and out again",
         ["leaves", "ns"],
-        &[line("split + merge", times), line("one pass over the ring's bytes", passes)],
+        &[
+            over_leaves("random places", &|r| r.random.split_and_merge_ns),
+            over_leaves("a sweep", &|r| r.local.split_and_merge_ns),
+            over_leaves("one pass over the rings' memory, random", &|r| r.random.ring_pass_ns),
+            over_leaves("one pass over the rings' memory, sweep", &|r| r.local.ring_pass_ns),
+        ],
     );
     let volumes = log_log(
         "Volume to label tree",
@@ -295,23 +193,33 @@ fn plots(
 }
 
 fn csv(report: &Report) -> String {
-    let mut text = String::from("table,key,a,b,c,d\n");
+    let mut text = String::from("table,key,a,b,c,d,e\n");
     for r in &report.shapes {
         let (radius, ratio) = (r.circumradius_over_shortest_edge, r.radius_ratio);
-        let _ = writeln!(text, "shape,{},{radius},{ratio},,", r.shape);
+        let _ = writeln!(text, "shape,{},{radius},{ratio},,,", r.shape);
     }
     for r in &report.closures {
-        let _ = writeln!(text, "closure,{},{},{},{},", r.generation, r.requests, r.mean, r.most);
+        let _ = writeln!(text, "closure,{},{},{},{},,", r.generation, r.requests, r.mean, r.most);
     }
     for r in &report.updates {
-        let (time, pass) = (r.split_and_merge_ns, r.ring_pass_ns);
-        let _ =
-            writeln!(text, "update,{},{time},{pass},{},{}", r.leaves, r.ratio, r.bytes_per_leaf);
+        for (places, cost) in [("random", &r.random), ("local", &r.local)] {
+            let UpdateCost { split_and_merge_ns: time, ring_pass_ns: pass, ratio } = cost;
+            let (leaves, bytes) = (r.leaves, r.bytes_per_leaf);
+            let _ = writeln!(text, "update_{places},{leaves},{time},{pass},{ratio},{bytes},");
+        }
     }
     for r in &report.volumes {
-        let (nodes, seconds) = (r.nodes, r.seconds);
-        let _ =
-            writeln!(text, "volume,{},{},{nodes},{seconds},{}", r.size, r.voxels, r.bytes_per_node);
+        let _ = writeln!(
+            text,
+            "volume,{},{},{},{},{},{},{}",
+            r.size,
+            r.voxels,
+            r.nodes,
+            r.seconds,
+            r.bytes_per_node,
+            r.forest_leaves,
+            r.forest_seconds
+        );
     }
     text
 }
@@ -332,24 +240,25 @@ fn table(report: &Report) -> String {
         .iter()
         .fold((0, 0.0), |(n, a), r| (n + r.requests, a + r.mean * r.requests as f64));
     let _ = writeln!(text, "all         {requests:8}  {:20.2}", added / requests as f64);
-    text += "\nleaves    split + merge, ns  one pass over the ring, ns  ratio  bytes/leaf\n";
+    text += "\n          random places: split + merge, a pass over the rings, ratio; a sweep: the same\n";
+    text += "leaves          ns      ns  ratio      ns      ns  ratio  bytes/leaf\n";
     for r in &report.updates {
-        let (time, pass) = (r.split_and_merge_ns, r.ring_pass_ns);
-        let (ratio, bytes) = (r.ratio, r.bytes_per_leaf);
-        let _ =
-            writeln!(text, "{:8}  {time:17.0}  {pass:26.0}  {ratio:5.1}  {bytes:10.0}", r.leaves);
+        let columns = [&r.random, &r.local].map(|c| {
+            format!("{:6.0}  {:6.0}  {:5.1}", c.split_and_merge_ns, c.ring_pass_ns, c.ratio)
+        });
+        let _ = writeln!(text, "{:8}  {}  {:10.0}", r.leaves, columns.join("  "), r.bytes_per_leaf);
     }
-    let _ = writeln!(text, "time goes with leaves^{:.3}", report.update_slope);
-    text += "\nsize  voxels     heterogeneous tets  s       Mvoxel/s  bytes/tet\n";
-    for r in &report.volumes {
-        let speed = r.voxels_per_second / 1e6;
-        let _ = writeln!(
-            text,
-            "{:4}  {:9}  {:18}  {:6.3}  {speed:8.1}  {:9.1}",
-            r.size, r.voxels, r.nodes, r.seconds, r.bytes_per_node
-        );
-    }
-    let _ =
-        writeln!(text, "time goes with heterogeneous tetrahedra^{:.2}", report.volume_time_slope);
+    let UpdateSlopes { random, local, ring_pass, random_ratio } = report.update_slopes;
+    let _ = writeln!(
+        text,
+        "time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep;\n\
+         at random places the pass with leaves^{ring_pass:.3}, the ratio with leaves^{random_ratio:.3}"
+    );
+    text += &mesh_volumes::table(&report.volumes);
+    let _ = writeln!(
+        text,
+        "the tree's time goes with heterogeneous tetrahedra^{:.2}, the forest's with its leaves^{:.2}",
+        report.volume_time_slope, report.forest_time_slope
+    );
     text
 }

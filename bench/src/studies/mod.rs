@@ -1,5 +1,28 @@
-//! Competitors side by side: one study per file, with its command line arguments and its report.
+//! Competitors side by side: one study per file, with its report; two of them share their race.
 
-pub mod inverse;
-mod inverse_report;
+mod arguments;
+pub mod drift;
+mod markdown;
 pub mod mesh;
+pub mod mesh_updates;
+pub mod mesh_volumes;
+mod race;
+mod race_tables;
+pub mod scaling;
+pub mod table1;
+
+pub use arguments::Arguments;
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::error::BenchError;
+
+/// A report as a JSON text.
+fn json(report: &impl Serialize, directory: &Path, name: &str) -> Result<String, BenchError> {
+    let text = serde_json::to_string_pretty(report);
+    let text =
+        text.map_err(|error| BenchError::Io { path: directory.join(name), source: error.into() })?;
+    Ok(text + "\n")
+}

@@ -1,13 +1,12 @@
 //! What a split, a merge or a change does to the factor: in slots, so that it can be replayed on
 //! a factor of another order.
 
-use faer::{Mat, MatRef};
+use faer::{Mat, MatRef, Side};
 
 use super::bennett::Scratch;
 use super::factor::{Factor, Panel};
 use super::pivot::{BadPivot, Pivot, square};
 use crate::capacitance::Capacitance;
-use crate::net_change::NetChange;
 use crate::{InverseError, RingChange, StiffnessChange};
 
 /// U Σ Uᵀ on the rows of some slots, Σ = diag(`signs`).
@@ -51,16 +50,54 @@ impl LowRank {
     }
 }
 
+impl LowRank {
+    /// The same U Σ Uᵀ with as few columns as it takes, after what cancels has cancelled.
+    ///
+    /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; walking with such
+    /// columns would harden the factor and soften it again, which costs as many digits as they
+    /// differ in. The rows are scaled to equal size first, so that soft ones keep their digits.
+    /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k columns.
+    fn compressed(self) -> Self {
+        let (rows, count) = self.columns.shape();
+        if rows == 0 || self.signs.windows(2).all(|pair| pair[0] == pair[1]) {
+            return self;
+        }
+        let size = |i: usize| self.columns.row(i).norm_l2();
+        let scale: Vec<f64> =
+            (0..rows).map(|i| if size(i) > 0.0 { size(i) } else { 1.0 }).collect();
+        let scaled = Mat::from_fn(rows, count, |i, j| self.columns[(i, j)] / scale[i]);
+        let qr = scaled.qr();
+        let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
+        let signed = Mat::from_fn(upper.nrows(), count, |i, j| self.signs[j] * upper[(i, j)]);
+        let Ok(eigen) = (signed * upper.transpose()).self_adjoint_eigen(Side::Lower) else {
+            return self;
+        };
+        let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
+        let vectors = basis * eigen.U();
+        // Smaller eigenvalues are rounding of the largest.
+        let floor = f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let kept: Vec<usize> = (0..values.len()).filter(|&j| values[j].abs() > floor).collect();
+        Self {
+            columns: Mat::from_fn(rows, kept.len(), |i, j| {
+                scale[i] * vectors[(i, kept[j])] * values[kept[j]].abs().sqrt()
+            }),
+            signs: kept.iter().map(|&j| values[j].signum()).collect(),
+            slots: self.slots,
+        }
+    }
+}
+
 impl Edit {
     /// # Errors
     /// [`InverseError::Singular`] if the ring's own algebra fails.
     pub(crate) fn split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
-        let net = NetChange::new(change, negative)?;
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-        let parts = [(net.gained.as_ref(), 1.0), (net.lost.as_ref(), -1.0)];
+        let released = a22.half_solve(change.b.as_ref());
+        let (lost, gained) = released.split_at_col(released.ncols() - negative);
+        let parts = [(change.positive.as_ref(), 1.0), (gained, 1.0), (lost, -1.0)];
         let own = &change.a22;
         Ok(Self::Split {
-            old: LowRank::new(&change.slots, &parts),
+            old: LowRank::new(&change.slots, &parts).compressed(),
             lower: a22.solve(change.a12.as_ref()),
             own: Mat::from_fn(own.nrows(), own.ncols(), |i, j| {
                 0.5 * own[(i, j)] + 0.5 * own[(j, i)]
@@ -75,21 +112,23 @@ impl Edit {
         change: &RingChange,
         negative: usize,
     ) -> Result<Self, InverseError> {
-        let net = NetChange::new(change, negative)?;
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let released = a22.half_solve(change.b.as_ref());
         let border = a22.half_solve(change.a12.as_ref());
-        let (lost, gained) = border.split_at_col(border.ncols() - negative);
-        let parts = [(net.lost.as_ref(), 1.0), (net.gained.as_ref(), -1.0)];
+        let first = border.ncols() - negative;
+        let (comes, goes) = released.split_at_col(first);
+        let old = [(comes, 1.0), (goes, -1.0), (change.positive.as_ref(), -1.0)];
+        let (goes, comes) = border.split_at_col(first);
         Ok(Self::Merge {
             slot,
-            old: LowRank::new(&change.slots, &parts),
-            border: LowRank::new(&change.slots, &[(gained, 1.0), (lost, -1.0)]),
+            old: LowRank::new(&change.slots, &old).compressed(),
+            border: LowRank::new(&change.slots, &[(goes, -1.0), (comes, 1.0)]),
         })
     }
 
     pub(crate) fn change(change: &StiffnessChange) -> Self {
         let parts = [(change.added.as_ref(), 1.0), (change.removed.as_ref(), -1.0)];
-        Self::Change(LowRank::new(&change.slots, &parts))
+        Self::Change(LowRank::new(&change.slots, &parts).compressed())
     }
 }
 
@@ -121,7 +160,7 @@ impl Factor {
                     3 => self.released::<3>(*slot, [old, border]),
                     _ => self.released::<4>(*slot, [old, border]),
                 };
-                let whole = self.after_removal(*slot, &whole);
+                let whole = self.after_removal(*slot, &whole).compressed();
                 self.remove(*slot);
                 self.change(&whole, scratch)
             }

@@ -1,7 +1,7 @@
 //! A factor of a fresh order, made while the old one goes on working.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 
 use super::bennett::Scratch;
@@ -46,18 +46,25 @@ pub(crate) enum Rebase {
     /// A thread makes the factor and follows the edits that are sent to it.
     Thread { edits: Sender<Arc<Edit>>, worker: JoinHandle<Option<Based>> },
     /// All is left to the end.
-    Later { pattern: Box<Pattern>, edits: Vec<Arc<Edit>> },
+    Later { pattern: Arc<Pattern>, edits: Vec<Arc<Edit>> },
 }
 
 impl Rebase {
     /// Starts from a snapshot. Without a thread, wanted or to be had, the work is done at the end.
     pub(crate) fn start(pattern: Pattern, background: bool) -> Self {
-        let pattern = Box::new(pattern);
+        let pattern = Arc::new(pattern);
         if background {
             let (edits, received) = channel();
-            let snapshot = pattern.clone();
+            let snapshot = Arc::clone(&pattern);
             let thread = std::thread::Builder::new().name("yawara-rebase".to_owned());
-            if let Ok(worker) = thread.spawn(move || work(&snapshot, received)) {
+            #[cfg(test)]
+            let slow = SLOW_MS.with(std::cell::Cell::get);
+            let work = move || {
+                #[cfg(test)]
+                std::thread::sleep(std::time::Duration::from_millis(slow));
+                Based::new(&snapshot).ok()?.replay(received)
+            };
+            if let Ok(worker) = thread.spawn(work) {
                 return Self::Thread { edits, worker };
             }
         }
@@ -85,6 +92,8 @@ impl Rebase {
     }
 }
 
-fn work(pattern: &Pattern, edits: Receiver<Arc<Edit>>) -> Option<Based> {
-    Based::new(pattern).ok()?.replay(edits)
+#[cfg(test)]
+thread_local! {
+    /// How long the workers that this thread starts sleep first.
+    pub(super) static SLOW_MS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }

@@ -1,10 +1,26 @@
 //! Solving with the factor: forward, divide, backward; several right-hand sides at a time.
 
-use super::factor::Factor;
+use pulp::{Simd, WithSimd};
+
+use super::factor::{Factor, Panel};
 use super::pivot::Pivot;
 
 /// Right-hand sides that share one pass over the factor.
 pub(crate) const TOGETHER: usize = 4;
+
+struct Solve<'a, 's, const M: usize, const R: usize> {
+    factor: &'a Factor,
+    sides: [&'a mut &'s mut [f64]; R],
+}
+
+impl<const M: usize, const R: usize> WithSimd for Solve<'_, '_, M, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.factor.solve_sides::<M, R>(self.sides);
+    }
+}
 
 impl Factor {
     /// Solves L D Lᵀ x = b in place for up to [`TOGETHER`] right-hand sides, each with `block`
@@ -22,14 +38,16 @@ impl Factor {
     }
 
     fn solve_block<const R: usize>(&self, block: usize, sides: [&mut &mut [f64]; R]) {
+        let arch = pulp::Arch::new();
         match block {
-            1 => self.solve_sides::<1, R>(sides),
-            2 => self.solve_sides::<2, R>(sides),
-            3 => self.solve_sides::<3, R>(sides),
-            _ => self.solve_sides::<4, R>(sides),
+            1 => arch.dispatch(Solve::<1, R> { factor: self, sides }),
+            2 => arch.dispatch(Solve::<2, R> { factor: self, sides }),
+            3 => arch.dispatch(Solve::<3, R> { factor: self, sides }),
+            _ => arch.dispatch(Solve::<4, R> { factor: self, sides }),
         }
     }
 
+    #[inline(always)]
     fn solve_sides<const M: usize, const R: usize>(&self, mut sides: [&mut &mut [f64]; R]) {
         // By position: rows of a panel are near each other there.
         let mut x = vec![[0.0; R]; M * self.positions()];
@@ -57,7 +75,8 @@ impl Factor {
     }
 
     /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x.
-    fn forward<const M: usize, const R: usize>(
+    #[inline(always)]
+    pub(crate) fn forward<const M: usize, const R: usize>(
         &self,
         at: usize,
         x: &mut [[f64; R]],
@@ -84,12 +103,11 @@ impl Factor {
                 continue;
             }
             let below = &mut local[M * (column + 1)..];
-            for a in 0..M {
-                let values = &panel.values[panel.stride * (M * column + a)..][M * (column + 1)..];
-                let factors: [f64; R] = std::array::from_fn(|r| head[r][a]);
-                for (sum, &l) in below.iter_mut().zip(values) {
+            let lower = panel.below::<M>(column, below.len());
+            for (i, sum) in below.iter_mut().enumerate() {
+                for a in 0..M {
                     for r in 0..R {
-                        sum[r] += l * factors[r];
+                        sum[r] += lower[a][i] * head[r][a];
                     }
                 }
             }
@@ -111,6 +129,7 @@ impl Factor {
     }
 
     /// The panel's own rows of x ← L⁻ᵀ x.
+    #[inline(always)]
     fn backward<const M: usize, const R: usize>(
         &self,
         at: usize,
@@ -125,11 +144,11 @@ impl Factor {
         }
         for column in (0..panel.width).rev() {
             let first = M * (panel.low + panel.width - 1 - column);
+            let below = &local[M * (column + 1)..];
+            let sums = products(panel.below::<M>(column, below.len()), below);
             for a in 0..M {
-                let values = &panel.values[panel.stride * (M * column + a)..][M * (column + 1)..];
-                let sum = product(values, &local[M * (column + 1)..]);
                 for r in 0..R {
-                    x[first + a][r] -= sum[r];
+                    x[first + a][r] -= sums[a][r];
                     local[M * column + a][r] = x[first + a][r];
                 }
             }
@@ -137,28 +156,40 @@ impl Factor {
     }
 }
 
-/// Σ l_i x_i, in several sums that do not wait for each other.
-fn product<const R: usize>(l: &[f64], x: &[[f64; R]]) -> [f64; R] {
-    const SUMS: usize = 8;
-    let mut sums = [[0.0; R]; SUMS];
+impl Panel {
+    /// The scalar columns of a block column, below the diagonal block.
+    #[inline(always)]
+    fn below<const M: usize>(&self, column: usize, length: usize) -> [&[f64]; M] {
+        std::array::from_fn(|a| {
+            let first = self.stride * (M * column + a) + M * (column + 1);
+            &self.values[first..first + length]
+        })
+    }
+}
+
+/// Σ_i l_i x_i for every column l and right-hand side, in sums that don't wait for each other.
+#[inline(always)]
+fn products<const M: usize, const R: usize>(l: [&[f64]; M], x: &[[f64; R]]) -> [[f64; R]; M] {
+    const SUMS: usize = 4;
+    let mut sums = [[[0.0; R]; SUMS]; M];
     let (whole, rest) = x.as_chunks::<SUMS>();
-    for (l, x) in l.as_chunks::<SUMS>().0.iter().zip(whole) {
-        for at in 0..SUMS {
-            for r in 0..R {
-                sums[at][r] += l[at] * x[at][r];
+    let chunks = l.map(|l| l.as_chunks::<SUMS>().0);
+    for (at, x) in whole.iter().enumerate() {
+        for a in 0..M {
+            let l = chunks[a][at];
+            for lane in 0..SUMS {
+                for r in 0..R {
+                    sums[a][lane][r] += l[lane] * x[lane][r];
+                }
             }
         }
     }
-    for (at, (&l, x)) in l[x.len() - rest.len()..].iter().zip(rest).enumerate() {
-        for r in 0..R {
-            sums[at][r] += l * x[r];
+    for (i, x) in rest.iter().enumerate() {
+        for a in 0..M {
+            for r in 0..R {
+                sums[a][i][r] += l[a][SUMS * whole.len() + i] * x[r];
+            }
         }
     }
-    let mut total = [0.0; R];
-    for r in 0..R {
-        for pair in 0..SUMS / 2 {
-            total[r] += sums[2 * pair][r] + sums[2 * pair + 1][r];
-        }
-    }
-    total
+    sums.map(|s| std::array::from_fn(|r| (s[0][r] + s[1][r]) + (s[2][r] + s[3][r])))
 }

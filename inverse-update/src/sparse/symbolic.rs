@@ -3,7 +3,7 @@
 use super::pattern::Pattern;
 
 /// Part of a panel's blocks that may be zero for the sake of wider panels.
-const ZEROS: f64 = 0.15;
+const ZEROS: f64 = 0.05;
 
 /// Panels of at most this many columns are worth twice as many zeros.
 const NARROW: usize = 8;
@@ -127,13 +127,15 @@ fn panels(pattern: &Pattern, order: &[usize], parent: &[usize]) -> Vec<PanelShap
         let mut next = PanelShape { first: at, width: 1, rows };
         let mut real = 1 + next.rows.len();
         while let Some(child) = panels.last() {
-            let joins = child.rows.first().is_some_and(|&row| row as usize == next.first);
+            if child.rows.first().is_none_or(|&row| row as usize != next.first) {
+                break;
+            }
             let below = kept.last().copied().unwrap_or(0);
             let width = child.width + next.width;
             let total = blocks(width, next.rows.len());
             let zeros = (total - real - below) as f64;
             let allowed = if width <= NARROW { 2.0 * ZEROS } else { ZEROS };
-            if !joins || zeros > allowed * total as f64 {
+            if zeros > allowed * total as f64 {
                 break;
             }
             real += below;

@@ -128,7 +128,7 @@ impl LabelField {
 }
 
 /// First and last voxel of the box around a label.
-fn bounding_box(volume: &LabelVolume, label: u16) -> Option<[[usize; 3]; 2]> {
+pub(super) fn bounding_box(volume: &LabelVolume, label: u16) -> Option<[[usize; 3]; 2]> {
     let [nx, ny, _] = volume.grid().dims;
     let mut bounds: Option<[[usize; 3]; 2]> = None;
     for (row, ids) in volume.labels().chunks_exact(nx).enumerate() {

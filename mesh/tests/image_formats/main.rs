@@ -9,7 +9,7 @@ mod scratch;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use yawara_mesh::MeshError;
-use yawara_mesh::volume::{LabelVolume, read_intensities_with, read_labels, read_labels_with};
+use yawara_mesh::volume::{LabelVolume, read_intensities_with, read_labels_with};
 
 use scratch::{assert_says, labels, read_files};
 
@@ -192,8 +192,14 @@ fn what_is_no_image_is_refused() {
     assert!(matches!(labels("a.nrrd", b"").unwrap_err(), MeshError::EmptyFile { .. }));
     assert_says(&labels("a.nrrd", b"hello\n").unwrap_err(), &["NRRD0001", "hello"]);
     assert_says(&labels("a.mha", b"hello\n").unwrap_err(), &["hello"]);
+}
+
+#[test]
+#[cfg(not(feature = "dicom"))]
+fn what_only_dicom_reads_is_refused_without_it() {
     let folder = tempfile::TempDir::new().unwrap();
-    assert!(matches!(read_labels(folder.path()), Err(MeshError::NotAFile { .. })));
+    let error = yawara_mesh::volume::read_labels(folder.path()).unwrap_err();
+    assert!(matches!(error, MeshError::NotAFile { .. }));
     let dicom = [&[0; 128][..], b"DICM"].concat();
     let error = labels("slice", &dicom).unwrap_err();
     assert!(matches!(error, MeshError::FormatNotBuilt { feature: "dicom", .. }));

@@ -1,9 +1,14 @@
 //! What a run leaves on disk: a run directory, written aside and moved into place when whole.
 
+mod fields;
+#[cfg(feature = "gmsh")]
+mod msh;
 mod pvd;
 mod run_directory;
 mod steps_csv;
 mod vtu;
 
+#[cfg(feature = "gmsh")]
+pub use msh::write_msh;
 pub use run_directory::RunDirectory;
 pub use vtu::write_vtu;

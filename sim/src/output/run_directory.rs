@@ -4,8 +4,13 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use yawara_mesh::isosurface::{SurfaceData, write_vtp};
+
 use crate::SimError;
-use crate::output::{pvd, steps_csv, write_vtu};
+use crate::fields::Fields;
+#[cfg(feature = "gmsh")]
+use crate::output::write_msh;
+use crate::output::{fields, pvd, steps_csv, write_vtu};
 use crate::report::{Frame, StepReport, Summary};
 use crate::scene::Scene;
 
@@ -27,7 +32,9 @@ pub struct RunDirectory {
     /// Parents of `target` that did not exist before, outermost first.
     made: Vec<PathBuf>,
     steps: BufWriter<File>,
-    frames: Vec<(f64, String)>,
+    /// Times and files of the frames; files that no collection lists.
+    frames: Vec<(f64, Vec<String>)>,
+    others: Vec<String>,
     finished: bool,
 }
 
@@ -60,6 +67,7 @@ impl RunDirectory {
             aside,
             steps,
             frames: Vec::new(),
+            others: Vec::new(),
             finished: false,
         })
     }
@@ -86,15 +94,49 @@ impl RunDirectory {
         self.steps.write_all(line.as_bytes()).map_err(at(&self.target.join(STEPS)))
     }
 
-    /// Writes the frame after step number `step` (0 for the start) and lists it in `frames.pvd`.
+    /// Writes the frame after step number `step` (0 for the start): tetrahedra, one file per
+    /// surface, and lists them in `frames.pvd`.
     ///
     /// # Errors
-    /// As [`write_vtu`].
+    /// As [`write_vtu`]; [`SimError::Mesh`] for a surface.
     pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
-        let file = format!("{FRAMES}/step_{step:06}.vtu");
-        write_vtu(&self.aside.join(&file), frame)?;
-        self.frames.push((frame.time_s, file));
+        let mut files = vec![format!("{FRAMES}/step_{step:06}.vtu")];
+        write_vtu(&self.aside.join(&files[0]), frame)?;
+        for surface in &frame.surfaces {
+            let file = format!("{FRAMES}/step_{step:06}_label_{}.vtp", surface.label);
+            let data = SurfaceData {
+                points_mm: &surface.points_mm,
+                triangles: &surface.triangles,
+                displacement_mm: Some(&surface.displacement_mm),
+                label: Some(&vec![surface.label; surface.points_mm.len()]),
+            };
+            write_vtp(&self.aside.join(&file), &data)?;
+            files.push(file);
+        }
+        self.frames.push((frame.time_s, files));
         Ok(())
+    }
+
+    /// Writes the frame after step number `step` as a Gmsh mesh, labels as groups.
+    ///
+    /// # Errors
+    /// As [`write_msh`].
+    #[cfg(feature = "gmsh")]
+    pub fn write_msh(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
+        let file = format!("{FRAMES}/step_{step:06}.msh");
+        write_msh(&self.aside.join(&file), frame)?;
+        self.others.push(file);
+        Ok(())
+    }
+
+    /// Writes the fields on the image's grid: `fields/displacement_mm.nii.gz`,
+    /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
+    ///
+    /// # Errors
+    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in a build without
+    /// NIfTI.
+    pub fn write_fields(&mut self, fields: &Fields) -> Result<(), SimError> {
+        fields::write(&self.aside, fields)
     }
 
     /// Writes `summary.json`.
@@ -134,7 +176,7 @@ impl RunDirectory {
     /// Replaces the files of an earlier run in an existing directory.
     fn move_files(&self) -> Result<(), SimError> {
         // Without a summary nobody takes a mixture of two runs for a whole one.
-        for name in [SUMMARY, COLLECTION, STEPS, SCENE] {
+        for name in [SUMMARY, COLLECTION, STEPS, SCENE].into_iter().chain(fields::FILES) {
             remove_if_there(&self.target.join(name))?;
         }
         let frames = self.target.join(FRAMES);
@@ -148,15 +190,28 @@ impl RunDirectory {
         } else {
             fs::create_dir(&frames).map_err(at(&frames))?;
         }
-        let others = [STEPS, SCENE, COLLECTION, SUMMARY].into_iter().map(str::to_owned);
-        for name in self.frames.iter().map(|(_, file)| file.clone()).chain(others) {
+        let folder = self.target.join(fields::FOLDER);
+        if self.aside.join(fields::FOLDER).is_dir() {
+            fs::create_dir_all(&folder).map_err(at(&folder))?;
+        } else {
+            // Of an earlier run; it stays if foreign files lie in it.
+            let _ = fs::remove_dir(&folder);
+        }
+        let others = fields::FILES.into_iter().chain([STEPS, SCENE, COLLECTION, SUMMARY]);
+        let others = others.map(str::to_owned);
+        let frames = self.frames.iter().flat_map(|(_, files)| files).chain(&self.others);
+        for name in frames.cloned().chain(others) {
             let (from, to) = (self.aside.join(&name), self.target.join(&name));
             if from.exists() {
                 fs::rename(&from, &to).map_err(at(&to))?;
             }
         }
-        let left = self.aside.join(FRAMES);
-        fs::remove_dir(&left).map_err(at(&left))
+        for left in [FRAMES, fields::FOLDER].map(|folder| self.aside.join(folder)) {
+            if left.is_dir() {
+                fs::remove_dir(&left).map_err(at(&left))?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -241,11 +296,18 @@ fn remove_if_there(path: &Path) -> Result<(), SimError> {
     }
 }
 
-/// True for `step_<digits>.vtu`, the names that this module gives.
+/// True for `step_<digits>.vtu`, `.msh` and `step_<digits>_label_<number>.vtp`, the names that
+/// this module gives.
 fn is_frame(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let digits = name.strip_prefix("step_").and_then(|rest| rest.strip_suffix(".vtu"));
-    digits.is_some_and(|d| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit()))
+    let Some((stem, extension)) = name.rsplit_once('.') else { return false };
+    let Some(rest) = stem.strip_prefix("step_") else { return false };
+    let is_number = |d: &str| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit());
+    match (extension, rest.split_once("_label_")) {
+        ("vtu" | "msh", None) => is_number(rest),
+        ("vtp", Some((digits, label))) => is_number(digits) && label.parse::<i64>().is_ok(),
+        _ => false,
+    }
 }
 
 #[cfg(test)]
@@ -303,7 +365,11 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let target = root.path();
         fs::create_dir(target.join("frames")).unwrap();
-        for name in ["notes.txt", "summary.json", "frames/step_000099.vtu", "frames/step_a.vtu"] {
+        let earlier = ["step_000099.vtu", "step_000099.msh", "step_000099_label_-7.vtp"];
+        for name in earlier.into_iter().chain(["step_a.vtu"]) {
+            fs::write(target.join("frames").join(name), name).unwrap();
+        }
+        for name in ["notes.txt", "summary.json"] {
             fs::write(target.join(name), name).unwrap();
         }
         let error = RunDirectory::create(target, false).unwrap_err();

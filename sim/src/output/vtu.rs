@@ -164,6 +164,7 @@ mod tests {
             young_modulus_pa: vec![5e3, 1.0 / 3.0],
             von_mises_pa: vec![0.0, 1e-300],
             indicator: vec![1e-9, 2.0],
+            surfaces: Vec::new(),
         }
     }
 

@@ -12,7 +12,7 @@ use super::nearest;
 use crate::SimError;
 use crate::scene::{
     Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region, Scene, Solver,
-    StageNames, Time, Tool, Void,
+    StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -149,9 +149,10 @@ impl Checker<'_> {
                 list.iter().enumerate().map(|(i, value)| model.child(Step::Index(i), value))
             })
             .collect();
-        // Lists of numbers are vectors in space.
+        // Lists of numbers are vectors in space or pairs.
         let numbers = below.iter().any(|model| model.value.is_float());
-        if numbers && entries.len() != 3 {
+        let length = |model: &Model<'_>| model.value.as_array().map(Vec::len);
+        if numbers && models.iter().all(|model| length(model) != Some(entries.len())) {
             return Err(self.wrong(at, given, wanted(models)));
         }
         for (index, entry) in entries.iter().enumerate() {
@@ -208,7 +209,11 @@ fn wanted(models: &[Model<'_>]) -> String {
         Value::Integer(_) => "a whole number",
         Value::Boolean(_) => "true or false",
         Value::Table(_) => "a table",
-        Value::Array(list) if list.iter().any(Value::is_float) => "an array of 3 numbers",
+        Value::Array(list) if list.iter().any(Value::is_float) => match list.len() {
+            2 => "an array of 2 numbers",
+            _ => "an array of 3 numbers",
+        },
+        Value::Array(list) if list.iter().any(Value::is_integer) => "an array of whole numbers",
         Value::Array(_) => "an array of tables",
         Value::String(_) | Value::Datetime(_) => "a string",
     };
@@ -227,7 +232,9 @@ fn example(phantom: Phantom) -> Scene {
     let boxed = Region::Box { min: [0.0; 3], max: [1.0; 3] };
     let sphere = Region::Sphere { centre: [0.5; 3], radius_m: 0.01 };
     let material = MaterialEntry {
-        label: 1,
+        label: Some(1),
+        range: Some([-30.0, 150.0]),
+        other: true,
         name: "tissue".into(),
         young_modulus_pa: 5e3,
         poisson_ratio: 0.45,
@@ -239,6 +246,19 @@ fn example(phantom: Phantom) -> Scene {
         turn_axis: [0.0, 0.0, 1.0],
         release_s: Some(1.0),
     };
+    let mesh = MeshOptions {
+        path: Some("tets.msh".into()),
+        unit_m: 1e-3,
+        base_mm: Some(32.0),
+        start_level: 0,
+        max_level: Some(6),
+        max_vertices: 1000,
+        label_level: Some(3),
+        label_region: Some(match phantom {
+            Phantom::Liver => boxed.clone(),
+            Phantom::Block => sphere.clone(),
+        }),
+    };
     Scene {
         name: "example".into(),
         description: "all keys".into(),
@@ -249,10 +269,12 @@ fn example(phantom: Phantom) -> Scene {
             length_mm: Some(200.0),
             size_mm: Some([10.0; 3]),
             voxel_mm: Some(2.0),
+            blur_mm: Some(1.0),
+            ignore_labels: vec![9],
         },
         materials: vec![material],
         void: Void::default(),
-        mesh: MeshOptions { base_mm: 32.0, start_level: 0, max_level: 6, max_vertices: 1000 },
+        mesh,
         fixed: vec![boxed.clone(), sphere.clone()],
         gravity_m_s2: [0.0; 3],
         tools: vec![grab(boxed), grab(sphere)],
@@ -260,7 +282,11 @@ fn example(phantom: Phantom) -> Scene {
         stages: StageNames::default(),
         refinement: Refinement::default(),
         solver: Solver::default(),
-        output: Output::default(),
+        output: Output {
+            surface_level: Some(9),
+            surfaces: vec![SurfaceEntry { label: 1, sigma_voxels: 1.0 }],
+            ..Output::default()
+        },
     }
 }
 

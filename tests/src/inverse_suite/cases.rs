@@ -528,3 +528,59 @@ pub fn a_nearly_singular_change_stays_accurate(name: &str) {
     let limit = 4.0 * f64::EPSILON + residual(name);
     assert!((got * left - 1.0).abs() <= limit, "{got} instead of {}", 1.0 / left);
 }
+
+/// Displacement and pressure, [A, G; Gᵀ, −P]: a vertex comes in, and goes again.
+pub fn a_quasi_definite_vertex_by_hand(name: &str) {
+    let mut k = SparseStiffness::quasi_definite(1, 2, 1).unwrap();
+    k.add(&[0], mat![[2.0, 2.0], [2.0, -2.0]].as_ref()).unwrap();
+    let mut maintainer = build(name, k).unwrap();
+    // [2, 2; 2, −2]⁻¹ = [2, 2; 2, −2] / 8
+    let first = mat![[0.25, 0.25], [0.25, -0.25]];
+    close(name, &inverse(&*maintainer), &first);
+    // The body is halved: K_c = K_p, b = 0 and a12 = −Hᵀ A22 with H = ½. Then
+    // K'' = [K + HᵀA22H, −HᵀA22; −A22H, A22], whose inverse is [C, CHᵀ; HC, A22⁻¹ + HCHᵀ].
+    let a22 = mat![[4.0, 0.0], [0.0, -8.0]];
+    let change = RingChange {
+        slots: vec![0],
+        k_p: Mat::zeros(2, 2),
+        k_c: &a22 * faer::Scale(0.25),
+        a12: &a22 * faer::Scale(-0.5),
+        a22,
+        b: Mat::zeros(2, 2),
+        positive: Mat::zeros(2, 0),
+        order_key: 0,
+    };
+    assert_eq!(maintainer.split(&change), Ok(1));
+    let whole = mat![
+        [0.25, 0.25, 0.125, 0.125],
+        [0.25, -0.25, 0.125, -0.125],
+        [0.125, 0.125, 0.25 + 0.0625, 0.0625],
+        [0.125, -0.125, 0.0625, -0.125 - 0.0625]
+    ];
+    close(name, &inverse(&*maintainer), &whole);
+    assert_eq!(maintainer.merge(1, &change), Ok(None));
+    close(name, &inverse(&*maintainer), &first);
+}
+
+/// Blocks that are not what the matrix announces, at the start and later.
+pub fn wrong_signs_are_refused(name: &str) {
+    for wrong in [mat![[2.0, 0.0], [0.0, 1.0]], mat![[-2.0, 0.0], [0.0, -1.0]]] {
+        let mut k = SparseStiffness::quasi_definite(1, 2, 1).unwrap();
+        k.add(&[0], wrong.as_ref()).unwrap();
+        let error = build(name, k).err().expect("another inertia");
+        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+        let mut k = SparseStiffness::quasi_definite(1, 2, 1).unwrap();
+        k.add(&[0], mat![[1.0, 0.0], [0.0, -1.0]].as_ref()).unwrap();
+        let mut maintainer = build(name, k).unwrap();
+        let error = refused(&mut maintainer, |m| m.split(&alone(wrong.clone())));
+        assert!(matches!(error, InverseError::Singular { what: "a22", .. }), "{error}");
+        // Both diagonals pass 0 on the way to these.
+        let change = StiffnessChange {
+            slots: vec![0],
+            added: mat![[0.0], [2.0]],
+            removed: mat![[2.0], [0.0]],
+        };
+        let error = refused(&mut maintainer, |m| m.change(&change));
+        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    }
+}

@@ -8,10 +8,10 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
+use yawara_inverse_update::{InverseMaintainer, SparseStiffness, StiffnessChange, build, drift};
 
 use super::model::{Model, to_faer};
-use super::residual;
+use super::{residual, updates_inverse};
 
 /// One step of a history; all of its randomness.
 #[derive(Debug, Clone)]
@@ -47,7 +47,11 @@ pub struct Replay {
     model: Model,
     /// Largest diagonal that each vertex ever had: rounding in K is of that size.
     largest: HashMap<usize, f64>,
-    /// Σ over the steps of the condition number of the scaled K.
+    /// Least diagonal that each row ever had, by vertex and row: rounding in C is of its inverse.
+    least: HashMap<(usize, usize), f64>,
+    /// The most that a change ever added to and took from each row's diagonal, both counted.
+    passed: HashMap<(usize, usize), f64>,
+    /// Σ over the steps of the condition number of the scaled K, times the growth.
     conditions: f64,
     steps: f64,
     /// Condition numbers are taken every so many steps: they cost more than the step.
@@ -61,23 +65,27 @@ struct Scaled {
     condition: f64,
     /// The norm of the scaled inverse.
     compliance: f64,
+    /// How much larger than K's entries those of D in K = L D Lᵀ can be, in any order; 1 where K is
+    /// definite.
+    growth: f64,
 }
 
 impl Scaled {
     fn of(k: &DMatrix<f64>, negative: usize) -> Self {
         if k.is_empty() {
-            return Self { scale: vec![], condition: 1.0, compliance: 1.0 };
+            return Self { scale: vec![], condition: 1.0, compliance: 1.0, growth: 1.0 };
         }
         let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].abs().sqrt()).collect();
         let unit = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
+        let growth = growth(&unit);
         let eigenvalues = SymmetricEigen::new(unit).eigenvalues;
-        let norm = eigenvalues.iter().fold(1.0, |norm: f64, value| norm.max(value.abs()));
-        let least = eigenvalues.iter().fold(f64::INFINITY, |least: f64, x| least.min(x.abs()));
+        let below = eigenvalues.iter().filter(|&&value| value < 0.0).count();
+        assert_eq!(below, negative, "the model must have its announced inertia");
+        let norm = eigenvalues.iter().map(|value| value.abs()).fold(1.0, f64::max);
+        let least = eigenvalues.iter().map(|value| value.abs()).fold(f64::INFINITY, f64::min);
         let condition = norm / least;
-        assert!(condition.is_finite(), "the model must be definite");
-        let found = eigenvalues.iter().filter(|value| **value < 0.0).count();
-        assert_eq!(found, negative, "the model must have one negative eigenvalue per pressure");
-        Self { scale, condition, compliance: 1.0 / least }
+        assert!(condition.is_finite(), "the model must not be singular");
+        Self { scale, condition, compliance: 1.0 / least, growth }
     }
 
     /// ‖S (a − b) S‖ / ‖S b S‖ in the Frobenius norm.
@@ -92,6 +100,32 @@ impl Scaled {
         }
         if a.is_empty() { 0.0 } else { (difference / size).sqrt() }
     }
+}
+
+/// For [A, Bᵀ; B, −P], rows in any order, the larger of ‖A + Bᵀ P⁻¹ B‖/‖A‖ and the same with A and
+/// P exchanged: the Schur complements of all eliminations lie below these.
+///
+/// Gill, Saunders, Shinnerl, On the stability of Cholesky factorization for symmetric
+/// quasidefinite systems, SIAM J. Matrix Anal. Appl. 17(1), 1996.
+fn growth(unit: &DMatrix<f64>) -> f64 {
+    let part = |sign: f64| -> Vec<usize> {
+        (0..unit.nrows()).filter(|&i| sign * unit[(i, i)] > 0.0).collect()
+    };
+    let (first, last) = (part(1.0), part(-1.0));
+    let mut largest = 1.0;
+    for (rows, others) in [(&first, &last), (&last, &first)] {
+        if rows.is_empty() || others.is_empty() {
+            continue;
+        }
+        let of = |x: &[usize], y: &[usize]| {
+            DMatrix::from_fn(x.len(), y.len(), |i, j| unit[(x[i], y[j])])
+        };
+        let (own, other, b) = (of(rows, rows), of(others, others), of(others, rows));
+        let inverse = other.try_inverse().expect("a definite part");
+        let norm = |m: DMatrix<f64>| SymmetricEigen::new(m).eigenvalues.amax();
+        largest = f64::max(largest, norm(&own - b.transpose() * inverse * &b) / norm(own));
+    }
+    largest
 }
 
 impl Replay {
@@ -113,6 +147,8 @@ impl Replay {
             maintainer,
             model,
             largest: HashMap::new(),
+            least: HashMap::new(),
+            passed: HashMap::new(),
             conditions: 0.0,
             steps: 0.0,
             stride,
@@ -126,11 +162,6 @@ impl Replay {
     #[must_use]
     pub fn worst(&self) -> f64 {
         self.worst
-    }
-
-    /// Negative eigenvalues that K should have.
-    fn negative(&self) -> usize {
-        self.model.negative * self.vertices()
     }
 
     /// Vertices now held.
@@ -179,11 +210,13 @@ impl Replay {
         let mut numbers = op.numbers.iter().cycle();
         let number = || *numbers.next().expect("a cycle");
         let change = self.model.add_patch(vertices, 10_f64.powf(op.exponent), op.rank, number);
+        self.note_change(&change);
         self.maintainer.change(&change).expect("a stiffer body");
     }
 
     fn remove_patch(&mut self, patch: usize) {
         let change = self.model.remove_patch(patch);
+        self.note_change(&change);
         self.maintainer.change(&change).expect("a body that is still held");
     }
 
@@ -214,19 +247,53 @@ impl Replay {
         assert_eq!(moved, (slot != last).then_some(last), "the last vertex fills the gap");
     }
 
+    fn scaled(&self, k: &DMatrix<f64>) -> Scaled {
+        Scaled::of(k, self.model.negative * self.vertices())
+    }
+
     /// Keeps account of what bounds the error.
     fn note(&mut self) {
         let k = self.model.assemble();
         if (self.steps as usize).is_multiple_of(self.stride) {
-            self.conditions += self.stride as f64 * Scaled::of(&k, self.negative()).condition;
+            let scaled = self.scaled(&k);
+            self.conditions += self.stride as f64 * scaled.condition * scaled.growth;
         }
         self.steps += 1.0;
         for (slot, &name) in self.model.names.iter().enumerate() {
             for i in slot * self.model.block..(slot + 1) * self.model.block {
                 let largest = self.largest.entry(name).or_default();
                 *largest = largest.max(k[(i, i)].abs());
+                let row = (name, i % self.model.block);
+                let least = self.least.entry(row).or_insert(f64::INFINITY);
+                *least = least.min(k[(i, i)].abs());
             }
         }
+    }
+
+    fn note_change(&mut self, change: &StiffnessChange) {
+        let block = self.model.block;
+        for i in 0..change.added.nrows() {
+            let name = self.model.names[change.slots[i / block]];
+            let [more, less] = [&change.added, &change.removed]
+                .map(|part| part.row(i).iter().map(|x| x * x).sum::<f64>());
+            let passed = self.passed.entry((name, i % block)).or_default();
+            *passed = passed.max(more + less);
+        }
+    }
+
+    /// How much smaller than now a diagonal has been, what changes pass through included: rounding
+    /// of a soft C stays when K gets stiffer. 1 where no C is updated, and where K is definite.
+    fn stiffening(&self, k: &DMatrix<f64>) -> f64 {
+        if !updates_inverse(self.maintainer.name()) || self.model.negative == 0 {
+            return 1.0;
+        }
+        let block = self.model.block;
+        let ratio = |i: usize| {
+            let row = (self.model.names[i / block], i % block);
+            let passed = self.passed.get(&row).copied().unwrap_or_default();
+            (k[(i, i)].abs() + passed) / self.least[&row]
+        };
+        (0..k.nrows()).map(ratio).fold(1.0, f64::max)
     }
 
     /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
@@ -241,18 +308,23 @@ impl Replay {
     /// Bound: rounding of size ε K_ii per step in K, and of size ε κ_t K_ii per step t from C
     /// (a perturbation δC of C is one of K δC K of K, which later updates carry along); both
     /// reach the relative error of C with the factor κ of now. Hence n ε κ ρ Σ κ_t, with ρ the
-    /// shrinkage of the diagonal; the factor 8 stands for the products per step.
+    /// shrinkage of the diagonal, and κ_t times the growth of pivots where K is quasi-definite; the
+    /// factor 8 stands for the products per step.
+    ///
+    /// In the scale of now, what step t left in a C that is updated has grown with the diagonal
+    /// since: by at most the stiffening. A definite K passes without that factor.
     ///
     /// A maintainer that refines leaves ‖S⁻¹ r_j‖ ≤ ρ ‖S⁻¹ e_j‖ of the residual of column j, hence
     /// ‖S δC S‖_F ≤ ‖Ĉ‖ ρ √n, relative to ‖Ĉ‖_F ≥ ‖Ĉ‖ at most ρ √n.
     pub fn check(&mut self) {
         let k = self.model.assemble();
-        let scaled = Scaled::of(&k, self.negative());
+        let scaled = self.scaled(&k);
         let n = k.nrows();
         let rho = self.shrinkage(&k);
         let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;
-        let bound = unit * scaled.condition * rho * (self.conditions + self.steps)
-            + self.residual * (n as f64).sqrt();
+        let bound =
+            unit * scaled.condition * rho * self.stiffening(&k) * (self.conditions + self.steps)
+                + self.residual * (n as f64).sqrt();
         assert_eq!(self.maintainer.vertices(), self.model.names.len());
         self.check_stiffness(&k, &scaled, unit * rho * self.steps);
 
@@ -269,7 +341,8 @@ impl Replay {
         let drift = drift(&*self.maintainer, 1, 8);
         let limit = bound * scaled.condition * (n as f64).sqrt();
         assert!(drift <= limit, "drift {drift:e}, bound {limit:e}");
-        self.check_solve(&c, &scaled);
+        self.check_solve(&c, &scaled, bound);
+        self.check_compliance(&c, &scaled, bound);
     }
 
     fn check_stiffness(&self, k: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
@@ -288,28 +361,58 @@ impl Replay {
         DMatrix::from_fn(c.nrows(), c.ncols(), |i, j| c[(i, j)])
     }
 
-    /// `solve` is the product with the same C that `columns` shows, to rounding.
+    /// `solve` is the product with the C that `columns` shows: to rounding where C itself is kept;
+    /// where every column is a solution of its own, to twice what each may be off by.
     ///
     /// A maintainer that refines stops at residuals of ρ and of 4 ε (|K| |u| + |f|), scaled; the
     /// latter is at most 4 ε (n ‖Ĉ‖ + 1) of the load, both reach u by the factor ‖Ĉ‖, and n
     /// columns bring the same with √n.
-    fn check_solve(&self, c: &DMatrix<f64>, scaled: &Scaled) {
+    fn check_solve(&self, c: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
         let n = c.nrows();
         let f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (1.0 + i as f64).sin()).collect();
         let load = (0..n).map(|i| (f[i] / scaled.scale[i]).powi(2)).sum::<f64>().sqrt();
         let mut u = vec![f64::NAN; n];
         self.maintainer.solve(&f, &mut u).expect("a finite load");
+        let solves_by_factor = self.maintainer.name() == "sparse";
+        let weight = |i: usize, j: usize| (scaled.scale[i] * c[(i, j)] * scaled.scale[j]).powi(2);
+        let norm = (0..n).map(|i| (0..n).map(|j| weight(i, j)).sum::<f64>()).sum::<f64>().sqrt();
+        // ‖S u‖ ≤ ‖S C S‖ ‖S⁻¹ f‖, and ‖S⁻¹ f‖ ≤ √n.
+        let size_by_factor = norm * (n as f64).sqrt();
         for i in 0..n {
             let want: f64 = (0..n).map(|j| c[(i, j)] * f[j]).sum();
             let size: f64 = (0..n).map(|j| (c[(i, j)] * f[j]).abs()).sum();
             let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
-            let refined = if self.residual > 0.0 {
-                (self.residual + rounding) * scaled.compliance * load * (1.0 + (n as f64).sqrt())
+            let limit = if solves_by_factor {
+                2.0 * bound * size_by_factor / scaled.scale[i]
+            } else if self.residual > 0.0 {
+                let left = (self.residual + rounding) * load * (1.0 + (n as f64).sqrt());
+                2.0 * n as f64 * f64::EPSILON * size + left * scaled.compliance / scaled.scale[i]
             } else {
-                0.0
+                2.0 * n as f64 * f64::EPSILON * size
             };
-            let bound = 2.0 * n as f64 * f64::EPSILON * size + refined / scaled.scale[i];
-            assert!((u[i] - want).abs() <= bound, "row {i}: {} instead of {want}", u[i]);
+            assert!((u[i] - want).abs() <= limit, "row {i}: {} instead of {want}", u[i]);
+        }
+    }
+
+    /// `compliance` is the block of C that `columns` shows, each to within the bound of both.
+    fn check_compliance(&self, c: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
+        let block = self.maintainer.stiffness().block();
+        // Not ascending, and not all.
+        let slots: Vec<usize> = (0..self.vertices()).rev().step_by(2).collect();
+        let got = self.maintainer.compliance(&slots).expect("slots that are there");
+        let row = |i: usize| block * slots[i / block] + i % block;
+        assert_eq!((got.nrows(), got.ncols()), (block * slots.len(), block * slots.len()));
+        let weight = |i: usize, j: usize| scaled.scale[i] * scaled.scale[j];
+        let n = c.nrows();
+        let entries = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let norm = entries.map(|(i, j)| (weight(i, j) * c[(i, j)]).powi(2)).sum::<f64>().sqrt();
+        for i in 0..got.nrows() {
+            for j in 0..got.ncols() {
+                let (at, to) = (row(i), row(j));
+                let error = (got[(i, j)] - c[(at, to)]).abs() * weight(at, to);
+                assert!(error <= 2.0 * bound * norm, "compliance ({at}, {to}) is off by {error:e}");
+                assert_eq!(got[(i, j)], got[(j, i)]);
+            }
         }
     }
 }

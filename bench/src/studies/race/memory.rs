@@ -1,0 +1,116 @@
+//! The bound of memory, measured beside the methods.
+
+use super::lane::timed;
+use super::{BURST, Quantiles, Samples};
+use crate::machine::gigabytes_per_second;
+use crate::stream::Stream;
+
+/// Passes over as many numbers as half of C has, in the turns of the methods.
+#[derive(Debug, Default)]
+pub(crate) struct Memory {
+    numbers: usize,
+    double: Stream,
+    /// Half as many bytes, in a place of their own: the caches can't know them from the others.
+    single: Stream,
+    /// One pass in f64, ms.
+    pub pass: Samples,
+    /// One pass in f32, ms.
+    pub pass_f32: Samples,
+    /// As many bytes read and written by the system's `memcpy`, ms.
+    pub copy: Samples,
+    /// The first passes of each burst, f64 and f32.
+    cold: [Samples; 2],
+}
+
+impl Memory {
+    /// Room for passes over `numbers` numbers.
+    pub fn new(numbers: usize) -> Self {
+        let (double, single) = (Stream::new(numbers), Stream::new(numbers / 2));
+        Self { numbers, double, single, ..Self::default() }
+    }
+
+    /// As many passes as a method has updates; none without room.
+    pub fn burst(&mut self, number: usize) {
+        if self.double.is_empty() {
+            return;
+        }
+        let updates = 2 * (BURST + 1);
+        let (double, single) = (&mut self.double, &mut self.single);
+        for at in 0..updates {
+            let time = timed(|| double.pass(self.numbers));
+            match at {
+                0 => self.cold[0].push(number, time),
+                1 => {}
+                _ => self.pass.push(number, time),
+            }
+        }
+        for at in 0..updates {
+            let time = timed(|| single.pass(self.numbers / 2));
+            match at {
+                0 => self.cold[1].push(number, time),
+                1 => {}
+                _ => self.pass_f32.push(number, time),
+            }
+        }
+        for at in 0..updates {
+            let time = timed(|| double.copy(self.numbers));
+            if at > 1 {
+                self.copy.push(number, time);
+            }
+        }
+    }
+
+    /// Passes in that precision, and those that begin a burst.
+    pub fn bound(&self, precision: &str) -> [&Samples; 2] {
+        let [cold, cold_f32] = &self.cold;
+        if precision == "f32" { [&self.pass_f32, cold_f32] } else { [&self.pass, cold] }
+    }
+
+    /// Lets go of the room; the times stay.
+    pub fn free(&mut self) {
+        self.double = Stream::default();
+        self.single = Stream::default();
+    }
+
+    /// Bytes of a pass in f64.
+    pub fn bytes(&self) -> usize {
+        size_of::<f64>() * self.numbers
+    }
+
+    /// Gigabytes per second, read and written: a pass that begins a burst, any other, and a copy;
+    /// none without passes.
+    pub fn speeds(&self) -> Option<[f64; 3]> {
+        let speed = |samples: &Samples| {
+            let seconds = Quantiles::of(samples)?.p50 / 1e3;
+            Some(gigabytes_per_second(self.bytes(), seconds))
+        };
+        Some([speed(&self.cold[0])?, speed(&self.pass)?, speed(&self.copy)?])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_passes_as_updates_the_first_apart() {
+        let mut memory = Memory::new(1 << 20);
+        memory.burst(0);
+        memory.burst(1);
+        memory.free();
+        let [pass, cold] = memory.bound("f64");
+        assert_eq!((pass.all().len(), cold.all().len()), (2 * 2 * BURST, 2));
+        let [single, cold] = memory.bound("f32");
+        assert_eq!((single.all().len(), cold.all().len()), (2 * 2 * BURST, 2));
+        assert_eq!(memory.copy.all().len(), 2 * 2 * BURST);
+        assert_eq!(memory.bytes(), 8 << 20);
+        assert!(memory.speeds().unwrap().iter().all(|speed| *speed > 0.01));
+    }
+
+    #[test]
+    fn without_room_there_are_no_times() {
+        let mut memory = Memory::default();
+        memory.burst(0);
+        assert!(memory.pass.all().is_empty() && memory.speeds().is_none());
+    }
+}

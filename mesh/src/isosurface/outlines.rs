@@ -1,0 +1,68 @@
+//! Outlines of labels on a mesh that is fine where they run.
+
+use std::sync::Arc;
+
+use super::{IsoSurface, LabelBoundary, LabelField, SurfaceOptions};
+use crate::domain::Domain;
+use crate::error::MeshError;
+use crate::forest::BisectionForest;
+use crate::label_tree::LabelTree;
+use crate::refine::Region;
+use crate::volume::LabelVolume;
+
+/// How far around a label's voxels its mesh is fine, voxels: the field between centres of voxels
+/// ends half a voxel beyond them.
+const MARGIN: f64 = 0.5;
+
+/// What outline is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    /// Dense label, not 0.
+    pub label: u16,
+    /// Standard deviation of the blur that rounds off the stairs of voxels, 0 to 16 voxels.
+    pub sigma_voxels: f64,
+}
+
+/// Surfaces of labels and the forest to whose edges they are bound.
+#[derive(Clone, Debug)]
+pub struct Outlines {
+    /// Refined down to the level asked for wherever one of the outlines runs.
+    pub forest: BisectionForest,
+    /// One per label asked for, in that order; empty where a blur has taken the label below ½.
+    pub surfaces: Vec<IsoSurface>,
+}
+
+impl Outlines {
+    /// Refines `domain`, which lies on a lattice of `level`, and cuts it at level ½ of each
+    /// blurred label.
+    ///
+    /// Cost: O(tetrahedra that an outline passes through, per level) and O(voxels) per label.
+    ///
+    /// # Errors
+    /// As [`BisectionForest::new`], [`LabelBoundary::new`] and [`LabelField::blurred`].
+    pub fn new(
+        volume: &LabelVolume,
+        tree: &Arc<LabelTree>,
+        domain: Domain,
+        level: u8,
+        asked: &[Outline],
+    ) -> Result<Self, MeshError> {
+        let boundaries: Vec<LabelBoundary> = asked
+            .iter()
+            .map(|outline| LabelBoundary::new(volume, outline.label))
+            .collect::<Result<_, _>>()?;
+        let mut forest = BisectionForest::new(domain, Arc::clone(tree), 0, level)?;
+        forest.refine_where(level, usize::MAX, Region::Everywhere, &|forest, tet| {
+            boundaries.iter().any(|boundary| boundary.crosses(forest, tet, MARGIN))
+        })?;
+        let surfaces = asked
+            .iter()
+            .map(|outline| {
+                let field = LabelField::blurred(volume, outline.label, outline.sigma_voxels)?;
+                let values = field.on_vertices(&forest);
+                IsoSurface::of_forest(&forest, &values, SurfaceOptions::of_label(outline.label))
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self { forest, surfaces })
+    }
+}

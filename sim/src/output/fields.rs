@@ -1,0 +1,37 @@
+//! Fields on the image's grid as NIfTI files.
+
+use std::path::Path;
+
+use crate::SimError;
+use crate::fields::Fields;
+
+/// Their folder in a run directory.
+pub(super) const FOLDER: &str = "fields";
+
+/// The files in a run directory, in the order of the fields.
+pub(super) const FILES: [&str; 3] =
+    ["fields/displacement_mm.nii.gz", "fields/von_mises_pa.nii.gz", "fields/label.nii.gz"];
+
+/// Writes the three fields into a run directory's folder; each appears under its name when it is complete.
+///
+/// # Errors
+/// [`SimError::Io`], or [`SimError::Mesh`] with the file, if they can't be written.
+#[cfg(feature = "nifti")]
+pub(super) fn write(directory: &Path, fields: &Fields) -> Result<(), SimError> {
+    use yawara_mesh::volume::{write_field, write_labels};
+    let folder = directory.join(FOLDER);
+    std::fs::create_dir_all(&folder).map_err(|source| SimError::Io { path: folder, source })?;
+    let [displacement, stress, label] = FILES.map(|name| directory.join(name));
+    write_field(&displacement, &fields.displacement_mm)?;
+    write_field(&stress, &fields.von_mises_pa)?;
+    Ok(write_labels(&label, &fields.label)?)
+}
+
+/// Refuses, as this build has no NIfTI.
+///
+/// # Errors
+/// [`SimError::FeatureMissing`].
+#[cfg(not(feature = "nifti"))]
+pub(super) fn write(_: &Path, _: &Fields) -> Result<(), SimError> {
+    Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" })
+}

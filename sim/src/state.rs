@@ -1,0 +1,91 @@
+//! The deformable body as the solver and the output see it: vertices, elements, positions.
+
+use nalgebra::Vector3;
+use yawara_corot::{Body, Element};
+use yawara_mesh::{TetId, VertexId};
+
+use crate::tools::Hold;
+
+/// What is known of a tetrahedron besides its mechanics.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Cell {
+    pub level: u8,
+    /// Original label of most of its volume.
+    pub label: i64,
+    pub density_kg_m3: f64,
+}
+
+/// The current mesh: whatever changes it keeps this up to date.
+#[derive(Default)]
+pub(crate) struct State {
+    pub body: Body,
+    /// Rest and current positions by vertex number, m.
+    pub rest: Vec<Vector3<f64>>,
+    pub positions: Vec<Vector3<f64>>,
+    pub holds: Vec<Hold>,
+    is_active: Vec<bool>,
+    vertex_count: usize,
+    /// By tetrahedron number.
+    cells: Vec<Cell>,
+}
+
+impl State {
+    /// Active vertices, ascending numbers.
+    pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        (0..self.is_active.len()).filter(|&i| self.is_active[i]).map(|i| VertexId(i as u32))
+    }
+
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    pub fn tet_count(&self) -> usize {
+        self.body.elements().len()
+    }
+
+    /// One more than the largest vertex number ever in use.
+    pub fn vertex_capacity(&self) -> usize {
+        self.is_active.len()
+    }
+
+    pub fn cell(&self, tet: TetId) -> &Cell {
+        &self.cells[tet.index()]
+    }
+
+    /// `vertex` comes in (its number must not be in use).
+    pub fn add_vertex(
+        &mut self,
+        vertex: VertexId,
+        rest: Vector3<f64>,
+        position: Vector3<f64>,
+        hold: Hold,
+    ) {
+        let at = vertex.index();
+        if self.is_active.len() <= at {
+            self.is_active.resize(at + 1, false);
+            self.rest.resize(at + 1, Vector3::zeros());
+            self.positions.resize(at + 1, Vector3::zeros());
+            self.holds.resize(at + 1, Hold::Free);
+        }
+        self.is_active[at] = true;
+        self.vertex_count += 1;
+        (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
+    }
+
+    /// `vertex` goes out.
+    pub fn remove_vertex(&mut self, vertex: VertexId) {
+        self.is_active[vertex.index()] = false;
+        self.holds[vertex.index()] = Hold::Free;
+        self.vertex_count -= 1;
+    }
+
+    /// A tetrahedron comes in.
+    pub fn add_tet(&mut self, element: Element, cell: Cell) {
+        let at = element.tet.index();
+        if self.cells.len() <= at {
+            self.cells.resize(at + 1, Cell::default());
+        }
+        self.cells[at] = cell;
+        self.body.insert(element);
+    }
+}

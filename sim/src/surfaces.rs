@@ -1,0 +1,142 @@
+//! Embedded surfaces: the outlines of labels at voxel size, carried along by the coarse mesh.
+
+use nalgebra::Vector3;
+use yawara_embed::DetailMesh;
+use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
+use yawara_mesh::lattice::MAX_LEVEL;
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{Domain, Lattice};
+
+use crate::error::SimError;
+use crate::refinement::Refiner;
+use crate::report::{SurfaceFrame, SurfaceSummary};
+use crate::scene::Scene;
+use crate::setup::Setup;
+use crate::start::ScannerAxes;
+
+/// All surfaces of a scene, on one fine mesh.
+pub(crate) struct Surfaces {
+    detail: DetailMesh,
+    /// Rest positions of the fine mesh, m.
+    rest: Vec<Vector3<f64>>,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    /// As in the image.
+    label: i64,
+    surface: IsoSurface,
+}
+
+impl Surfaces {
+    /// The surfaces that a scene asks for: a mesh refined to the labels down to
+    /// `output.surface_level`, cut at level ½ of each blurred label.
+    pub fn new(scene: &Scene, setup: &Setup) -> Result<Option<Self>, SimError> {
+        let asked = &scene.output.surfaces;
+        if asked.is_empty() {
+            return Ok(None);
+        }
+        let level = surface_level(scene, setup);
+        let cells = setup.tree.grid().cells;
+        let coarse = setup.forest.domain();
+        let mut domain = Domain::of_labels(Lattice::new(cells, level), &setup.tree);
+        let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
+        domain.exclude(&dropped);
+        let mut outlines = Vec::new();
+        for (i, one) in asked.iter().enumerate() {
+            let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
+                place: scene.name.clone(),
+                key: format!("output.surfaces[{i}].label"),
+                value: one.label.to_string(),
+                want: format!("a label that occurs in {}", setup.image_name()),
+            })?;
+            outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
+        }
+        let lattice = *domain.lattice();
+        let Outlines { forest, surfaces } =
+            Outlines::new(&setup.volume, &setup.tree, domain, level, &outlines)?;
+        let mut parts = Vec::new();
+        for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
+            if surface.triangles.is_empty() {
+                tracing::warn!(
+                    "label {} has no surface: a blur of {} voxels takes it below one half \
+                     everywhere; choose a smaller output.surfaces[{i}].sigma_voxels",
+                    one.label,
+                    one.sigma_voxels
+                );
+            }
+            parts.push(Part { label: one.label, surface });
+        }
+        let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
+        let placement = setup.tree.grid().placement(voxel_m, &lattice);
+        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+        for v in forest.vertices() {
+            rest[v.index()] = placement.position(forest.point(v));
+        }
+        let detail = DetailMesh::new(forest);
+        Ok(Some(Self { detail, rest, parts }))
+    }
+
+    /// Every surface as the active mesh carries it, scanner RAS.
+    pub fn frames(
+        &self,
+        refiner: &Refiner,
+        positions: &[Vector3<f64>],
+        axes: &ScannerAxes,
+    ) -> Result<Vec<SurfaceFrame>, SimError> {
+        let now = self.detail.positions(&refiner.forest, positions)?;
+        self.parts
+            .iter()
+            .map(|part| {
+                let (rest, now) =
+                    (part.surface.positions(&self.rest)?, part.surface.positions(&now)?);
+                let pairs = rest.iter().zip(&now);
+                Ok(SurfaceFrame {
+                    label: part.label,
+                    triangles: part.surface.triangles.clone(),
+                    displacement_mm: pairs
+                        .map(|(rest, now)| axes.to_ras_direction(&((now - rest) * 1e3)))
+                        .collect(),
+                    points_mm: now.iter().map(|x| axes.to_ras_mm(x)).collect(),
+                })
+            })
+            .collect()
+    }
+
+    /// Sizes at rest and now.
+    pub fn summary(
+        &self,
+        refiner: &Refiner,
+        positions: &[Vector3<f64>],
+    ) -> Result<Vec<SurfaceSummary>, SimError> {
+        let now = self.detail.positions(&refiner.forest, positions)?;
+        self.parts
+            .iter()
+            .map(|Part { label, surface }| {
+                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(&now)?);
+                Ok(SurfaceSummary {
+                    label: *label,
+                    triangles: surface.triangles.len(),
+                    pieces: surface.component_count(),
+                    area_rest_m2: surface.area(&rest)?,
+                    volume_rest_m3: surface.volume(&rest)?,
+                    volume_end_m3: surface.volume(&now)?,
+                })
+            })
+            .collect()
+    }
+}
+
+/// The finest level of the surfaces' mesh: one voxel, unless the scene says otherwise, and never
+/// coarser than what the simulation may refine to.
+pub(crate) fn surface_level(scene: &Scene, setup: &Setup) -> u8 {
+    let voxel = setup.tree.grid().embed_level();
+    let asked = scene.output.surface_level.unwrap_or(voxel);
+    // A whole lattice unit of the coarse mesh must be one of the fine mesh.
+    asked.max(scene.mesh.finest_level()).min(MAX_LEVEL)
+}
+
+fn dense_label(volume: &LabelVolume, label: i64) -> Option<u16> {
+    let at = volume.values().iter().position(|&value| value == label)?;
+    u16::try_from(at).ok().filter(|&dense| dense > 0)
+}
