@@ -36,7 +36,7 @@ fn report_error(name: &str, maintainer: &dyn InverseMaintainer, updates: usize) 
     eprintln!(
         "{name}: after {updates} updates relative error {error:.1e} against lu, drift {drift:.1e}, \
          {} rebuilds\n",
-        maintainer.rebuilds()
+        maintainer.counts().rebuilds
     );
 }
 

@@ -28,6 +28,19 @@ enum Study {
     Mesh(mesh::Arguments),
 }
 
+impl Study {
+    /// Updates of the inverse are compared with direct methods that run in one thread: so does all
+    /// else beside them.
+    fn set_threads(&self) -> Result<(), rayon::ThreadPoolBuildError> {
+        match self {
+            Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
+                rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
+            }
+            Self::Mesh(_) => Ok(()),
+        }
+    }
+}
+
 fn run(study: &Study) -> Result<String, BenchError> {
     match study {
         Study::Table1(arguments) => table1::run(arguments),
@@ -47,6 +60,9 @@ fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
+    if let Err(error) = cli.study.set_threads() {
+        return refuse(&error.to_string());
+    }
     match run(&cli.study) {
         Ok(report) => {
             // All is in the files: a reader that leaves early misses nothing.

@@ -31,9 +31,9 @@ impl Capacitance {
         g: MatRef<'_, f64>,
         negative: usize,
     ) -> Result<Self, InverseError> {
-        let scale: Vec<f64> = (0..g.nrows()).map(|i| g[(i, i)]).collect();
         let floor = (g.nrows() + 1) as f64 * f64::EPSILON;
-        Self::factor(what, g, (&scale, floor), negative)
+        let limits: Vec<f64> = (0..g.nrows()).map(|i| floor * g[(i, i)].abs()).collect();
+        Self::factor(what, g, &limits, negative)
     }
 
     /// Factors G = P − Q where `scale` is the diagonal of the larger of P and Q.
@@ -42,14 +42,17 @@ impl Capacitance {
         g: MatRef<'_, f64>,
         scale: &[f64],
     ) -> Result<Self, InverseError> {
-        Self::factor(what, g, (scale, PIVOT_FLOOR), 0)
+        let limits: Vec<f64> = scale.iter().map(|scale| PIVOT_FLOOR * scale.abs()).collect();
+        Self::factor(what, g, &limits, 0)
     }
 
+    /// Factors a G with `negative` rows at the end, where a pivot has to exceed its limit in size.
+    ///
     /// Reads the lower triangle of G alone.
-    fn factor(
+    pub(crate) fn factor(
         what: &'static str,
         g: MatRef<'_, f64>,
-        (scale, floor): (&[f64], f64),
+        limits: &[f64],
         negative: usize,
     ) -> Result<Self, InverseError> {
         let n = g.nrows();
@@ -60,7 +63,7 @@ impl Capacitance {
             for k in 0..j {
                 pivot -= sign(k) * lower[(j, k)] * lower[(j, k)];
             }
-            let limit = floor * scale[j].abs();
+            let limit = limits[j];
             // Not `pivot <= limit`: a NaN has to fail as well.
             if !(sign(j) * pivot > limit && pivot.is_finite()) {
                 return Err(InverseError::Singular { what, row: j, value: pivot, limit });
@@ -130,9 +133,11 @@ impl Capacitance {
         x
     }
 
-    /// The smallest L_ii².
-    pub(crate) fn smallest_pivot(&self) -> f64 {
-        (0..self.lower.nrows()).map(|i| self.lower[(i, i)].powi(2)).fold(f64::INFINITY, f64::min)
+    /// The smallest |pivot| of the negative rows, infinite without any.
+    pub(crate) fn smallest_negative(&self) -> f64 {
+        let n = self.lower.nrows();
+        let pivots = (n - self.negative..n).map(|i| self.lower[(i, i)].powi(2));
+        pivots.fold(f64::INFINITY, f64::min)
     }
 
     /// L, lower triangular.

@@ -101,6 +101,29 @@ pub enum InverseError {
         /// What it has to exceed.
         limit: f64,
     },
+    /// One split of several was refused.
+    #[error("split {done} of the batch was refused, the {done} before it are made: {source}")]
+    Batch {
+        /// How many splits were made.
+        done: usize,
+        /// Why the next one was not.
+        source: Box<InverseError>,
+    },
+    /// Refinement by the matrix itself does not bring a solution closer.
+    #[error(
+        "{method} can't solve: after {steps} steps of refinement the residual is {residual:e} of \
+         the load, want at most {limit:e}: choose an inverse stored in f64"
+    )]
+    NotRefined {
+        /// Scene name of the maintainer.
+        method: &'static str,
+        /// Steps made.
+        steps: usize,
+        /// ‖Ku − f‖ / ‖f‖, scaled by the diagonal.
+        residual: f64,
+        /// What it should come down to.
+        limit: f64,
+    },
     /// Blocks of no rows were asked for.
     #[error("a vertex has 0 rows, want at least 1 (3 for displacements)")]
     EmptyBlock,
@@ -122,4 +145,11 @@ pub enum InverseError {
         /// The names that exist.
         choices: &'static [&'static str],
     },
+}
+
+impl InverseError {
+    /// The error of a batch whose first `done` splits are made.
+    pub(crate) fn in_batch(done: usize, source: Self) -> Self {
+        Self::Batch { done, source: Box::new(source) }
+    }
 }

@@ -5,19 +5,20 @@ use faer::{Mat, Side};
 
 use crate::{InverseError, SparseStiffness};
 
-/// C = K⁻¹ by Cholesky, lower triangle valid. Cost: O(n³).
+const WHAT: &str = "the stiffness";
+
+/// C = K⁻¹ by Cholesky, or by L D Lᵀ without pivoting if K is quasi-definite; lower triangle
+/// valid. Cost: O(n³).
 ///
 /// # Errors
-/// [`InverseError::Singular`] if K is not positive definite to working precision.
-pub(crate) fn cholesky_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
-    let what = "the stiffness";
-    let dense = k.to_dense();
-    let factor = dense.llt(Side::Lower).map_err(|error| {
-        let faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index: row } = error;
-        InverseError::Singular { what, row, value: 0.0, limit: limit(k) }
-    })?;
-    let inverse = factor.inverse();
-    check_condition(what, k, |i| inverse[(i, i)])?;
+/// [`InverseError::Singular`] if K is not positive definite to working precision, or not
+/// quasi-definite as announced.
+/// # Source
+/// Gill, Saunders, Shinnerl, On the stability of Cholesky factorization for symmetric quasidefinite
+/// systems, SIAM J. Matrix Anal. Appl. 17(1), 1996.
+pub(crate) fn symmetric_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
+    let inverse = if k.negative() == 0 { cholesky(k)? } else { signed(k)? };
+    check_condition(k, |i| inverse[(i, i)])?;
     Ok(inverse)
 }
 
@@ -25,17 +26,41 @@ pub(crate) fn cholesky_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseE
 /// quasi-definite as announced.
 ///
 /// # Errors
-/// As [`cholesky_inverse`].
+/// As [`symmetric_inverse`].
 pub(crate) fn lu_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
     // LU inverts an indefinite matrix without a word; all maintainers refuse the same matrices.
-    if k.negative() == 0 {
-        cholesky_inverse(k)?;
-    } else {
-        check_pivots(k)?;
-    }
+    symmetric_inverse(k)?;
     let inverse = k.to_dense().partial_piv_lu().inverse();
-    check_condition("the stiffness", k, |i| inverse[(i, i)])?;
+    check_condition(k, |i| inverse[(i, i)])?;
     Ok(inverse)
+}
+
+fn cholesky(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
+    let factor = k.to_dense().llt(Side::Lower).map_err(|error| {
+        let faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index: row } = error;
+        InverseError::Singular { what: WHAT, row, value: 0.0, limit: limit(k) }
+    })?;
+    Ok(factor.inverse())
+}
+
+/// A quasi-definite matrix has an L D Lᵀ in any order, with the signs of its diagonal in D.
+fn signed(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {
+    let floor = |row| limit(k) * k.diagonal(row).abs();
+    let singular =
+        |row, value| InverseError::Singular { what: WHAT, row, value, limit: floor(row) };
+    let factor = k.to_dense().ldlt(Side::Lower).map_err(|error| {
+        let faer::linalg::cholesky::ldlt::factor::LdltError::ZeroPivot { index } = error;
+        singular(index, 0.0)
+    })?;
+    let pivots = factor.D().column_vector();
+    for row in 0..k.dofs() {
+        let value = k.sign(row) * pivots[row];
+        // Not `value <= floor(row)`: a NaN has to fail as well.
+        if !(value > floor(row) && value.is_finite()) {
+            return Err(singular(row, value));
+        }
+    }
+    Ok(factor.inverse())
 }
 
 /// Refuses an inverse whose rows are lost in rounding.
@@ -44,7 +69,6 @@ pub(crate) fn lu_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> 
 /// most n times its smallest eigenvalue; Cholesky can't tell a pivot below n·ε from 0. Only
 /// the diagonal is needed: in a positive definite C it bounds the rest.
 fn check_condition(
-    what: &'static str,
     k: &SparseStiffness,
     inverse_diagonal: impl Fn(usize) -> f64,
 ) -> Result<(), InverseError> {
@@ -53,28 +77,7 @@ fn check_condition(
         let value = 1.0 / (k.diagonal(j) * inverse_diagonal(j));
         // Not `value <= limit`: faer hands NaN on without an error.
         if !(value > limit && value.is_finite()) {
-            return Err(InverseError::Singular { what, row: j, value, limit });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses a matrix whose LDLᵀ in the order of its rows has a pivot of the wrong sign.
-fn check_pivots(k: &SparseStiffness) -> Result<(), InverseError> {
-    let (what, n) = ("the stiffness", k.dofs());
-    let mut rest = k.to_dense();
-    for j in 0..n {
-        let sign = if j % k.block() + k.negative() < k.block() { 1.0 } else { -1.0 };
-        let (value, limit) = (rest[(j, j)], limit(k) * k.diagonal(j).abs());
-        // Not `value <= limit`: a NaN has to fail as well.
-        if !(sign * value > limit && value.is_finite()) {
-            return Err(InverseError::Singular { what, row: j, value, limit });
-        }
-        for c in j + 1..n {
-            let factor = rest[(c, j)] / value;
-            for i in c..n {
-                rest[(i, c)] -= factor * rest[(i, j)];
-            }
+            return Err(InverseError::Singular { what: WHAT, row: j, value, limit });
         }
     }
     Ok(())

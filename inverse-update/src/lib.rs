@@ -1,42 +1,47 @@
-//! The inverse of a symmetric positive definite stiffness matrix, or a quasi-definite one, kept up
-//! to date while vertices come and go.
+//! The inverse of a symmetric stiffness matrix, positive definite or quasi-definite, kept up to
+//! date while vertices come and go.
 //!
 //! This crate knows matrices and index sets, no meshes. A *vertex* is a block of
-//! [`SparseStiffness::block`] rows (3 displacements), a *slot* its number, `0..vertices()`.
-//! A split appends one slot; a merge removes one and moves the last slot into the gap
-//! (as `Vec::swap_remove`), so that storage stays dense.
+//! [`SparseStiffness::block`] rows (3 displacements, or 4 with a pressure), a *slot* its number,
+//! `0..vertices()`. A split appends one slot; a merge removes one and moves the last slot into the
+//! gap (as `Vec::swap_remove`), so that storage stays dense.
 #![forbid(unsafe_code)]
 
 mod capacitance;
 mod change;
+mod counts;
 mod drift;
 mod error;
 mod fresh;
 mod full;
 mod lu;
 mod net_change;
-mod packed;
+mod panel;
 mod paper;
-mod signed_columns;
+mod refine;
 mod sparse;
 mod stiffness;
 mod stiffness_edit;
+mod stored;
+mod tiles;
+mod update;
 mod woodbury;
 
 pub use change::{CONSISTENCY_LIMIT, RingChange, SYMMETRY_LIMIT, StiffnessChange};
+pub use counts::Counts;
 pub use drift::drift;
 pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
-pub use sparse::elimination_order;
-pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse};
+pub use refine::{MOST_REFINEMENTS, REFINED_RESIDUAL};
+pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse, elimination_order};
 pub use stiffness::SparseStiffness;
-pub use woodbury::Woodbury;
+pub use woodbury::{PackedInverse, Woodbury, WoodburyF32};
 
 use faer::Mat;
 
 /// The scene names that [`build`] knows, the default first.
-pub const CHOICES: &[&str] = &["woodbury", "sparse", "paper", "lu"];
+pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "sparse", "paper", "lu"];
 
 /// Free vertices from which `sparse` beats a dense inverse at everything but reading columns.
 const SPARSE_FROM: usize = 150;
@@ -61,13 +66,14 @@ pub fn choose(vertices: usize, columns_per_update: usize) -> &'static str {
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
 /// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as
-/// it announces and as only `lu` and `sparse` take it; [`InverseError::BlockTooLarge`].
+/// it announces; [`InverseError::BlockTooLarge`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,
 ) -> Result<Box<dyn InverseMaintainer>, InverseError> {
     match name {
         "woodbury" => Ok(Box::new(Woodbury::new(stiffness)?)),
+        "woodbury_f32" => Ok(Box::new(WoodburyF32::new(stiffness)?)),
         "sparse" => Ok(Box::new(Sparse::new(stiffness)?)),
         "paper" => Ok(Box::new(Paper::new(stiffness)?)),
         "lu" => Ok(Box::new(Lu::new(stiffness)?)),
@@ -94,6 +100,24 @@ pub trait InverseMaintainer: Send {
     /// # Errors
     /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
+
+    /// Several vertices come in, one after the other: `changes[i].slots` may name those before.
+    /// Returns their slots.
+    ///
+    /// As [`split`](Self::split) for each; a maintainer may put off work and do it for many at once.
+    /// # Errors
+    /// [`InverseError::Batch`] tells which split was refused and why; those before it are made, as
+    /// after single splits, those from it on are not.
+    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
+        let mut slots = Vec::with_capacity(changes.len());
+        for change in changes {
+            match self.split(change) {
+                Ok(slot) => slots.push(slot),
+                Err(source) => return Err(InverseError::in_batch(slots.len(), source)),
+            }
+        }
+        Ok(slots)
+    }
 
     /// The vertex at `slot` goes out, the reverse of [`split`](Self::split) with the same
     /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
@@ -148,8 +172,8 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Singular`].
     fn rebuild(&mut self) -> Result<(), InverseError>;
 
-    /// How often the maintainer had to start afresh by itself.
-    fn rebuilds(&self) -> usize;
+    /// The safeguards that took effect so far.
+    fn counts(&self) -> Counts;
 }
 
 #[cfg(test)]

@@ -3,12 +3,14 @@
 use faer::Mat;
 
 use crate::fresh::lu_inverse;
-use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full};
+use crate::{
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full,
+};
 
 /// Keeps K and its inverse by LU with partial pivoting, computed anew after every change.
 ///
 /// Nothing accumulates, so the others are measured against it. Starting afresh is its ordinary
-/// work: `rebuilds` stays 0. Cost: O(n³) per change, O(n²) per solve, n² numbers.
+/// work: [`Counts`] stay 0. Cost: O(n³) per change, O(n²) per solve, n² numbers.
 pub struct Lu {
     stiffness: SparseStiffness,
     inverse: Mat<f64>,
@@ -18,7 +20,7 @@ impl Lu {
     /// Inverts `stiffness`. Cost: O(n³).
     ///
     /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite.
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
         let inverse = lu_inverse(&stiffness)?;
         Ok(Self { stiffness, inverse })
@@ -73,7 +75,7 @@ impl InverseMaintainer for Lu {
         Ok(())
     }
 
-    fn rebuilds(&self) -> usize {
-        0
+    fn counts(&self) -> Counts {
+        Counts::default()
     }
 }

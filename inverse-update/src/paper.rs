@@ -5,8 +5,10 @@ use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Accum, Mat, MatRef, Par};
 
 use crate::capacitance::{Capacitance, PIVOT_FLOOR};
-use crate::fresh::cholesky_inverse;
-use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full};
+use crate::fresh::symmetric_inverse;
+use crate::{
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full,
+};
 
 /// Keeps C = K⁻¹ dense, both halves, by the paper's formulas. V selects the p rows of the ring.
 ///
@@ -18,7 +20,8 @@ use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, Stiffn
 /// The inner matrix of (10) is not symmetric and is solved by LU, so that C is symmetric to
 /// rounding only, and rounding grows: a reference for what the paper's order costs and loses.
 /// Like `woodbury` it starts afresh from K, and counts it, where K would not stay safely
-/// positive definite. Cost: O(n²p + np² + p³) per update, O(n²) per solve, n² numbers.
+/// positive definite, or quasi-definite. Cost: O(n²p + np² + p³) per update, O(n²) per solve, n²
+/// numbers.
 /// # Source
 /// Oishi, Tagawa, Tanaka, eqs. (9)–(15).
 pub struct Paper {
@@ -63,14 +66,49 @@ impl Part {
     }
 
     /// Eq. (10) without its first term.
-    fn woodbury(&self, delta: MatRef<'_, f64>) -> Result<Product, InverseError> {
+    fn woodbury(
+        &self,
+        k: &SparseStiffness,
+        delta: MatRef<'_, f64>,
+    ) -> Result<Product, InverseError> {
         let p = delta.nrows();
         let own = self.select_rows(&self.columns);
-        check_stays_definite(&own, delta)?;
+        if k.negative() == 0 {
+            check_stays_definite(&own, delta)?;
+        }
         let capacitance = Mat::<f64>::identity(p, p) + &own * delta;
         let right = capacitance.partial_piv_lu().solve(&self.rows);
-        Ok(Product { left: -(&self.columns * delta), right })
+        let product = Product { left: -(&self.columns * delta), right };
+        if k.negative() > 0 {
+            let change = self.select_rows(&product.left) * self.select_columns(&product.right);
+            check_stays_quasi_definite(k, &own, &(&own + change))?;
+        }
+        Ok(product)
     }
+}
+
+/// K keeps its inertia iff C_rr does, the inverse of its Schur complement on the ring: with the
+/// negative rows at the end it has a signed L Σ Lᵀ before and after. Cost: O(p³).
+fn check_stays_quasi_definite(
+    k: &SparseStiffness,
+    before: &Mat<f64>,
+    after: &Mat<f64>,
+) -> Result<(), InverseError> {
+    let what = "the ring's part of the inverse";
+    let (positive, negative): (Vec<usize>, Vec<usize>) =
+        (0..after.nrows()).partition(|&i| k.sign(i) > 0.0);
+    let order: Vec<usize> = positive.iter().chain(&negative).copied().collect();
+    let n = order.len();
+    let sorted = Mat::from_fn(n, n, |i, j| after[(order[i], order[j])]);
+    Capacitance::of_signed(what, sorted.as_ref(), negative.len())?;
+    for row in 0..n {
+        // A row that becomes this much softer has lost half of its digits.
+        let value = (before[(row, row)] / after[(row, row)]).abs();
+        if !(value > PIVOT_FLOOR) {
+            return Err(InverseError::Singular { what, row, value, limit: PIVOT_FLOOR });
+        }
+    }
+    Ok(())
 }
 
 /// K + V Δ Vᵀ is positive definite iff I + Lᵀ Δ L is, with L Lᵀ = Vᵀ C V: LU would invert an
@@ -86,9 +124,13 @@ fn check_stays_definite(own: &Mat<f64>, delta: MatRef<'_, f64>) -> Result<(), In
     Ok(())
 }
 
-/// The inverse of a small matrix that has to be positive definite, by LU.
-fn small_inverse(what: &'static str, matrix: &Mat<f64>) -> Result<Mat<f64>, InverseError> {
-    Capacitance::of(what, matrix.as_ref())?;
+/// The inverse of a small matrix with `negative` rows of negative pivots at its end, by LU.
+fn small_inverse(
+    what: &'static str,
+    matrix: &Mat<f64>,
+    negative: usize,
+) -> Result<Mat<f64>, InverseError> {
+    Capacitance::of_signed(what, matrix.as_ref(), negative)?;
     Ok(matrix.partial_piv_lu().inverse())
 }
 
@@ -96,9 +138,9 @@ impl Paper {
     /// Inverts `stiffness`. Cost: O(n³).
     ///
     /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite.
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
-        let inverse = cholesky_inverse(&stiffness)?;
+        let inverse = symmetric_inverse(&stiffness)?;
         Ok(Self { stiffness, inverse, rebuilds: 0 })
     }
 
@@ -119,12 +161,12 @@ impl Paper {
     /// Eqs. (10), (13), (12): what to add to C, and the border C A12 S, S A21 C, S.
     fn prepare_split(&self, change: &RingChange) -> Result<([Product; 2], Mat<f64>), InverseError> {
         let mut ring = Part::of(&self.inverse, &change.slots, self.stiffness.block());
-        let update = ring.woodbury((&change.k_c - &change.k_p).as_ref())?;
+        let update = ring.woodbury(&self.stiffness, (&change.k_c - &change.k_p).as_ref())?;
         ring.apply(&update);
         let column = &ring.columns * &change.a12;
         let row = change.a12.transpose() * &ring.rows;
         let schur = &change.a22 - change.a12.transpose() * ring.select_rows(&column);
-        let s = small_inverse("A22 − A21 C A12", &schur)?;
+        let s = small_inverse("A22 − A21 C A12", &schur, self.stiffness.negative())?;
         let border = Product { left: column * &s, right: row };
         let products = [update, border];
         self.check_diagonal(&products, 0..0)?;
@@ -139,17 +181,18 @@ impl Paper {
     ) -> Result<[Product; 2], InverseError> {
         let block = self.stiffness.block();
         let own = Part::of(&self.inverse, &[slot], block);
-        let c22 = small_inverse("C22", &own.select_rows(&own.columns))?;
+        let c22 = own.select_rows(&own.columns);
+        let c22 = small_inverse("C22", &c22, self.stiffness.negative())?;
         let removal = Product { left: -(&own.columns * &c22), right: own.rows };
         let mut ring = Part::of(&self.inverse, &change.slots, block);
         ring.apply(&removal);
-        let update = ring.woodbury((&change.k_p - &change.k_c).as_ref())?;
+        let update = ring.woodbury(&self.stiffness, (&change.k_p - &change.k_c).as_ref())?;
         let products = [removal, update];
         self.check_diagonal(&products, block * slot..block * (slot + 1))?;
         Ok(products)
     }
 
-    /// A diagonal that is not positive and finite is a failed update; NaN shows up in it.
+    /// A diagonal that is not finite and of the right sign is a failed update; NaN shows up in it.
     /// Rows about to be removed are let off: they end at 0.
     fn check_diagonal(
         &self,
@@ -163,7 +206,7 @@ impl Paper {
                     value += product.left[(row, k)] * product.right[(k, row)];
                 }
             }
-            if !(value > 0.0 && value.is_finite()) {
+            if !(self.stiffness.sign(row) * value > 0.0 && value.is_finite()) {
                 let what = "the diagonal of the inverse";
                 return Err(InverseError::Singular { what, row, value, limit: 0.0 });
             }
@@ -253,7 +296,7 @@ impl InverseMaintainer for Paper {
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
         self.stiffness.check_change(change)?;
         let ring = Part::of(&self.inverse, &change.slots, self.stiffness.block());
-        let update = ring.woodbury(change.delta().as_ref()).and_then(|update| {
+        let update = ring.woodbury(&self.stiffness, change.delta().as_ref()).and_then(|update| {
             let products = [update];
             self.check_diagonal(&products, 0..0)?;
             Ok(products)
@@ -281,11 +324,12 @@ impl InverseMaintainer for Paper {
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
-        self.inverse = cholesky_inverse(&self.stiffness)?;
+        self.inverse = symmetric_inverse(&self.stiffness)?;
         Ok(())
     }
 
-    fn rebuilds(&self) -> usize {
-        self.rebuilds
+    fn counts(&self) -> Counts {
+        let rebuilds = self.rebuilds;
+        Counts { rebuilds, failed_pivots: rebuilds, ..Counts::default() }
     }
 }

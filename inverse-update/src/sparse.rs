@@ -22,7 +22,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use faer::Mat;
 
 use crate::change::{check_length, check_range, check_vector};
-use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange};
+use crate::{
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+};
 use bennett::Scratch;
 use edit::Edit;
 use pattern::Pattern;
@@ -70,7 +72,7 @@ impl Default for RebaseOptions {
 ///
 /// Works for positive definite matrices and for quasi-definite ones
 /// ([`SparseStiffness::quasi_definite`]); a pivot of the wrong sign, or one that has lost half of
-/// its digits, makes it start afresh from K, which `rebuilds` counts.
+/// its digits, makes it start afresh from K, which [`Counts`] tell.
 ///
 /// Cost in 3-D: O(n^(4/3)) per update and O(n^(4/3)) per solve, as many numbers, held twice: to
 /// return to what was held before an update that fails.
@@ -348,7 +350,8 @@ impl InverseMaintainer for Sparse {
         Ok(())
     }
 
-    fn rebuilds(&self) -> usize {
-        self.rebuilds
+    fn counts(&self) -> Counts {
+        let (rebuilds, refinement_steps) = (self.rebuilds, self.refinements());
+        Counts { rebuilds, failed_pivots: rebuilds, refinement_steps }
     }
 }

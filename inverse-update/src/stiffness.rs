@@ -120,6 +120,11 @@ impl SparseStiffness {
         self.negative
     }
 
+    /// The sign of row j's pivot: −1 in the last [`negative`](Self::negative) rows of every vertex.
+    pub(crate) fn sign(&self, j: usize) -> f64 {
+        if j % self.block + self.negative < self.block { 1.0 } else { -1.0 }
+    }
+
     /// Vertices now held.
     #[must_use]
     pub fn vertices(&self) -> usize {
@@ -181,6 +186,20 @@ impl SparseStiffness {
             }
         }
         Ok(())
+    }
+
+    /// f = |K| |u|, entry by entry: what rounding in K u is relative to.
+    pub(crate) fn apply_absolute(&self, u: &[f64], f: &mut [f64]) {
+        let m = self.block;
+        for (row, target) in self.rows.iter().zip(f.chunks_exact_mut(m)) {
+            target.fill(0.0);
+            for (&column, value) in row.columns.iter().zip(row.values.chunks_exact(m * m)) {
+                let source = &u[m * column..m * (column + 1)];
+                for (sum, entries) in target.iter_mut().zip(value.chunks_exact(m)) {
+                    *sum += entries.iter().zip(source).map(|(a, x)| (a * x).abs()).sum::<f64>();
+                }
+            }
+        }
     }
 
     /// The whole matrix, `dofs()` × `dofs()`.

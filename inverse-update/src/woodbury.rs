@@ -1,50 +1,111 @@
-//! `woodbury`: low-rank updates in the factors of the change, one fused pass over half of C.
+//! `woodbury`, `woodbury_f32`: low-rank updates in the factors of the change, one fused pass over
+//! half of C.
 
-use faer::Mat;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard};
+
+use faer::{Mat, MatRef};
 
 use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
-use crate::fresh::cholesky_inverse;
+use crate::fresh::symmetric_inverse;
 use crate::net_change::NetChange;
-use crate::packed::PackedSymmetric;
-use crate::signed_columns::SignedColumns;
-use crate::{InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange};
+use crate::panel::Panel;
+use crate::stored::Stored;
+use crate::tiles::{SignedPanel, Tiles};
+use crate::update::{LowRank, SignedRoot};
+use crate::{
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+};
+
+/// The dense inverse in f64: scene name `woodbury`.
+pub type Woodbury = PackedInverse<f64>;
+
+/// The dense inverse in f32, half the memory and the time per pass: scene name `woodbury_f32`.
+///
+/// The small algebra of updates is in f64. Every solution and every column is refined by K in f64
+/// ([`REFINED_RESIDUAL`](crate::REFINED_RESIDUAL)); if that fails the inverse is computed afresh.
+pub type WoodburyF32 = PackedInverse<f32>;
+
+/// Columns of updates put off in a batch, before a pass over C adds them.
+const DEFERRED: usize = 96;
 
 /// Keeps C = K⁻¹ dense, lower half only, by symmetric low-rank updates.
 ///
-/// Eliminating the new vertex leaves K + F Fᵀ − b A22⁻¹ bᵀ = K + P Pᵀ − N Nᵀ on the old rows (P
-/// and N without what cancels between stiff and soft tissue), so a split is
-/// 1. Z = C_:r P, G = I + Pᵀ Z_r = L Lᵀ, Y = Z L⁻ᵀ, C ← C − Y Yᵀ,
-/// 2. Z = C_:r N, G = I − Nᵀ Z_r = L Lᵀ, W = Z L⁻ᵀ, C ← C + W Wᵀ,
-/// 3. T = −A22⁻¹ a12ᵀ, C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ,
+/// Eliminating the new vertex leaves K + F Fᵀ − b A22⁻¹ bᵀ = K + U Λ Uᵀ on the old rows, U = (P N)
+/// without what cancels between stiff and soft tissue, Λ = diag(1, −1), so a split is
+/// 1. Z = C_:r U, Λ + Uᵀ Z_r = L Σ Lᵀ, Y = Z L⁻ᵀ, C ← C − Y Σ Yᵀ,
+/// 2. T = −A22⁻¹ a12ᵀ, C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ,
 ///
 /// and a merge the same in reverse. All of it is computed on the ring's columns first; then C is
-/// read and written once. A factor G that fails (nearly singular change) makes the maintainer
-/// start afresh from K, which `rebuilds` counts.
+/// read and written once. For a quasi-definite K the factor is one by eigenvectors, with the
+/// signature of Λ. A factor that fails (nearly singular change, another signature) makes the
+/// maintainer start afresh from K, which [`Counts`] tell.
 ///
-/// Cost: O(n²(3 + q)) per update, O(n²) per solve, n²/2 numbers.
+/// A batch of splits gathers up to 96 columns Y before the pass, and corrects by them what it
+/// reads of C in the meantime.
+///
+/// Cost: O(n²(3 + q)) per update, O(n²) per solve, n²/2 stored numbers.
 /// # Source
-/// Hager, Updating the inverse of a matrix, SIAM Review 31(2), 1989.
-pub struct Woodbury {
-    stiffness: SparseStiffness,
-    inverse: PackedSymmetric,
-    rebuilds: usize,
+/// Hager, Updating the inverse of a matrix, SIAM Review 31(2), 1989; Vanderbei, Symmetric
+/// quasidefinite matrices, SIAM J. Optimization 5(1), 1995; McDaniel et al., Delayed Slater
+/// determinant update algorithms, J. Chem. Phys. 147, 2017.
+pub struct PackedInverse<E: Stored> {
+    pub(crate) stiffness: SparseStiffness,
+    /// Behind a lock so that a solution that can't be refined may replace it.
+    inverse: RwLock<Tiles<E>>,
+    /// What C lacks: C − `pending` is the inverse. Nothing between calls.
+    pending: SignedPanel,
+    rebuilds: AtomicUsize,
+    failed_pivots: usize,
+    pub(crate) refinement_steps: AtomicUsize,
+    /// Whether nothing happened since C was computed from K.
+    pub(crate) is_fresh: AtomicBool,
 }
 
-/// The new vertex's rows of C, to append.
-struct Border {
-    coupling: Mat<f64>,
-    own: Mat<f64>,
+/// What an update adds to C, and the new vertex's rows of it.
+struct Prepared {
+    terms: SignedPanel,
+    border: Option<(Panel, Mat<f64>)>,
 }
 
-impl Woodbury {
+impl<E: Stored> PackedInverse<E> {
     /// Inverts `stiffness`. Cost: O(n³).
     ///
     /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite.
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
-        let inverse = PackedSymmetric::from_lower(cholesky_inverse(&stiffness)?.as_ref());
-        Ok(Self { stiffness, inverse, rebuilds: 0 })
+        let inverse = fresh(&stiffness)?;
+        Ok(Self {
+            pending: SignedPanel::none(stiffness.dofs()),
+            stiffness,
+            inverse: RwLock::new(inverse),
+            rebuilds: AtomicUsize::new(0),
+            failed_pivots: 0,
+            refinement_steps: AtomicUsize::new(0),
+            is_fresh: AtomicBool::new(true),
+        })
+    }
+
+    pub(crate) fn tiles(&self) -> RwLockReadGuard<'_, Tiles<E>> {
+        // Tiles are replaced whole or changed by updates that can't panic half-way.
+        self.inverse.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tiles_mut(&mut self) -> &mut Tiles<E> {
+        self.inverse.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Replaces a C that no longer helps, once: another thread may have done so already.
+    pub(crate) fn replace(&self) -> Result<(), InverseError> {
+        let mut tiles = self.inverse.write().unwrap_or_else(PoisonError::into_inner);
+        if !self.is_fresh.load(Ordering::Relaxed) {
+            *tiles = fresh(&self.stiffness)?;
+            self.is_fresh.store(true, Ordering::Relaxed);
+            self.rebuilds.fetch_add(1, Ordering::Relaxed);
+            tracing::warn!("{}: refinement failed, inverse computed afresh", E::METHOD);
+        }
+        Ok(())
     }
 
     /// Adopts K after a failed update, with an inverse of its own.
@@ -55,159 +116,229 @@ impl Woodbury {
     ) -> Result<(), InverseError> {
         let mut stiffness = self.stiffness.clone();
         edit(&mut stiffness);
-        let next = Self::new(stiffness)?;
-        tracing::warn!(%cause, "woodbury: update refused, inverse computed afresh");
-        self.stiffness = next.stiffness;
-        self.inverse = next.inverse;
-        self.rebuilds += 1;
+        *self.tiles_mut() = fresh(&stiffness)?;
+        tracing::warn!(%cause, "{}: update refused, inverse computed afresh", E::METHOD);
+        self.pending = SignedPanel::none(stiffness.dofs());
+        self.stiffness = stiffness;
+        *self.rebuilds.get_mut() += 1;
+        self.failed_pivots += 1;
+        *self.is_fresh.get_mut() = true;
         Ok(())
     }
 
-    fn prepare_split(&self, change: &RingChange) -> Result<(SignedColumns, Border), InverseError> {
-        let ring = Ring::new(self, &change.slots);
-        let net = NetChange::new(change, 0)?;
-        let stiffer = ring.subtract("I + Pᵀ C P", &net.gained)?;
-        let softer = ring.add("I − Nᵀ C N", &net.lost, (&net.gained, &stiffer))?;
-        let a22 = Capacitance::of("a22", change.a22.as_ref())?;
-        let minus_t = a22.solve(change.a12.as_ref());
-        // C_:r Tᵀ after both updates, from the ring's columns alone.
-        let mut coupling = -(&ring.columns * &minus_t);
-        coupling += &stiffer * (ring.rows(&stiffer).transpose() * &minus_t);
-        coupling -= &softer * (ring.rows(&softer).transpose() * &minus_t);
-        let m = change.a22.nrows();
-        let own = a22.solve(Mat::<f64>::identity(m, m).as_ref())
-            - minus_t.transpose() * ring.rows(&coupling);
-        let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());
-        self.check_diagonal(&terms)?;
-        for a in 0..m {
-            check_positive(self.inverse.rows() + a, own[(a, a)])?;
+    /// C S X with what is pending.
+    fn select_times(&self, rows: &[usize], x: MatRef<'_, f64>) -> Panel {
+        let mut product = self.tiles().select_times(rows, x);
+        if !self.pending.signs.is_empty() {
+            let at = self.pending.columns.at_rows(rows);
+            product.add_times(&self.pending.signed(), (at.transpose() * x).as_ref());
         }
-        Ok((terms, Border { coupling, own }))
+        product
     }
 
-    fn prepare_merge(&self, change: &RingChange) -> Result<SignedColumns, InverseError> {
-        let ring = Ring::new(self, &change.slots);
-        let net = NetChange::new(change, 0)?;
-        let stiffer = ring.subtract("I + Nᵀ C N", &net.lost)?;
-        let softer = ring.add("I − Pᵀ C P", &net.gained, (&net.lost, &stiffer))?;
-        let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());
-        self.check_diagonal(&terms)?;
-        Ok(terms)
-    }
-
-    fn prepare_change(&self, change: &StiffnessChange) -> Result<SignedColumns, InverseError> {
-        let ring = Ring::new(self, &change.slots);
-        let stiffer = ring.subtract("I + Aᵀ C A", &change.added)?;
-        let softer = ring.add("I − Bᵀ C B", &change.removed, (&change.added, &stiffer))?;
-        let terms = SignedColumns::new(stiffer.as_ref(), softer.as_ref());
-        self.check_diagonal(&terms)?;
-        Ok(terms)
-    }
-
-    /// A positive, finite diagonal bounds all of C; anything else is a failed update.
-    fn check_diagonal(&self, terms: &SignedColumns) -> Result<(), InverseError> {
-        (0..self.inverse.rows())
-            .try_for_each(|i| check_positive(i, self.inverse.diagonal(i) + terms.diagonal(i)))
-    }
-}
-
-fn check_positive(row: usize, value: f64) -> Result<(), InverseError> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(());
-    }
-    let what = "the diagonal of the inverse";
-    Err(InverseError::Singular { what, row, value, limit: 0.0 })
-}
-
-/// The smallest pivot of I − NᵀCN without refinement. Softening by h = 1/pivot multiplies the
-/// relative error that stiff modes have in C, ε h, by h once more: beyond 100 that adds up.
-const SOFTENING: f64 = 1e-2;
-
-/// The ring's columns of C and what can be done with them.
-struct Ring<'a> {
-    stiffness: &'a SparseStiffness,
-    inverse: &'a PackedSymmetric,
-    columns: Mat<f64>,
-    rows: Vec<usize>,
-}
-
-impl<'a> Ring<'a> {
-    fn new(of: &'a Woodbury, slots: &[usize]) -> Self {
-        let block = of.stiffness.block();
-        let rows = slots.iter().flat_map(|&slot| block * slot..block * (slot + 1)).collect();
-        let columns = of.inverse.gather(slots, block);
-        Self { stiffness: &of.stiffness, inverse: &of.inverse, columns, rows }
-    }
-
-    /// The ring's rows of a matrix that has all rows.
-    fn rows(&self, matrix: &Mat<f64>) -> Mat<f64> {
-        Mat::from_fn(self.rows.len(), matrix.ncols(), |i, j| matrix[(self.rows[i], j)])
-    }
-
-    /// Y with C − Y Yᵀ = (K + V Vᵀ)⁻¹.
-    fn subtract(&self, what: &'static str, v: &Mat<f64>) -> Result<Mat<f64>, InverseError> {
-        if v.ncols() == 0 {
-            return Ok(Mat::zeros(self.columns.nrows(), 0));
+    /// C X with what is pending.
+    fn multiply(&self, x: &Panel) -> Panel {
+        let mut product = self.tiles().multiply(x);
+        if !self.pending.signs.is_empty() {
+            let inner = self.pending.columns.inner(x);
+            product.add_times(&self.pending.signed(), inner.as_ref());
         }
-        let z = &self.columns * v;
-        let g = Mat::<f64>::identity(v.ncols(), v.ncols()) + v.transpose() * self.rows(&z);
-        Ok(Capacitance::of(what, g.as_ref())?.half_solve(z.as_ref()))
+        product
     }
 
-    /// W with C' + W Wᵀ = (K' − V Vᵀ)⁻¹, where K' = K + U Uᵀ for the U of an earlier
-    /// [`subtract`](Self::subtract) and C' = C − Y Yᵀ for its Y.
-    fn add(
+    /// The terms of an update of K by U Λ Uᵀ, and C S `more` before the update.
+    fn prepare(
         &self,
-        what: &'static str,
-        v: &Mat<f64>,
-        earlier: (&Mat<f64>, &Mat<f64>),
-    ) -> Result<Mat<f64>, InverseError> {
-        if v.ncols() == 0 {
-            return Ok(Mat::zeros(self.columns.nrows(), 0));
+        rows: &[usize],
+        change: &LowRank<'_>,
+        more: MatRef<'_, f64>,
+    ) -> Result<(SignedPanel, Panel), InverseError> {
+        let k = change.columns();
+        let product = self.select_times(rows, change.beside(more).as_ref());
+        let own = product.at_rows(rows);
+        let own = own.as_ref().subcols(0, k);
+        let root = if self.stiffness.negative() == 0 {
+            SignedRoot::definite::<E>(change, own)?
+        } else {
+            SignedRoot::quasi_definite::<E>(change, own)?
+        };
+        let terms = |root: &SignedRoot| {
+            let mut coefficients = Mat::<f64>::zeros(product.columns(), k);
+            coefficients.as_mut().subrows_mut(0, k).copy_from(&root.root);
+            let signs = root.signs.iter().map(|sign| -sign).collect();
+            SignedPanel { columns: product.times(coefficients.as_ref()), signs }
+        };
+        let mut terms = terms(&root);
+        if root.softening <= E::SOFTENING {
+            self.refine_softened(rows, change, &product, &mut terms)?;
         }
-        let one = Mat::<f64>::identity(v.ncols(), v.ncols());
-        let mut z = &self.columns * v;
-        z -= earlier.1 * (self.rows(earlier.1).transpose() * v);
-        let g = &one - v.transpose() * self.rows(&z);
-        let factor = Capacitance::of_difference(what, g.as_ref(), &vec![1.0; g.nrows()])?;
-        let w = factor.half_solve(z.as_ref());
-        if factor.smallest_pivot() > SOFTENING {
-            return Ok(w);
-        }
-        // C''V by one step of refinement against K, and W from it: I + VᵀC''V does not cancel.
-        let mut softened = z + &w * (self.rows(&w).transpose() * v);
-        let residual = self.residual(v, earlier.0, &softened)?;
-        softened += self.inverse.multiply_columns(&residual);
-        softened -= earlier.1 * (earlier.1.transpose() * &residual);
-        softened += &w * (w.transpose() * &residual);
-        let g = one + v.transpose() * self.rows(&softened);
-        Ok(Capacitance::of(what, g.as_ref())?.half_solve(softened.as_ref()))
+        self.check_diagonal(&terms)?;
+        let behind =
+            Mat::from_fn(
+                product.columns(),
+                more.ncols(),
+                |i, j| {
+                    if i == k + j { 1.0 } else { 0.0 }
+                },
+            );
+        Ok((terms, product.times(behind.as_ref())))
     }
 
-    /// V − (K + U Uᵀ − V Vᵀ) X, V and U given on the ring's rows.
-    fn residual(&self, v: &Mat<f64>, u: &Mat<f64>, x: &Mat<f64>) -> Result<Mat<f64>, InverseError> {
-        let mut residual = Mat::zeros(x.nrows(), x.ncols());
-        let mut product = vec![0.0; x.nrows()];
-        for j in 0..x.ncols() {
-            self.stiffness.apply(x.col_as_slice(j), &mut product)?;
-            for (target, value) in residual.col_as_slice_mut(j).iter_mut().zip(&product) {
-                *target = -value;
-            }
+    /// Computes the terms of what is lost again, from C'' N after one step of refinement by K:
+    /// I + NᵀC''N does not cancel.
+    fn refine_softened(
+        &self,
+        rows: &[usize],
+        change: &LowRank<'_>,
+        product: &Panel,
+        terms: &mut SignedPanel,
+    ) -> Result<(), InverseError> {
+        let (p, q) = (change.gained.ncols(), change.lost.ncols());
+        let lost = Mat::from_fn(product.columns(), q, |i, j| if i == p + j { 1.0 } else { 0.0 });
+        let mut softened = product.times(lost.as_ref());
+        let at = terms.columns.at_rows(rows);
+        softened.add_times(&terms.signed(), (at.transpose() * change.lost).as_ref());
+        let residual = self.residual(rows, change, &softened)?;
+        let step = self.multiply(&residual);
+        softened.add_times(&step, Mat::<f64>::identity(q, q).as_ref());
+        softened.add_times(&terms.signed(), terms.columns.inner(&residual).as_ref());
+        let g = Mat::<f64>::identity(q, q) + change.lost.transpose() * softened.at_rows(rows);
+        let factor = Capacitance::of(change.what, g.as_ref())?;
+        let root = factor.half_solve(Mat::<f64>::identity(q, q).as_ref());
+        let again = softened.times(root.as_ref());
+        let first = Mat::from_fn(p + q, p + q, |i, j| if i == j && i < p { 1.0 } else { 0.0 });
+        let last = Mat::from_fn(q, p + q, |i, j| if j == p + i { 1.0 } else { 0.0 });
+        let mut columns = terms.columns.times(first.as_ref());
+        columns.add_times(&again, last.as_ref());
+        terms.columns = columns;
+        Ok(())
+    }
+
+    /// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
+    fn residual(
+        &self,
+        rows: &[usize],
+        change: &LowRank<'_>,
+        x: &Panel,
+    ) -> Result<Panel, InverseError> {
+        let mut residual = Panel::zeros(x.rows(), x.columns());
+        let (mut source, mut image) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
+        for j in 0..x.columns() {
+            x.copy_column(j, &mut source);
+            self.stiffness.apply(&source, &mut image)?;
+            image.iter_mut().for_each(|value| *value = -*value);
+            residual.set_column(j, &image);
         }
-        let at = self.rows(x);
-        let own = v - u * (u.transpose() * &at) + v * (v.transpose() * &at);
-        for (i, &row) in self.rows.iter().enumerate() {
-            for j in 0..x.ncols() {
-                residual[(row, j)] += own[(i, j)];
+        let at = x.at_rows(rows);
+        let (p, n) = (change.gained, change.lost);
+        let own = n.to_owned() - p * (p.transpose() * &at) + n * (n.transpose() * &at);
+        for (i, &row) in rows.iter().enumerate() {
+            for j in 0..x.columns() {
+                residual.set(row, j, residual.get(row, j) + own[(i, j)]);
             }
         }
         Ok(residual)
     }
+
+    fn prepare_split(&self, change: &RingChange) -> Result<Prepared, InverseError> {
+        let negative = self.stiffness.negative();
+        let rows = self.rows(&change.slots);
+        let net = NetChange::new(change, negative)?;
+        let what = "I + Uᵀ C U of a split";
+        let low = LowRank { what, gained: net.gained.as_ref(), lost: net.lost.as_ref() };
+        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        // −C_:r A22⁻¹ a12ᵀ after the update, from the ring's columns alone.
+        let t = -a22.solve(change.a12.as_ref());
+        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref())?;
+        let at = terms.columns.at_rows(&rows);
+        coupling.add_times(&terms.signed(), (at.transpose() * &t).as_ref());
+        let m = change.a22.nrows();
+        let own = a22.solve(Mat::<f64>::identity(m, m).as_ref())
+            + t.transpose() * coupling.at_rows(&rows);
+        for a in 0..m {
+            self.check_sign(self.stiffness.dofs() + a, own[(a, a)])?;
+        }
+        Ok(Prepared { terms, border: Some((coupling, own)) })
+    }
+
+    fn prepare_merge(&self, change: &RingChange) -> Result<Prepared, InverseError> {
+        let net = NetChange::new(change, self.stiffness.negative())?;
+        let what = "I + Uᵀ C U of a merge";
+        let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
+        self.prepare_low_rank(&change.slots, &low)
+    }
+
+    fn prepare_low_rank(
+        &self,
+        slots: &[usize],
+        change: &LowRank<'_>,
+    ) -> Result<Prepared, InverseError> {
+        let rows = self.rows(slots);
+        let nothing = Mat::<f64>::zeros(rows.len(), 0);
+        let (terms, _) = self.prepare(&rows, change, nothing.as_ref())?;
+        Ok(Prepared { terms, border: None })
+    }
+
+    fn rows(&self, slots: &[usize]) -> Vec<usize> {
+        let block = self.stiffness.block();
+        slots.iter().flat_map(|&slot| block * slot..block * (slot + 1)).collect()
+    }
+
+    /// A finite diagonal of the right signs shows that the terms are finite, and bounds a positive
+    /// definite C; anything else is a failed update.
+    fn check_diagonal(&self, terms: &SignedPanel) -> Result<(), InverseError> {
+        let tiles = self.tiles();
+        let pending = self.pending.diagonal();
+        let sums = tiles.diagonal().iter().zip(terms.diagonal()).zip(pending);
+        sums.enumerate().try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
+    }
+
+    fn check_sign(&self, row: usize, value: f64) -> Result<(), InverseError> {
+        if self.stiffness.sign(row) * value > 0.0 && value.is_finite() {
+            return Ok(());
+        }
+        let what = "the diagonal of the inverse";
+        Err(InverseError::Singular { what, row, value, limit: 0.0 })
+    }
+
+    /// Splits but for the pass over C, which is left pending.
+    fn split_deferred(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+        self.stiffness.check_split(change)?;
+        match self.prepare_split(change) {
+            Ok(Prepared { terms, border }) => {
+                self.stiffness.apply_split(change);
+                self.defer(terms);
+                if let Some((coupling, own)) = border {
+                    // The new rows are those of the whole sum: what is pending is 0 there.
+                    self.tiles_mut().append(&coupling, own.as_ref());
+                    self.pending.columns.grow(own.nrows());
+                }
+            }
+            Err(cause) => self.start_afresh(&cause, |k| k.apply_split(change))?,
+        }
+        Ok(self.stiffness.vertices() - 1)
+    }
+
+    fn defer(&mut self, terms: SignedPanel) {
+        *self.is_fresh.get_mut() = false;
+        self.pending = if self.pending.signs.is_empty() { terms } else { self.pending.and(&terms) };
+    }
+
+    /// Adds what is pending to C: the pass.
+    fn flush(&mut self) {
+        let rows = self.stiffness.dofs();
+        let pending = std::mem::replace(&mut self.pending, SignedPanel::none(rows));
+        self.tiles_mut().add(&pending);
+    }
 }
 
-impl InverseMaintainer for Woodbury {
+fn fresh<E: Stored>(stiffness: &SparseStiffness) -> Result<Tiles<E>, InverseError> {
+    Ok(Tiles::from_lower(symmetric_inverse(stiffness)?.as_ref()))
+}
+
+impl<E: Stored> InverseMaintainer for PackedInverse<E> {
     fn name(&self) -> &'static str {
-        "woodbury"
+        E::METHOD
     }
 
     fn vertices(&self) -> usize {
@@ -219,28 +350,40 @@ impl InverseMaintainer for Woodbury {
     }
 
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
-        self.stiffness.check_split(change)?;
-        match self.prepare_split(change) {
-            Ok((terms, border)) => {
-                self.stiffness.apply_split(change);
-                self.inverse.add(&terms);
-                self.inverse.append(border.coupling.as_ref(), border.own.as_ref());
+        let slot = self.split_deferred(change)?;
+        self.flush();
+        Ok(slot)
+    }
+
+    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
+        let mut slots = Vec::with_capacity(changes.len());
+        for change in changes {
+            match self.split_deferred(change) {
+                Ok(slot) => slots.push(slot),
+                Err(source) => {
+                    self.flush();
+                    return Err(InverseError::in_batch(slots.len(), source));
+                }
             }
-            Err(cause) => self.start_afresh(&cause, |k| k.apply_split(change))?,
+            if self.pending.signs.len() >= DEFERRED {
+                self.flush();
+            }
         }
-        Ok(self.vertices() - 1)
+        self.flush();
+        Ok(slots)
     }
 
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
         self.stiffness.check_merge(slot, change)?;
         let last = self.vertices() - 1;
         match self.prepare_merge(change) {
-            Ok(mut terms) => {
+            Ok(Prepared { mut terms, .. }) => {
                 let block = self.stiffness.block();
                 self.stiffness.apply_merge(slot, change);
-                self.inverse.swap_remove(slot, block);
-                terms.swap_remove(slot, block);
-                self.inverse.add(&terms);
+                self.tiles_mut().swap_remove(slot, block);
+                terms.columns.swap_remove(slot, block);
+                self.defer(terms);
+                self.flush();
             }
             Err(cause) => self.start_afresh(&cause, |k| _ = k.apply_merge(slot, change))?,
         }
@@ -249,10 +392,13 @@ impl InverseMaintainer for Woodbury {
 
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
         self.stiffness.check_change(change)?;
-        match self.prepare_change(change) {
-            Ok(terms) => {
+        let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
+        let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
+        match self.prepare_low_rank(&change.slots, &low) {
+            Ok(Prepared { terms, .. }) => {
                 self.stiffness.apply_change(change);
-                self.inverse.add(&terms);
+                self.defer(terms);
+                self.flush();
                 Ok(())
             }
             Err(cause) => self.start_afresh(&cause, |k| k.apply_change(change)),
@@ -260,29 +406,48 @@ impl InverseMaintainer for Woodbury {
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        let rows = self.inverse.rows();
+        let rows = self.stiffness.dofs();
         check_vector("f", f, rows)?;
         check_length("u", u, rows)?;
-        self.inverse.multiply(f, u);
+        let load = Panel::from_columns(rows, &[f]);
+        let solution = if E::REFINED {
+            self.refined(&load, |tiles| tiles.multiply(&load))?
+        } else {
+            self.tiles().multiply(&load)
+        };
+        solution.copy_column(0, u);
         Ok(())
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         check_range(slots, self.vertices())?;
-        Ok(self.inverse.gather(slots, self.stiffness.block()))
+        let rows = self.rows(slots);
+        if !E::REFINED {
+            return Ok(self.tiles().gather(&rows));
+        }
+        let mut load = Panel::zeros(self.stiffness.dofs(), rows.len());
+        rows.iter().enumerate().for_each(|(k, &row)| load.set(row, k, 1.0));
+        let one = Mat::<f64>::identity(rows.len(), rows.len());
+        let solution = self.refined(&load, |tiles| tiles.select_times(&rows, one.as_ref()))?;
+        Ok(solution.at_rows(&(0..solution.rows()).collect::<Vec<_>>()))
     }
 
     fn holds_columns(&self) -> bool {
-        true
+        // What is refined is a solution for every column.
+        !E::REFINED
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
-        let inverse = cholesky_inverse(&self.stiffness)?;
-        self.inverse = PackedSymmetric::from_lower(inverse.as_ref());
+        *self.tiles_mut() = fresh(&self.stiffness)?;
+        *self.is_fresh.get_mut() = true;
         Ok(())
     }
 
-    fn rebuilds(&self) -> usize {
-        self.rebuilds
+    fn counts(&self) -> Counts {
+        Counts {
+            rebuilds: self.rebuilds.load(Ordering::Relaxed),
+            failed_pivots: self.failed_pivots,
+            refinement_steps: self.refinement_steps.load(Ordering::Relaxed),
+        }
     }
 }

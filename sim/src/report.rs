@@ -195,6 +195,10 @@ pub struct InverseSummary {
     pub updates: usize,
     /// How often it started afresh by itself.
     pub rebuilds: usize,
+    /// Updates whose small factor failed.
+    pub failed_pivots: usize,
+    /// Corrections of solutions by their residual.
+    pub refinement_steps: usize,
     /// Wall-clock time per split or merge, ms.
     pub time_ms: Percentiles,
     /// Wall-clock time per application to one right-hand side, ms.

@@ -86,6 +86,7 @@ impl Tally {
         inverse: &InverseLink,
         surfaces: Vec<SurfaceSummary>,
     ) -> Summary {
+        let counts = inverse.maintainer().counts();
         Summary {
             schema: SCHEMA,
             scene: scene.name.clone(),
@@ -109,7 +110,9 @@ impl Tally {
             inverse: InverseSummary {
                 choice: inverse.maintainer().name().into(),
                 updates: inverse.updates,
-                rebuilds: inverse.maintainer().rebuilds(),
+                rebuilds: counts.rebuilds,
+                failed_pivots: counts.failed_pivots,
+                refinement_steps: counts.refinement_steps,
                 time_ms: Percentiles::of(&inverse.update_ms),
                 solve_ms: Percentiles::of(&self.solve_ms),
                 drift_max: inverse.drift_max,

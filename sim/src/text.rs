@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use yawara::report::{BodySummary, PlanRow, Summary};
+use yawara::report::{BodySummary, InverseSummary, PlanRow, Summary};
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {
@@ -69,19 +69,7 @@ pub fn summary(summary: &Summary) -> String {
             steps.converged, steps.count, steps.residual_max, time.p50, time.p99, time.max
         ),
     );
-    line(
-        "inverse",
-        format!(
-            "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds, solve {:.3} ms, drift {:.1e}",
-            inverse.choice,
-            inverse.updates,
-            inverse.time_ms.p50,
-            inverse.time_ms.p99,
-            inverse.rebuilds,
-            inverse.solve_ms.p50,
-            inverse.drift_max
-        ),
-    );
+    line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
     for surface in &summary.surfaces {
         line(
@@ -111,6 +99,22 @@ pub fn summary(summary: &Summary) -> String {
         );
     }
     text
+}
+
+/// Safeguards that did not take effect are left out, but for fresh starts.
+fn inverse_words(inverse: &InverseSummary) -> String {
+    let mut words = format!(
+        "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds",
+        inverse.choice, inverse.updates, inverse.time_ms.p50, inverse.time_ms.p99, inverse.rebuilds
+    );
+    for (count, what) in
+        [(inverse.failed_pivots, "failed pivots"), (inverse.refinement_steps, "refinement steps")]
+    {
+        if count > 0 {
+            words += &format!(", {count} {what}");
+        }
+    }
+    words + &format!(", solve {:.3} ms, drift {:.1e}", inverse.solve_ms.p50, inverse.drift_max)
 }
 
 /// What of the body is not as the scene asked for.

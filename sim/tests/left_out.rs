@@ -8,7 +8,7 @@ use yawara::indicator::{Energy, Indicator, RingMember};
 use yawara::{Simulation, Stages, scene_file};
 use yawara_embed::{ChildPair, Homogenisation, Laminate, ParentMaterial};
 use yawara_inverse_update::{
-    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
 
 /// How often each stage was asked.
@@ -105,8 +105,13 @@ impl InverseMaintainer for CountedInverse {
         self.1.rebuild()
     }
 
-    fn rebuilds(&self) -> usize {
-        self.1.rebuilds()
+    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
+        Calls::add(&self.0.update, changes.len());
+        self.1.split_batch(changes)
+    }
+
+    fn counts(&self) -> Counts {
+        self.1.counts()
     }
 }
 

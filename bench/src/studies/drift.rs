@@ -217,7 +217,7 @@ impl Run {
                 error: finite(error),
                 columns_error: finite(columns_error),
                 monitor: finite(monitor),
-                rebuilds: maintainer.rebuilds(),
+                rebuilds: maintainer.counts().rebuilds,
             });
         }
         Ok(())

@@ -234,7 +234,7 @@ fn l_d_lt_is_k_through_random_histories() {
             body.merge();
         }
         assert!(body.error() < 1e-12, "at the end {:e}", body.error());
-        assert_eq!(body.sparse.rebuilds(), 0);
+        assert_eq!(body.sparse.counts().rebuilds, 0);
         let count = |slot: u32| slot != NONE;
         let factor = &body.sparse.based.factor;
         let live = factor.slot_of.iter().filter(|&&slot| count(slot)).count();
@@ -318,7 +318,7 @@ fn outcome(options: RebaseOptions) -> (Vec<u64>, usize) {
         }
     }
     assert!(body.error() < 1e-12);
-    assert_eq!(body.sparse.rebuilds(), 0);
+    assert_eq!(body.sparse.counts().rebuilds, 0);
     (bits, body.sparse.rebases())
 }
 

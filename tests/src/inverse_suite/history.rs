@@ -8,9 +8,10 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
+use yawara_inverse_update::{InverseMaintainer, SparseStiffness, StiffnessChange, build, drift};
 
 use super::model::{Model, to_faer};
+use super::{residual, updates_inverse};
 
 /// One step of a history; all of its randomness.
 #[derive(Debug, Clone)]
@@ -26,7 +27,7 @@ pub struct Op {
 /// Histories with ratios of moduli up to 1e3.
 pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
     let op =
-        (0..8_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
+        (0..9_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
             .prop_map(|(kind, picks, vertices, rank, exponent, numbers)| Op {
                 kind,
                 picks,
@@ -41,9 +42,15 @@ pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
 /// A maintainer and the model, side by side.
 pub struct Replay {
     maintainer: Box<dyn InverseMaintainer>,
+    /// What the maintainer leaves of every residual, beyond rounding.
+    residual: f64,
     model: Model,
     /// Largest diagonal that each vertex ever had: rounding in K is of that size.
     largest: HashMap<usize, f64>,
+    /// Least diagonal that each row ever had, by vertex and row: rounding in C is of its inverse.
+    least: HashMap<(usize, usize), f64>,
+    /// The most that a change ever added to and took from each row's diagonal, both counted.
+    passed: HashMap<(usize, usize), f64>,
     /// Σ over the steps of the condition number of the scaled K, times the growth.
     conditions: f64,
     steps: f64,
@@ -52,10 +59,12 @@ pub struct Replay {
     worst: f64,
 }
 
-/// K scaled to a unit diagonal: the scale √K_ii and the condition number.
+/// K scaled to a unit diagonal: the scale √|K_ii| and the condition number.
 struct Scaled {
     scale: Vec<f64>,
     condition: f64,
+    /// The norm of the scaled inverse.
+    compliance: f64,
     /// How much larger than K's entries those of D in K = L D Lᵀ can be, in any order; 1 where K is
     /// definite.
     growth: f64,
@@ -64,7 +73,7 @@ struct Scaled {
 impl Scaled {
     fn of(k: &DMatrix<f64>, negative: usize) -> Self {
         if k.is_empty() {
-            return Self { scale: vec![], condition: 1.0, growth: 1.0 };
+            return Self { scale: vec![], condition: 1.0, compliance: 1.0, growth: 1.0 };
         }
         let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].abs().sqrt()).collect();
         let unit = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
@@ -76,7 +85,7 @@ impl Scaled {
         let least = eigenvalues.iter().map(|value| value.abs()).fold(f64::INFINITY, f64::min);
         let condition = norm / least;
         assert!(condition.is_finite(), "the model must not be singular");
-        Self { scale, condition, growth }
+        Self { scale, condition, compliance: 1.0 / least, growth }
     }
 
     /// ‖S (a − b) S‖ / ‖S b S‖ in the Frobenius norm.
@@ -122,26 +131,24 @@ fn growth(unit: &DMatrix<f64>) -> f64 {
 impl Replay {
     /// Starts from a chain of `start` vertices, to be checked every `stride` steps.
     #[must_use]
-    pub fn new(name: &str, block: usize, start: usize, stride: usize) -> Self {
-        Self::with_model(name, Model::chain(start, block, 0), stride)
-    }
-
-    /// The same of a quasi-definite matrix whose blocks have one negative row, the last.
-    #[must_use]
-    pub fn quasi_definite(name: &str, block: usize, start: usize, stride: usize) -> Self {
-        Self::with_model(name, Model::chain(start, block, 1), stride)
-    }
-
-    fn with_model(name: &str, model: Model, stride: usize) -> Self {
-        let (start, block) = (model.names.len(), model.block);
-        let mut k = SparseStiffness::quasi_definite(start, block, model.negative).expect("a block");
+    pub fn new(
+        name: &'static str,
+        (block, negative): (usize, usize),
+        start: usize,
+        stride: usize,
+    ) -> Self {
+        let model = Model::chain(start, block, negative);
+        let mut k = SparseStiffness::quasi_definite(start, block, negative).expect("a block");
         let slots: Vec<usize> = (0..start).collect();
         k.add(&slots, to_faer(&model.assemble()).as_ref()).expect("a chain");
         let maintainer = build(name, k).expect("a chain that is held");
         let mut replay = Self {
+            residual: residual(name),
             maintainer,
             model,
             largest: HashMap::new(),
+            least: HashMap::new(),
+            passed: HashMap::new(),
             conditions: 0.0,
             steps: 0.0,
             stride,
@@ -169,6 +176,7 @@ impl Replay {
             0..2 => self.add_patch(op),
             2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
             5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
+            7 => self.split_batch(op),
             _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
         }
         self.note();
@@ -202,11 +210,13 @@ impl Replay {
         let mut numbers = op.numbers.iter().cycle();
         let number = || *numbers.next().expect("a cycle");
         let change = self.model.add_patch(vertices, 10_f64.powf(op.exponent), op.rank, number);
+        self.note_change(&change);
         self.maintainer.change(&change).expect("a stiffer body");
     }
 
     fn remove_patch(&mut self, patch: usize) {
         let change = self.model.remove_patch(patch);
+        self.note_change(&change);
         self.maintainer.change(&change).expect("a body that is still held");
     }
 
@@ -218,6 +228,17 @@ impl Replay {
         self.model.split(patch);
     }
 
+    /// Splits as many patches as the step's rank says, all at once.
+    fn split_batch(&mut self, op: &Op) {
+        let mut patches = self.model.free(false);
+        patches.truncate(op.rank + 1);
+        let changes: Vec<_> = patches.iter().map(|&patch| self.model.ring(patch)).collect();
+        let slots = self.maintainer.split_batch(&changes).expect("legal splits");
+        let first = self.vertices();
+        assert_eq!(slots, (first..first + changes.len()).collect::<Vec<_>>());
+        patches.into_iter().for_each(|patch| self.model.split(patch));
+    }
+
     fn merge(&mut self, patch: usize) {
         let change = self.model.ring(patch);
         let last = self.vertices() - 1;
@@ -227,7 +248,7 @@ impl Replay {
     }
 
     fn scaled(&self, k: &DMatrix<f64>) -> Scaled {
-        Scaled::of(k, self.model.negative * self.model.names.len())
+        Scaled::of(k, self.model.negative * self.vertices())
     }
 
     /// Keeps account of what bounds the error.
@@ -242,8 +263,37 @@ impl Replay {
             for i in slot * self.model.block..(slot + 1) * self.model.block {
                 let largest = self.largest.entry(name).or_default();
                 *largest = largest.max(k[(i, i)].abs());
+                let row = (name, i % self.model.block);
+                let least = self.least.entry(row).or_insert(f64::INFINITY);
+                *least = least.min(k[(i, i)].abs());
             }
         }
+    }
+
+    fn note_change(&mut self, change: &StiffnessChange) {
+        let block = self.model.block;
+        for i in 0..change.added.nrows() {
+            let name = self.model.names[change.slots[i / block]];
+            let [more, less] = [&change.added, &change.removed]
+                .map(|part| part.row(i).iter().map(|x| x * x).sum::<f64>());
+            let passed = self.passed.entry((name, i % block)).or_default();
+            *passed = passed.max(more + less);
+        }
+    }
+
+    /// How much smaller than now a diagonal has been, what changes pass through included: rounding
+    /// of a soft C stays when K gets stiffer. 1 where no C is updated, and where K is definite.
+    fn stiffening(&self, k: &DMatrix<f64>) -> f64 {
+        if !updates_inverse(self.maintainer.name()) || self.model.negative == 0 {
+            return 1.0;
+        }
+        let block = self.model.block;
+        let ratio = |i: usize| {
+            let row = (self.model.names[i / block], i % block);
+            let passed = self.passed.get(&row).copied().unwrap_or_default();
+            (k[(i, i)].abs() + passed) / self.least[&row]
+        };
+        (0..k.nrows()).map(ratio).fold(1.0, f64::max)
     }
 
     /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
@@ -260,13 +310,21 @@ impl Replay {
     /// reach the relative error of C with the factor κ of now. Hence n ε κ ρ Σ κ_t, with ρ the
     /// shrinkage of the diagonal, and κ_t times the growth of pivots where K is quasi-definite; the
     /// factor 8 stands for the products per step.
+    ///
+    /// In the scale of now, what step t left in a C that is updated has grown with the diagonal
+    /// since: by at most the stiffening. A definite K passes without that factor.
+    ///
+    /// A maintainer that refines leaves ‖S⁻¹ r_j‖ ≤ ρ ‖S⁻¹ e_j‖ of the residual of column j, hence
+    /// ‖S δC S‖_F ≤ ‖Ĉ‖ ρ √n, relative to ‖Ĉ‖_F ≥ ‖Ĉ‖ at most ρ √n.
     pub fn check(&mut self) {
         let k = self.model.assemble();
         let scaled = self.scaled(&k);
         let n = k.nrows();
         let rho = self.shrinkage(&k);
         let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;
-        let bound = unit * scaled.condition * rho * (self.conditions + self.steps);
+        let bound =
+            unit * scaled.condition * rho * self.stiffening(&k) * (self.conditions + self.steps)
+                + self.residual * (n as f64).sqrt();
         assert_eq!(self.maintainer.vertices(), self.model.names.len());
         self.check_stiffness(&k, &scaled, unit * rho * self.steps);
 
@@ -305,9 +363,14 @@ impl Replay {
 
     /// `solve` is the product with the C that `columns` shows: to rounding where C itself is kept;
     /// where every column is a solution of its own, to twice what each may be off by.
+    ///
+    /// A maintainer that refines stops at residuals of ρ and of 4 ε (|K| |u| + |f|), scaled; the
+    /// latter is at most 4 ε (n ‖Ĉ‖ + 1) of the load, both reach u by the factor ‖Ĉ‖, and n
+    /// columns bring the same with √n.
     fn check_solve(&self, c: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
         let n = c.nrows();
         let f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (1.0 + i as f64).sin()).collect();
+        let load = (0..n).map(|i| (f[i] / scaled.scale[i]).powi(2)).sum::<f64>().sqrt();
         let mut u = vec![f64::NAN; n];
         self.maintainer.solve(&f, &mut u).expect("a finite load");
         let solves_by_factor = self.maintainer.name() == "sparse";
@@ -318,17 +381,19 @@ impl Replay {
         for i in 0..n {
             let want: f64 = (0..n).map(|j| c[(i, j)] * f[j]).sum();
             let size: f64 = (0..n).map(|j| (c[(i, j)] * f[j]).abs()).sum();
+            let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
             let limit = if solves_by_factor {
                 2.0 * bound * size_by_factor / scaled.scale[i]
+            } else if self.residual > 0.0 {
+                let left = (self.residual + rounding) * load * (1.0 + (n as f64).sqrt());
+                2.0 * n as f64 * f64::EPSILON * size + left * scaled.compliance / scaled.scale[i]
             } else {
                 2.0 * n as f64 * f64::EPSILON * size
             };
             assert!((u[i] - want).abs() <= limit, "row {i}: {} instead of {want}", u[i]);
         }
     }
-}
 
-impl Replay {
     /// `compliance` is the block of C that `columns` shows, each to within the bound of both.
     fn check_compliance(&self, c: &DMatrix<f64>, scaled: &Scaled, bound: f64) {
         let block = self.maintainer.stiffness().block();
@@ -353,8 +418,8 @@ impl Replay {
 }
 
 /// Replays a whole history, checks every `stride` steps and returns the worst error.
-pub fn replay(name: &str, block: usize, start: usize, ops: &[Op], stride: usize) -> f64 {
-    let mut replay = Replay::new(name, block, start, stride);
+pub fn replay(name: &'static str, block: usize, start: usize, ops: &[Op], stride: usize) -> f64 {
+    let mut replay = Replay::new(name, (block, 0), start, stride);
     for (at, op) in ops.iter().enumerate() {
         replay.step(op);
         if at % stride == stride - 1 {

@@ -4,10 +4,11 @@ use faer::Mat;
 use nalgebra::DMatrix;
 use yawara_inverse_update::{RingChange, StiffnessChange};
 
-/// One part of K that can be refined: K_p = W Wᵀ + E Eᵀ on some vertices.
+/// One part of K that can be refined: K_p = A Aᵀ − R Rᵀ on some vertices.
 pub(crate) struct Patch {
     pub(crate) vertices: Vec<usize>,
-    factor: DMatrix<f64>,
+    added: DMatrix<f64>,
+    removed: DMatrix<f64>,
     refined: Refinement,
     pub(crate) vertex: Option<usize>,
 }
@@ -26,11 +27,10 @@ struct Refinement {
 ///
 /// No matrix is ever updated in it, so it has no drift.
 ///
-/// The quasi-definite model is the definite one with the sign of all blocks between last rows
-/// turned: [A, Bᵀ; B, P] becomes [A, Bᵀ; B, −P]. That is linear, so sums stay sums.
+/// With negative rows the matrix is [A, Bᵀ; B, −P] in displacements and pressures: quasi-definite
+/// whatever B is, as long as the parts add up to positive definite A and P.
 pub struct Model {
     pub(crate) block: usize,
-    /// Rows at the end of a block that have negative pivots.
     pub(crate) negative: usize,
     base: DMatrix<f64>,
     base_vertices: usize,
@@ -45,13 +45,20 @@ pub(crate) fn to_faer(matrix: &DMatrix<f64>) -> Mat<f64> {
 }
 
 impl Model {
-    /// A chain of `vertices` springs that is held at its first vertex.
+    /// A chain of `vertices` springs that is held at its first vertex; the last `negative` rows of
+    /// a vertex are a chain of their own, subtracted, and coupled to its first row.
     #[must_use]
     pub fn chain(vertices: usize, block: usize, negative: usize) -> Self {
         let mut base = DMatrix::zeros(block * vertices, block * vertices);
         for i in 0..vertices * block {
             // Sideways stiffnesses differ, so that rows can't be mixed up unseen.
-            let spring = 1.0 + (i % block) as f64;
+            let sideways = 1.0 + (i % block) as f64;
+            let is_pressure = i % block + negative >= block;
+            let spring = if is_pressure { -sideways } else { sideways };
+            if is_pressure {
+                base[(i, i - i % block)] += 0.5;
+                base[(i - i % block, i)] += 0.5;
+            }
             base[(i, i)] += spring;
             if i >= block {
                 base[(i - block, i - block)] += spring;
@@ -60,30 +67,8 @@ impl Model {
             }
         }
         let names = (0..vertices).collect();
-        Self {
-            block,
-            negative,
-            base,
-            base_vertices: vertices,
-            names,
-            patches: vec![],
-            next: vertices,
-        }
-    }
-
-    fn is_negative(&self, row: usize) -> bool {
-        row % self.block + self.negative >= self.block
-    }
-
-    /// Turns the sign of entries between two last rows.
-    fn turned(&self, matrix: &DMatrix<f64>) -> DMatrix<f64> {
-        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-            if self.is_negative(i) && self.is_negative(j) {
-                -matrix[(i, j)]
-            } else {
-                matrix[(i, j)]
-            }
-        })
+        let (patches, next) = (vec![], vertices);
+        Self { block, negative, base, base_vertices: vertices, names, patches, next }
     }
 
     /// K in slot order, assembled from the parts.
@@ -111,8 +96,7 @@ impl Model {
         let row = |i: usize| self.block * slots[i / self.block] + i % self.block;
         for i in 0..part.nrows() {
             for j in 0..part.ncols() {
-                let turns = self.is_negative(i) && self.is_negative(j);
-                k[(row(i), row(j))] += if turns { -part[(i, j)] } else { part[(i, j)] };
+                k[(row(i), row(j))] += part[(i, j)];
             }
         }
     }
@@ -135,13 +119,14 @@ impl Model {
         rank: usize,
         mut number: impl FnMut() -> f64,
     ) -> StiffnessChange {
+        if self.negative > 0 {
+            return self.add_mixed_patch(vertices, scale, rank, number);
+        }
         let (m, r) = (self.block, self.block * vertices.len());
         let unit = scale.sqrt();
         let mut random = |rows, cols| DMatrix::from_fn(rows, cols, |_, _| unit * number());
         let (w, extra) = (random(r, m), random(r, 2));
-        let mut positive = random(r, rank);
-        // Nothing is turned in F Fᵀ without last rows.
-        (0..r).filter(|&i| self.is_negative(i)).for_each(|i| positive.row_mut(i).fill(0.0));
+        let positive = random(r, rank);
         let spread = random(m, m);
         let a22 = &spread * spread.transpose() + DMatrix::identity(m, m) * scale;
         let theta = number().abs();
@@ -155,49 +140,101 @@ impl Model {
         let a12 = &b - h.transpose() * &a22;
         let k_c = &k_p + &positive * positive.transpose() - &b * &h - h.transpose() * b.transpose()
             + h.transpose() * &a22 * &h;
-        let factor =
+        let added =
             DMatrix::from_fn(r, m + 2, |i, j| if j < m { w[(i, j)] } else { extra[(i, j - m)] });
+        let removed = DMatrix::zeros(r, 0);
         let refined = Refinement { k_p, k_c, a12, a22, b, positive };
-        let change = self.change(&vertices, Some(&factor), None);
-        self.patches.push(Patch { vertices, factor, refined, vertex: None });
+        let change = self.change(&vertices, &added, &removed);
+        self.patches.push(Patch { vertices, added, removed, refined, vertex: None });
+        change
+    }
+
+    /// The same for displacements u and pressures q: A and P are refined as above, each by itself;
+    /// what couples u to q is arbitrary.
+    ///
+    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ, b_uu; ·, A22_uu] with
+    /// b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ, and those of P are [4 V Vᵀ − F_q F_qᵀ, −b_qq; ·, p] with
+    /// F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ: all positive semidefinite.
+    fn add_mixed_patch(
+        &mut self,
+        vertices: Vec<usize>,
+        scale: f64,
+        rank: usize,
+        mut number: impl FnMut() -> f64,
+    ) -> StiffnessChange {
+        let (m, r) = (self.block, self.block * vertices.len());
+        let solid = m - self.negative;
+        assert_eq!(self.negative, 1, "one pressure per vertex");
+        let unit = scale.sqrt();
+        let is_pressure = |i: usize| i % m >= solid;
+        let mut random = |rows, cols| DMatrix::from_fn(rows, cols, |_, _| unit * number());
+        let on = |wanted: bool, x: DMatrix<f64>| {
+            DMatrix::from_fn(x.nrows(), x.ncols(), |i, j| {
+                if is_pressure(i) == wanted { x[(i, j)] } else { 0.0 }
+            })
+        };
+        let (w, extra) = (on(false, random(r, solid)), on(false, random(r, 2)));
+        let v = on(true, random(r, 1));
+        let coupling = [on(false, random(r, 1)), on(true, random(r, 1))];
+        let spread = random(solid, solid);
+        let (in_solid, own, gap) = (on(false, random(r, rank)), random(1, rank), random(m, 1));
+        let mixed = random(r, m);
+        let theta = number().abs();
+
+        let solid22 = &spread * spread.transpose() + DMatrix::identity(solid, solid) * scale;
+        let p22 = scale * (1.0 + theta);
+        let mut a22 = DMatrix::zeros(m, m);
+        a22.view_mut((0, 0), (solid, solid)).copy_from(&solid22);
+        a22[(solid, solid)] = -p22;
+        for i in 0..solid {
+            a22[(i, solid)] = unit * gap[(i, 0)];
+            a22[(solid, i)] = unit * gap[(i, 0)];
+        }
+        let lower = solid22.cholesky().expect("positive definite by construction").l();
+        let in_b = &w * lower.transpose() * theta;
+        let b = DMatrix::from_fn(r, m, |i, j| match (is_pressure(i), j >= solid) {
+            (false, false) => in_b[(i, j)],
+            (true, true) => theta * p22.sqrt() * v[(i, 0)],
+            _ => unit * mixed[(i, j)],
+        });
+        let share = own.norm().max(unit);
+        let positive = in_solid + &v * own / share;
+        let halves = [&coupling[0] + &coupling[1], &coupling[0] - &coupling[1]];
+        let half = 0.5_f64.sqrt();
+        let added = DMatrix::from_fn(r, solid + 3, |i, j| match j {
+            j if j < solid => w[(i, j)],
+            j if j < solid + 2 => extra[(i, j - solid)],
+            _ => half * halves[0][(i, 0)],
+        });
+        let removed = DMatrix::from_fn(r, 2, |i, j| [2.0 * v[(i, 0)], half * halves[1][(i, 0)]][j]);
+        let mut h = DMatrix::zeros(m, r);
+        for i in 0..r.min(2 * m) {
+            h[(i % m, i)] = 0.5;
+        }
+        let k_p = &added * added.transpose() - &removed * removed.transpose();
+        let a12 = &b - h.transpose() * &a22;
+        let k_c = &k_p + &positive * positive.transpose() - &b * &h - h.transpose() * b.transpose()
+            + h.transpose() * &a22 * &h;
+        let refined = Refinement { k_p, k_c, a12, a22, b, positive };
+        let change = self.change(&vertices, &added, &removed);
+        self.patches.push(Patch { vertices, added, removed, refined, vertex: None });
         change
     }
 
     /// Takes an unsplit patch away and says how K changes.
     pub(crate) fn remove_patch(&mut self, patch: usize) -> StiffnessChange {
         let patch = self.patches.remove(patch);
-        self.change(&patch.vertices, None, Some(&patch.factor))
+        self.change(&patch.vertices, &patch.removed, &patch.added)
     }
 
     fn change(
         &self,
         vertices: &[usize],
-        added: Option<&DMatrix<f64>>,
-        removed: Option<&DMatrix<f64>>,
+        added: &DMatrix<f64>,
+        removed: &DMatrix<f64>,
     ) -> StiffnessChange {
-        let none = || DMatrix::zeros(self.block * vertices.len(), 0);
-        let [plus, minus] = added.map_or_else(|| [none(), none()], |factor| self.signed(factor));
-        let [less, more] = removed.map_or_else(|| [none(), none()], |factor| self.signed(factor));
-        StiffnessChange {
-            slots: self.slots(vertices),
-            added: to_faer(&side_by_side(&plus, &more)),
-            removed: to_faer(&side_by_side(&minus, &less)),
-        }
-    }
-
-    /// A and B with A Aᵀ − B Bᵀ = W Wᵀ turned. A column of W, in its parts u of first and p of last
-    /// rows, makes [u; p] [1, 1; 1, −1] [u; p]ᵀ, whose eigenvalues are ±√2.
-    fn signed(&self, factor: &DMatrix<f64>) -> [DMatrix<f64>; 2] {
-        if self.negative == 0 {
-            return [factor.clone(), DMatrix::zeros(factor.nrows(), 0)];
-        }
-        let (sine, cosine) = (std::f64::consts::PI / 8.0).sin_cos();
-        [(cosine, sine), (-sine, cosine)].map(|(first, last)| {
-            let size = 2_f64.powf(0.25);
-            DMatrix::from_fn(factor.nrows(), factor.ncols(), |i, j| {
-                size * factor[(i, j)] * if self.is_negative(i) { last } else { first }
-            })
-        })
+        let (added, removed) = (to_faer(added), to_faer(removed));
+        StiffnessChange { slots: self.slots(vertices), added, removed }
     }
 
     /// The change that a split, or now a merge, of this patch hands over.
@@ -206,11 +243,11 @@ impl Model {
         let refined = &patch.refined;
         RingChange {
             slots: self.slots(&patch.vertices),
-            k_p: to_faer(&self.turned(&refined.k_p)),
-            k_c: to_faer(&self.turned(&refined.k_c)),
-            a12: to_faer(&self.turned(&refined.a12)),
-            a22: to_faer(&self.turned(&refined.a22)),
-            b: to_faer(&self.turned(&refined.b)),
+            k_p: to_faer(&refined.k_p),
+            k_c: to_faer(&refined.k_c),
+            a12: to_faer(&refined.a12),
+            a22: to_faer(&refined.a22),
+            b: to_faer(&refined.b),
             positive: to_faer(&refined.positive),
             order_key: 0,
         }
@@ -236,13 +273,6 @@ impl Model {
             |patch: &Patch| patch.vertex.is_some() == split && !patch.vertex.is_some_and(used);
         (0..self.patches.len()).filter(|&at| free(&self.patches[at])).collect()
     }
-}
-
-fn side_by_side(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let count = a.ncols();
-    DMatrix::from_fn(a.nrows(), count + b.ncols(), |i, j| {
-        if j < count { a[(i, j)] } else { b[(i, j - count)] }
-    })
 }
 
 impl Refinement {

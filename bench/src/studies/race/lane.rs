@@ -295,7 +295,7 @@ impl Lane {
         }
         let (drift, rebuilds) = match &self.runner {
             Runner::Kept(kept) => {
-                (Some(drift(kept.as_ref(), seed, DRIFT_COLUMNS)), Some(kept.rebuilds()))
+                (Some(drift(kept.as_ref(), seed, DRIFT_COLUMNS)), Some(kept.counts().rebuilds))
             }
             _ => (None, None),
         };

@@ -1,0 +1,142 @@
+//! Solutions of a coarsely stored inverse, made as good as f64 by the sparse matrix itself.
+
+use std::sync::atomic::Ordering;
+
+use crate::panel::Panel;
+use crate::stored::Stored;
+use crate::tiles::Tiles;
+use crate::woodbury::PackedInverse;
+use crate::{InverseError, SparseStiffness};
+
+/// The residual to which `woodbury_f32` refines: ‖D^(−½)(K u − f)‖ / ‖D^(−½) f‖, D = |diag K|, if
+/// rounding of K u itself allows it.
+pub const REFINED_RESIDUAL: f64 = 1e-12;
+
+/// Most steps of refinement per solution.
+pub const MOST_REFINEMENTS: usize = 5;
+
+/// A step that leaves more than this of the residual makes no progress.
+const PROGRESS: f64 = 0.5;
+
+/// Rounding of a residual, in units of ε (|K| |u| + |f|).
+const ROUNDING: f64 = 4.0;
+
+impl<E: Stored> PackedInverse<E> {
+    /// X with K X = F, from `start` by X ← X + C (F − K X).
+    ///
+    /// The norm is scaled by the diagonal: so neither units nor soft tissue beside stiff tissue
+    /// decide which rows count. Where C no longer helps it is replaced by a fresh one, once.
+    /// Cost: O(n² k) per step.
+    /// # Errors
+    /// [`InverseError::NotRefined`] if a fresh C does not help either;
+    /// [`InverseError::NotFinite`] on overflow.
+    pub(crate) fn refined(
+        &self,
+        load: &Panel,
+        start: impl Fn(&Tiles<E>) -> Panel,
+    ) -> Result<Panel, InverseError> {
+        loop {
+            let fresh = self.is_fresh.load(Ordering::Relaxed);
+            let error = match self.attempt(load, &start) {
+                Ok(solution) => return Ok(solution),
+                Err(error) => error,
+            };
+            if fresh {
+                return Err(error);
+            }
+            self.replace()?;
+        }
+    }
+
+    fn attempt(
+        &self,
+        load: &Panel,
+        start: impl Fn(&Tiles<E>) -> Panel,
+    ) -> Result<Panel, InverseError> {
+        let tiles = self.tiles();
+        let mut solution = start(&tiles);
+        let mut residuals = Residuals::new(&self.stiffness, load);
+        for steps in 0..=MOST_REFINEMENTS {
+            let before = residuals.relative.clone();
+            let open = residuals.renew(&self.stiffness, load, &solution);
+            if open == 0 {
+                return Ok(solution);
+            }
+            let stuck = |(now, before): (&f64, &f64)| !(*now <= PROGRESS * before);
+            let is_stuck = residuals.relative.iter().zip(&before).any(stuck);
+            if steps == MOST_REFINEMENTS || (steps > 0 && is_stuck) {
+                break;
+            }
+            let step = tiles.multiply(&residuals.panel);
+            solution.data_mut().iter_mut().zip(step.data()).for_each(|(x, step)| *x += step);
+            self.refinement_steps.fetch_add(open, Ordering::Relaxed);
+        }
+        let residual = residuals.relative.iter().copied().fold(0.0, f64::max);
+        let (method, steps, limit) = (E::METHOD, MOST_REFINEMENTS, REFINED_RESIDUAL);
+        Err(InverseError::NotRefined { method, steps, residual, limit })
+    }
+}
+
+/// F − K X, column by column.
+struct Residuals {
+    panel: Panel,
+    /// ‖D^(−½) r‖ / ‖D^(−½) f‖; 0 where a column is done.
+    relative: Vec<f64>,
+    weights: Vec<f64>,
+    loads: Vec<f64>,
+}
+
+impl Residuals {
+    fn new(stiffness: &SparseStiffness, load: &Panel) -> Self {
+        let weights: Vec<f64> =
+            (0..stiffness.dofs()).map(|i| 1.0 / stiffness.diagonal(i).abs()).collect();
+        let mut column = vec![0.0; load.rows()];
+        let loads = (0..load.columns()).map(|k| {
+            load.copy_column(k, &mut column);
+            norm(&column, &weights)
+        });
+        let loads: Vec<f64> = loads.collect();
+        let panel = Panel::zeros(load.rows(), load.columns());
+        Self { panel, relative: vec![f64::INFINITY; loads.len()], weights, loads }
+    }
+
+    /// Returns how many columns are not done yet; the residuals of the others are set to 0.
+    fn renew(&mut self, stiffness: &SparseStiffness, load: &Panel, solution: &Panel) -> usize {
+        let n = load.rows();
+        let (mut f, mut u, mut r) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let mut open = 0;
+        for k in 0..load.columns() {
+            if self.relative[k] == 0.0 {
+                continue;
+            }
+            load.copy_column(k, &mut f);
+            solution.copy_column(k, &mut u);
+            if stiffness.apply(&u, &mut r).is_err() {
+                // An infinity in u: nothing to go on from.
+                self.relative[k] = f64::INFINITY;
+                open += 1;
+                continue;
+            }
+            r.iter_mut().zip(&f).for_each(|(r, f)| *r = f - *r);
+            let size = norm(&r, &self.weights);
+            let done = size <= REFINED_RESIDUAL * self.loads[k] || {
+                let mut rounding = vec![0.0; n];
+                stiffness.apply_absolute(&u, &mut rounding);
+                rounding.iter_mut().zip(&f).for_each(|(sum, f)| *sum += f.abs());
+                size <= ROUNDING * f64::EPSILON * norm(&rounding, &self.weights)
+            };
+            if done {
+                r.fill(0.0);
+            }
+            self.relative[k] = if done { 0.0 } else { size / self.loads[k] };
+            self.panel.set_column(k, &r);
+            open += usize::from(!done);
+        }
+        open
+    }
+}
+
+/// ‖D^(−½) x‖.
+fn norm(x: &[f64], weights: &[f64]) -> f64 {
+    x.iter().zip(weights).map(|(x, weight)| x * x * weight).sum::<f64>().sqrt()
+}

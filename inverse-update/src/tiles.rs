@@ -1,0 +1,220 @@
+//! A dense symmetric matrix in packed tiles, lower half: growing is appending, and half of the
+//! memory is touched.
+
+mod kernel;
+mod pass;
+mod product;
+
+use faer::MatRef;
+
+use crate::panel::Panel;
+use crate::stored::Stored;
+
+pub(crate) use kernel::accumulate;
+pub(crate) use pass::SignedPanel;
+
+/// Rows and columns of a tile. A tile and two panels of some twenty columns fit the first-level
+/// cache, and a whole number of kernels fits a tile.
+pub(crate) const TILE: usize = 48;
+
+/// A tile, row-major, or with one row a piece of a panel: aligned to cache lines, so that no vector
+/// straddles two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Block<E, const ROWS: usize>([[E; TILE]; ROWS]);
+
+impl<E: Stored, const ROWS: usize> Block<E, ROWS> {
+    const ZERO: fn() -> Self = || Self([[E::default(); TILE]; ROWS]);
+}
+
+/// Bytes from which on threads share the work: below, waking them costs what they save.
+const PARALLEL_FROM: usize = 8 << 20;
+
+/// The matrix C, dense and symmetric: tile row after tile row, each from column 0 to the diagonal.
+///
+/// Tiles are row-major. Those on the diagonal hold both halves, equal to the last bit; rows and
+/// columns beyond the last are 0.
+#[derive(Debug, Clone)]
+pub(crate) struct Tiles<E> {
+    data: Vec<Block<E, TILE>>,
+    rows: usize,
+    /// C_ii once more: in the tiles they lie far apart.
+    diagonal: Vec<f64>,
+}
+
+/// Tiles in front of tile row `i`.
+fn before(i: usize) -> usize {
+    i * (i + 1) / 2
+}
+
+/// Tile, row and column of entry (i, j).
+fn place(i: usize, j: usize) -> (usize, usize, usize) {
+    let (i, j) = if i / TILE < j / TILE { (j, i) } else { (i, j) };
+    (before(i / TILE) + j / TILE, i % TILE, j % TILE)
+}
+
+impl<E: Stored> Tiles<E> {
+    /// Takes the lower triangle of a square matrix, rounded.
+    pub(crate) fn from_lower(matrix: MatRef<'_, f64>) -> Self {
+        let rows = matrix.nrows();
+        let mut tiles = Self { data: Vec::new(), rows: 0, diagonal: Vec::new() };
+        tiles.grow(rows);
+        for i in 0..rows {
+            for j in 0..=i {
+                tiles.set(i, j, E::of(matrix[(i, j)]));
+            }
+        }
+        tiles.read_diagonal();
+        tiles
+    }
+
+    pub(crate) fn diagonal(&self) -> &[f64] {
+        &self.diagonal
+    }
+
+    fn get(&self, i: usize, j: usize) -> E {
+        let (tile, row, column) = place(i, j);
+        self.data[tile].0[row][column]
+    }
+
+    fn set(&mut self, i: usize, j: usize, value: E) {
+        let (tile, row, column) = place(i, j);
+        self.data[tile].0[row][column] = value;
+        if i / TILE == j / TILE {
+            self.data[tile].0[column][row] = value;
+        }
+    }
+
+    /// Whether threads should share a pass.
+    fn is_large(&self) -> bool {
+        size_of_val(&*self.data) >= PARALLEL_FROM && rayon::current_num_threads() > 1
+    }
+
+    fn tile_rows(&self) -> usize {
+        self.rows.div_ceil(TILE)
+    }
+
+    fn read_diagonal(&mut self) {
+        self.diagonal = (0..self.rows).map(|i| self.get(i, i).value()).collect();
+    }
+
+    /// Room for more rows, all 0.
+    fn grow(&mut self, more: usize) {
+        self.rows += more;
+        let need = before(self.tile_rows());
+        if need > self.data.capacity() {
+            // An eighth more: doubling would hold twice the largest object of the program.
+            let spare = (self.data.len() / 8).max(need - self.data.len());
+            self.data.reserve_exact(spare);
+        }
+        self.data.resize(need, Block::ZERO());
+    }
+
+    /// Appends rows: `coupling` is rows() × m, `own` the new m × m corner, lower half read.
+    pub(crate) fn append(&mut self, coupling: &Panel, own: MatRef<'_, f64>) {
+        let old = self.rows;
+        self.grow(own.nrows());
+        for a in 0..own.nrows() {
+            for j in 0..old {
+                self.set(old + a, j, E::of(coupling.get(j, a)));
+            }
+            for b in 0..=a {
+                self.set(old + a, old + b, E::of(own[(a, b)]));
+            }
+        }
+        let new: Vec<f64> = (old..self.rows).map(|i| self.get(i, i).value()).collect();
+        self.diagonal.extend(new);
+    }
+
+    /// Removes the rows and columns of a slot; the last slot's move into the gap.
+    pub(crate) fn swap_remove(&mut self, slot: usize, block: usize) {
+        let (first, kept) = (block * slot, self.rows - block);
+        if first != kept {
+            for j in 0..kept {
+                let source = if (first..first + block).contains(&j) { j - first + kept } else { j };
+                for a in 0..block {
+                    self.set(first + a, j, self.get(kept + a, source));
+                }
+            }
+            self.diagonal.copy_within(kept.., first);
+        }
+        for a in kept..self.rows {
+            for j in 0..self.rows {
+                self.set(a, j, E::default());
+            }
+        }
+        self.rows = kept;
+        self.diagonal.truncate(kept);
+        self.data.truncate(before(self.tile_rows()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::Mat;
+
+    /// Whole numbers that tell where they stand, exact in f32 too.
+    pub(super) fn numbered(n: usize) -> Mat<f64> {
+        Mat::from_fn(n, n, |i, j| (1000 * i.max(j) + i.min(j)) as f64 + 1.0)
+    }
+
+    pub(super) fn unpack<E: Stored>(c: &Tiles<E>) -> Mat<f64> {
+        let whole = Mat::from_fn(c.rows, c.rows, |i, j| c.get(i, j).value());
+        for (i, j) in (0..c.rows).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            assert_eq!(whole[(i, j)], whole[(j, i)]);
+        }
+        assert_eq!(c.diagonal(), (0..c.rows).map(|i| whole[(i, i)]).collect::<Vec<_>>());
+        // Passes rely on zeros behind the last row.
+        let filled = whole.col_iter().flat_map(|c| c.iter()).filter(|x| **x != 0.0).count();
+        let tiles = (0..c.tile_rows()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let stored: usize = tiles
+            .map(|(i, j)| {
+                let tile = c.data[before(i) + j].0.as_flattened();
+                let count = tile.iter().filter(|x| **x != E::default()).count();
+                if i == j { count } else { 2 * count }
+            })
+            .sum();
+        assert_eq!(stored, filled);
+        whole
+    }
+
+    #[test]
+    fn packing_unpacks_in_either_scalar() {
+        for n in [0, 1, 47, 48, 49, 100] {
+            let whole = numbered(n);
+            assert_eq!(unpack(&Tiles::<f64>::from_lower(whole.as_ref())), whole);
+            assert_eq!(unpack(&Tiles::<f32>::from_lower(whole.as_ref())), whole);
+        }
+    }
+
+    #[test]
+    fn appended_rows_are_the_bordered_matrix() {
+        let whole = numbered(99);
+        for (old, m) in [(0, 3), (45, 3), (46, 3), (95, 4), (2, 1)] {
+            let mut c = Tiles::<f64>::from_lower(whole.submatrix(0, 0, old, old));
+            let columns: Vec<Vec<f64>> =
+                (0..m).map(|a| (0..old).map(|j| whole[(j, old + a)]).collect()).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            c.append(&Panel::from_columns(old, &columns), whole.submatrix(old, old, m, m));
+            assert_eq!(unpack(&c), whole.submatrix(0, 0, old + m, old + m));
+        }
+    }
+
+    #[test]
+    fn removal_is_a_permuted_submatrix() {
+        for (block, vertices) in [(1, 4), (1, 49), (2, 25), (3, 17), (4, 13)] {
+            for slot in [0, 1, vertices / 2, vertices - 2, vertices - 1] {
+                let whole = numbered(block * vertices);
+                let mut c = Tiles::<f64>::from_lower(whole.as_ref());
+                c.swap_remove(slot, block);
+                let mut kept: Vec<usize> = (0..vertices).collect();
+                kept.swap_remove(slot);
+                let row = |i: usize| kept[i / block] * block + i % block;
+                let n = block * (vertices - 1);
+                let want = Mat::from_fn(n, n, |i, j| whole[(row(i), row(j))]);
+                assert_eq!(unpack(&c), want, "slot {slot} of {vertices}, block {block}");
+            }
+        }
+    }
+}
