@@ -282,9 +282,10 @@ impl Replay {
     }
 
     /// How much smaller than now a diagonal has been, what changes pass through included: rounding
-    /// of a soft C stays when K gets stiffer. 1 where no C is updated, and where K is definite.
+    /// of a soft C stays when K gets stiffer (one vertex: C − Y Yᵀ keeps the ε C of before). 1 where
+    /// no C is updated.
     fn stiffening(&self, k: &DMatrix<f64>) -> f64 {
-        if !updates_inverse(self.maintainer.name()) || self.model.negative == 0 {
+        if !updates_inverse(self.maintainer.name()) {
             return 1.0;
         }
         let block = self.model.block;
@@ -312,7 +313,7 @@ impl Replay {
     /// factor 8 stands for the products per step.
     ///
     /// In the scale of now, what step t left in a C that is updated has grown with the diagonal
-    /// since: by at most the stiffening. A definite K passes without that factor.
+    /// since: by at most the stiffening.
     ///
     /// A maintainer that refines leaves ‖S⁻¹ r_j‖ ≤ ρ ‖S⁻¹ e_j‖ of the residual of column j, hence
     /// ‖S δC S‖_F ≤ ‖Ĉ‖ ρ √n, relative to ‖Ĉ‖_F ≥ ‖Ĉ‖ at most ρ √n.
