@@ -67,7 +67,7 @@ impl Start {
     /// Reads the image or the mesh file of a scene and builds what depends on no stage.
     pub fn new(scene: &Scene) -> Result<Self, SimError> {
         match &scene.mesh.path {
-            Some(path) => Self::of_file(FixedMesh::new(scene, path)?),
+            Some(path) => Ok(Self::of_file(FixedMesh::new(scene, path)?)),
             None => Ok(Self::of_image(Setup::new(scene)?)),
         }
     }
@@ -90,9 +90,9 @@ impl Start {
         }
     }
 
-    fn of_file(mesh: FixedMesh) -> Result<Self, SimError> {
+    fn of_file(mesh: FixedMesh) -> Self {
         let rest = mesh.points().to_vec();
-        Ok(Self {
+        Self {
             name: mesh.name.clone(),
             axes: ScannerAxes::identity(),
             organ: mesh.organ,
@@ -101,7 +101,7 @@ impl Start {
             solid: vec![true; rest.len()],
             rest,
             origin: Origin::MeshFile(Box::new(mesh)),
-        })
+        }
     }
 
     /// True where a scene region fixes `vertex`.
