@@ -10,6 +10,7 @@ mod numeric;
 mod pattern;
 mod pivot;
 mod rebase;
+mod strip;
 mod substitution;
 mod sweep;
 mod symbolic;
@@ -43,22 +44,27 @@ const SOFTENED: f64 = 1e4;
 
 /// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
 /// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
+///
+/// New vertices are eliminated before all others and so join branches of the elimination tree that
+/// the order had kept apart: after a hundred splits in one place a walk comes by most of the factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RebaseOptions {
-    /// Updates after which it does: the newest vertices, all in front, lengthen the paths.
+    /// Updates after which it does, and at least so many from the snapshot of K to the adoption of
+    /// its factor.
     pub updates: usize,
     /// The number of blocks relative to the start, above which it does.
     pub growth: f64,
-    /// Updates from the snapshot of K to the adoption of its factor. The adoption waits for a
-    /// factor that is late, so that results do not depend on how long it takes.
-    pub delay: usize,
+    /// Operations of updates from the snapshot to the adoption, relative to those that the last
+    /// fresh factor took: time for a thread to be ready. The adoption waits for a factor that is
+    /// late, so that results do not depend on how long it takes.
+    pub patience: f64,
     /// Whether a thread makes the fresh factor; if not, all the work is done at the adoption.
     pub background: bool,
 }
 
 impl Default for RebaseOptions {
     fn default() -> Self {
-        Self { updates: 150, growth: 1.3, delay: 100, background: true }
+        Self { updates: 24, growth: 1.3, patience: 4.0, background: true }
     }
 }
 
@@ -83,16 +89,28 @@ impl Default for RebaseOptions {
 pub struct Sparse {
     stiffness: SparseStiffness,
     based: Based,
+    /// What was in use before, to be freed by another thread.
+    old: Option<Based>,
     /// All edits since the base, to make the factor again if one damages it.
     journal: Vec<Arc<Edit>>,
-    /// A fresh factor on its way, and the length of the journal at its snapshot.
-    rebase: Option<(Rebase, usize)>,
+    /// A fresh factor on its way.
+    rebase: Option<Pending>,
     options: RebaseOptions,
     /// Of the walks on `based`, its loss as well.
     scratch: Scratch,
     rebuilds: usize,
     rebases: usize,
     refinements: AtomicUsize,
+}
+
+/// A fresh factor on its way.
+struct Pending {
+    rebase: Rebase,
+    /// The length of the journal, and the operations of walks so far, at its snapshot.
+    snapshot: usize,
+    operations: f64,
+    /// Whether the next edit is the last that it is waited for.
+    is_ripe: bool,
 }
 
 impl Sparse {
@@ -122,6 +140,7 @@ impl Sparse {
         Ok(Self {
             stiffness,
             based,
+            old: None,
             journal: Vec::new(),
             rebase: None,
             options,
@@ -157,11 +176,13 @@ impl Sparse {
         edit: Result<Edit, InverseError>,
         apply: impl Fn(&mut SparseStiffness),
     ) -> Result<(), InverseError> {
-        let cause = match edit {
-            Ok(edit) => match self.based.factor.apply(&edit, &mut self.scratch) {
+        let cause = match edit.map(Arc::new) {
+            Ok(edit) => match self.follow(&edit) {
                 Ok(()) => {
                     apply(&mut self.stiffness);
-                    self.note(Arc::new(edit));
+                    if self.rebase.is_none() && self.is_due() {
+                        self.start_rebase();
+                    }
                     return Ok(());
                 }
                 Err(bad) => bad.into_error("the changed stiffness", 0, 0),
@@ -183,6 +204,30 @@ impl Sparse {
                 Err(error)
             }
         }
+    }
+
+    /// Walks on the factor, or has the walk made on a fresh one that is ready and takes its place.
+    fn follow(&mut self, edit: &Arc<Edit>) -> Result<(), BadPivot> {
+        if let Some(mut pending) = self.rebase.take_if(|pending| pending.is_ripe) {
+            pending.rebase.push(edit);
+            // The old factor is as right as ever: without a fresh one it goes on.
+            if let Some(based) = pending.rebase.finish() {
+                let mut journal = self.journal.split_off(pending.snapshot);
+                journal.push(Arc::clone(edit));
+                self.adopt(based, journal);
+                self.rebases += 1;
+                return Ok(());
+            }
+        }
+        self.based.factor.apply(edit, &mut self.scratch)?;
+        self.journal.push(Arc::clone(edit));
+        if let Some(pending) = &mut self.rebase {
+            pending.rebase.push(edit);
+            let wanted = self.options.patience * self.based.operations;
+            pending.is_ripe = self.journal.len() + 1 - pending.snapshot >= self.options.updates
+                && self.scratch.operations - pending.operations >= wanted;
+        }
+        Ok(())
     }
 
     /// Makes the factor again as it was, to the last bit: the same edits of the same base.
@@ -220,35 +265,20 @@ impl Sparse {
     }
 
     fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
-        self.based = based;
+        self.old = Some(std::mem::replace(&mut self.based, based));
         self.journal = journal;
         self.rebase = None;
-        self.scratch = Scratch::default();
+        self.scratch.forget();
     }
 
-    /// Enters an edit in the journal; starts and adopts re-bases.
-    fn note(&mut self, edit: Arc<Edit>) {
-        if let Some((rebase, _)) = &mut self.rebase {
-            rebase.push(&edit);
-        }
-        self.journal.push(edit);
-        match self.rebase.take() {
-            Some((rebase, snapshot)) if self.journal.len() - snapshot >= self.options.delay => {
-                // The old factor is as right as ever: without a fresh one it goes on.
-                if let Some(based) = rebase.finish() {
-                    let journal = self.journal.split_off(snapshot);
-                    self.adopt(based, journal);
-                    self.rebases += 1;
-                }
-            }
-            Some(running) => self.rebase = Some(running),
-            None if self.is_due() => {
-                let pattern = Pattern::of(&self.stiffness);
-                let rebase = Rebase::start(pattern, self.options.background);
-                self.rebase = Some((rebase, self.journal.len()));
-            }
-            None => {}
-        }
+    fn start_rebase(&mut self) {
+        let pattern = Pattern::of(&self.stiffness);
+        self.rebase = Some(Pending {
+            rebase: Rebase::start(pattern, self.options.background, self.old.take()),
+            snapshot: self.journal.len(),
+            operations: self.scratch.operations,
+            is_ripe: false,
+        });
     }
 
     fn is_due(&self) -> bool {

@@ -14,6 +14,7 @@ use faer::MatRef;
 use super::factor::{Factor, LANES, NONE, Panel};
 use super::pivot::BadPivot;
 use super::sweep::{Lane, Sweep, place};
+use super::symbolic::blocks;
 
 /// The most columns of a change that go together; more make several lanes.
 const MOST: usize = 32;
@@ -33,6 +34,8 @@ pub(crate) struct Scratch {
     lanes: Vec<Lane>,
     /// The largest ratio of what a pivot was made of to the pivot, over all walks so far.
     pub loss: f64,
+    /// Products of numbers, over all walks so far.
+    pub operations: f64,
 }
 
 impl Factor {
@@ -65,6 +68,10 @@ impl Factor {
             let start = panel.local(top as usize);
             let before = panel.rows.len();
             scratch.enter::<M>(panel, start);
+            let width = panel.width - start;
+            let passed = (blocks(width, panel.rows.len()) * 2 * M * M) as f64;
+            let rank: usize = scratch.lanes.iter().map(|lane| lane.core.rank).sum();
+            scratch.operations += passed * rank as f64;
             self.blocks += panel.width * (panel.rows.len() - before);
             let (negative, lanes, loss) = (self.negative, &mut scratch.lanes, &mut scratch.loss);
             let sweep = Sweep::<M> { start, negative, lanes, loss, panel };
@@ -86,6 +93,12 @@ impl Factor {
 }
 
 impl Scratch {
+    /// Another factor takes the place of the one that was walked on.
+    pub(crate) fn forget(&mut self) {
+        self.index_of.clear();
+        self.loss = 0.0;
+    }
+
     /// Takes up U.
     fn start(
         &mut self,

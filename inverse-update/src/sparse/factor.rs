@@ -134,6 +134,13 @@ impl Factor {
         self.position_of.len()
     }
 
+    /// Products of numbers that it takes to make such a factor: half the square of each column.
+    pub(crate) fn operations(&self) -> f64 {
+        let column = |panel: &Panel, at: usize| (panel.width - at + panel.rows.len()) as f64;
+        let panel = |p: &Panel| (0..p.width).map(|at| 0.5 * column(p, at).powi(2)).sum::<f64>();
+        (self.block as f64).powi(3) * self.panels.iter().map(panel).sum::<f64>()
+    }
+
     pub(crate) fn positions(&self) -> usize {
         self.panel_of.len()
     }

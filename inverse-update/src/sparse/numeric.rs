@@ -2,11 +2,12 @@
 
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::prelude::IntoConst;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef, Par};
 
 use super::factor::{Factor, NONE, Panel};
 use super::pattern::Pattern;
-use super::pivot::{BadPivot, Pivot};
+use super::pivot::BadPivot;
+use super::strip::{Scatter, Strip};
 use super::symbolic::Symbolic;
 
 /// Columns of a panel factored before the rest of it is changed by them, in one product.
@@ -115,14 +116,18 @@ impl Panel {
         &mut self,
         negative: usize,
         floor: impl Fn(usize, usize) -> f64,
-    ) -> Result<Mat<f64>, BadPivot> {
+    ) -> Result<Vec<f64>, BadPivot> {
         let (width, height) = (M * self.width, M * (self.width + self.rows.len()));
-        let mut scaled = Mat::<f64>::zeros(height, width);
+        let mut scaled = vec![0.0; height * width];
+        let floors: Vec<[f64; M]> = (0..self.width)
+            .map(|column| self.low + self.width - 1 - column)
+            .map(|position| std::array::from_fn(|a| floor(position, a)))
+            .collect();
         for strip in (0..self.width).step_by(STRIP) {
             let end = (strip + STRIP).min(self.width);
-            for column in strip..end {
-                self.eliminate::<M>(column, end, scaled.as_mut(), negative, &floor)?;
-            }
+            let (scaled, floors) = (&mut scaled[..], &floors[..]);
+            let kernel = Strip::<M> { panel: self, first: strip, end, scaled, negative, floors };
+            pulp::Arch::new().dispatch(kernel)?;
             if end == self.width {
                 break;
             }
@@ -141,6 +146,7 @@ impl Panel {
                 self.stride,
             );
             let lower = lower.submatrix(M * end, 0, height - M * end, M * (end - strip));
+            let scaled = MatRef::from_column_major_slice(&*scaled, height, width);
             let scaled = scaled.submatrix(M * end, M * strip, width - M * end, M * (end - strip));
             faer::linalg::matmul::matmul(
                 target.submatrix_mut(M * end, 0, height - M * end, width - M * end),
@@ -159,62 +165,10 @@ impl Panel {
         Ok(scaled)
     }
 
-    /// One block column, and what it changes up to column `end`.
-    fn eliminate<const M: usize>(
-        &mut self,
-        column: usize,
-        end: usize,
-        mut scaled: MatMut<'_, f64>,
-        negative: usize,
-        floor: &impl Fn(usize, usize) -> f64,
-    ) -> Result<(), BadPivot> {
-        let (stride, height) = (self.stride, M * (self.width + self.rows.len()));
-        let position = self.low + self.width - 1 - column;
-        let at = |row: usize, c: usize| stride * c + row;
-        let mut d = [[0.0; M]; M];
-        for a in 0..M {
-            for b in 0..=a {
-                d[a][b] = self.values[at(M * column + a, M * column + b)];
-                d[b][a] = d[a][b];
-            }
-        }
-        let floors = std::array::from_fn(|a| floor(position, a));
-        let pivot = Pivot::<M>::new(&d, &floors, negative).map_err(|(row, value)| BadPivot {
-            position,
-            row,
-            value,
-            limit: floors[row],
-        })?;
-        let own = M * M * column..M * M * (column + 1);
-        self.diagonal[own.clone()].copy_from_slice(d.as_flattened());
-        pivot.write(&mut self.pivots[own]);
-        for row in M * (column + 1)..height {
-            let mut x: [f64; M] = std::array::from_fn(|b| self.values[at(row, M * column + b)]);
-            for b in 0..M {
-                scaled[(row, M * column + b)] = x[b];
-            }
-            pivot.solve(&mut x);
-            for b in 0..M {
-                self.values[at(row, M * column + b)] = x[b];
-            }
-        }
-        let (done, rest) = self.values.split_at_mut(stride * M * (column + 1));
-        for later in M * (column + 1)..M * end {
-            let target = &mut rest[stride * (later - M * (column + 1))..][later / M * M..height];
-            for b in 0..M {
-                let factor = scaled[(later, M * column + b)];
-                let lower = &done[stride * (M * column + b)..][later / M * M..height];
-                for (t, &l) in target.iter_mut().zip(lower) {
-                    *t -= factor * l;
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// L (L D)ᵀ on the rows below the panel, lower half, column-major.
-    fn square<const M: usize>(&self, scaled: &Mat<f64>, product: &mut [f64]) {
+    fn square<const M: usize>(&self, scaled: &[f64], product: &mut [f64]) {
         let (own, rows) = (M * self.width, M * self.rows.len());
+        let scaled = MatRef::from_column_major_slice(scaled, own + rows, own);
         let lower = MatRef::from_column_major_slice_with_stride(
             &self.values,
             self.stride,
@@ -258,18 +212,14 @@ impl Panel {
                     if here(row) { target.local(at) } else { index_of[at] as usize }
                 })
                 .collect();
-            for j in 0..count {
-                for b in 0..M {
-                    let from = &product[rows * (M * (first + j) + b)..][..rows];
-                    let column = target.stride * (M * local[j] + b);
-                    let to = &mut target.values[column..column + target.stride];
-                    for i in j..local.len() {
-                        for a in 0..M {
-                            to[M * local[i] + a] -= from[M * (first + i) + a];
-                        }
-                    }
-                }
-            }
+            pulp::Arch::new().dispatch(Scatter::<M> {
+                product,
+                rows,
+                first,
+                count,
+                local: &local,
+                target,
+            });
             first += count;
         }
     }

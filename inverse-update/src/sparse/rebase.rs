@@ -16,6 +16,8 @@ use super::symbolic::Symbolic;
 pub(crate) struct Based {
     pub base: Arc<Factor>,
     pub factor: Factor,
+    /// Products of numbers that the base took.
+    pub operations: f64,
 }
 
 impl Based {
@@ -28,7 +30,8 @@ impl Based {
         let last = symbolic.order.len();
         let factor = Factor::new(pattern, &symbolic)
             .map_err(|bad| BadPivot { position: symbolic.order[last - 1 - bad.position], ..bad })?;
-        Ok(Self { base: Arc::new(factor.clone()), factor })
+        let operations = factor.operations();
+        Ok(Self { base: Arc::new(factor.clone()), factor, operations })
     }
 
     /// The factor after `edits`; none if one of them fails.
@@ -51,7 +54,8 @@ pub(crate) enum Rebase {
 
 impl Rebase {
     /// Starts from a snapshot. Without a thread, wanted or to be had, the work is done at the end.
-    pub(crate) fn start(pattern: Pattern, background: bool) -> Self {
+    /// What was in use before, if any, is let go of on the way: to free it takes time as well.
+    pub(crate) fn start(pattern: Pattern, background: bool, old: Option<Based>) -> Self {
         let pattern = Arc::new(pattern);
         if background {
             let (edits, received) = channel();
@@ -60,6 +64,7 @@ impl Rebase {
             #[cfg(test)]
             let slow = SLOW_MS.with(std::cell::Cell::get);
             let work = move || {
+                drop(old);
                 #[cfg(test)]
                 std::thread::sleep(std::time::Duration::from_millis(slow));
                 Based::new(&snapshot).ok()?.replay(received)

@@ -51,7 +51,7 @@ fn key(place: [u64; 3]) -> u64 {
 }
 
 fn quiet() -> RebaseOptions {
-    RebaseOptions { updates: usize::MAX, growth: f64::INFINITY, delay: 0, background: false }
+    RebaseOptions { updates: usize::MAX, growth: f64::INFINITY, patience: 0.0, background: false }
 }
 
 impl Body {
@@ -324,7 +324,7 @@ fn outcome(options: RebaseOptions) -> (Vec<u64>, usize) {
 
 #[test]
 fn a_rebase_gives_the_same_bits_wherever_and_whenever_it_is_made() {
-    let options = RebaseOptions { updates: 30, growth: 1e9, delay: 20, background: true };
+    let options = RebaseOptions { updates: 30, growth: 1e9, patience: 0.0, background: true };
     let (bits, rebases) = outcome(options);
     assert!(rebases >= 3, "{rebases}");
     assert_eq!(outcome(options).0, bits);
