@@ -127,6 +127,19 @@ pub trait InverseMaintainer: Send {
     /// As [`split`](Self::split).
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
 
+    /// The vertex at `slot` is fixed from now on: its rows and columns leave K. Returns the slot that
+    /// was moved into `slot`, if any. The last vertex may be fixed too: nothing is left then.
+    ///
+    /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
+    /// [`merge`](Self::merge), with the vertex's neighbours as the ring.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if `slot` is not in `0..vertices()`.
+    fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
+        let change = RingChange::fixed(self.stiffness(), slot)?;
+        self.merge(slot, &change)
+    }
+
     /// K changes on existing vertices only (a new vertex that is fixed, a material edit, a cut).
     ///
     /// # Errors

@@ -6,20 +6,20 @@ use yawara_inverse_update::{
     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, build, drift,
 };
 
-type Maintainer = Box<dyn InverseMaintainer>;
+pub(super) type Maintainer = Box<dyn InverseMaintainer>;
 
 /// One matrix of a ring change, to be spoilt.
 type Field = fn(&mut RingChange) -> &mut Mat<f64>;
 
 /// A maintainer of a dense matrix with `block` rows per vertex.
-fn maintain(name: &str, block: usize, k: &Mat<f64>) -> Result<Maintainer, InverseError> {
+pub(super) fn maintain(name: &str, block: usize, k: &Mat<f64>) -> Result<Maintainer, InverseError> {
     let vertices = k.nrows() / block;
     let mut stiffness = SparseStiffness::zeros(vertices, block)?;
     stiffness.add(&(0..vertices).collect::<Vec<_>>(), k.as_ref())?;
     build(name, stiffness)
 }
 
-fn inverse(maintainer: &dyn InverseMaintainer) -> Mat<f64> {
+pub(super) fn inverse(maintainer: &dyn InverseMaintainer) -> Mat<f64> {
     let all: Vec<usize> = (0..maintainer.vertices()).collect();
     maintainer.columns(&all).expect("all slots")
 }
@@ -59,7 +59,7 @@ fn halved_spring() -> RingChange {
 }
 
 /// Runs something that has to fail and proves that nothing has changed, to the last bit.
-fn refused<T: std::fmt::Debug>(
+pub(super) fn refused<T: std::fmt::Debug>(
     maintainer: &mut Maintainer,
     attempt: impl FnOnce(&mut dyn InverseMaintainer) -> Result<T, InverseError>,
 ) -> InverseError {
@@ -77,7 +77,7 @@ fn refused<T: std::fmt::Debug>(
     error
 }
 
-fn close(name: &str, got: &Mat<f64>, want: &Mat<f64>) {
+pub(super) fn close(name: &str, got: &Mat<f64>, want: &Mat<f64>) {
     assert_eq!((got.nrows(), got.ncols()), (want.nrows(), want.ncols()), "{name}");
     // The matrices by hand have condition numbers below 100 and at most 5 rows.
     let limit = 100.0 * (5.0 * f64::EPSILON + residual(name)) * want.norm_max();
@@ -250,7 +250,7 @@ pub fn free_and_indefinite_bodies_are_refused(name: &str) {
 }
 
 /// A maintainer of vertices of one displacement and one pressure.
-fn maintain_mixed(name: &str, k: &Mat<f64>) -> Result<Maintainer, InverseError> {
+pub(super) fn maintain_mixed(name: &str, k: &Mat<f64>) -> Result<Maintainer, InverseError> {
     let vertices = k.nrows() / 2;
     let mut stiffness = SparseStiffness::quasi_definite(vertices, 2, 1)?;
     stiffness.add(&(0..vertices).collect::<Vec<_>>(), k.as_ref())?;

@@ -27,7 +27,7 @@ pub struct Op {
 /// Histories with ratios of moduli up to 1e3.
 pub fn ops(length: Range<usize>) -> impl Strategy<Value = Vec<Op>> {
     let op =
-        (0..9_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
+        (0..11_u8, any::<[Index; 4]>(), 0..=4_usize, 0..=4_usize, -1.5..1.5, vec(-1.0..1.0, 61))
             .prop_map(|(kind, picks, vertices, rank, exponent, numbers)| Op {
                 kind,
                 picks,
@@ -177,13 +177,36 @@ impl Replay {
             2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
             5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
             7 => self.split_batch(op),
+            8 => self.fix(op),
+            9 => self.release(op.picks[0].index(self.model.fixed.len().max(1))),
             _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
         }
         self.note();
     }
 
-    /// Merges and removes everything, youngest first.
+    fn fix(&mut self, op: &Op) {
+        let Some(last) = self.vertices().checked_sub(1) else { return };
+        let slot = op.picks[0].index(self.vertices());
+        let moved = self.maintainer.fix(slot).expect("a body that is held better");
+        assert_eq!(moved, (slot != last).then_some(last), "the last vertex fills the gap");
+        self.model.fix(slot);
+    }
+
+    /// Frees a fixed vertex, or does nothing without one.
+    fn release(&mut self, at: usize) {
+        if at < self.model.fixed.len() {
+            let change = self.model.release(at);
+            let slot = self.maintainer.split(&change).expect("a vertex that something holds");
+            assert_eq!(slot, self.vertices() - 1, "a free vertex takes the last slot");
+        }
+    }
+
+    /// Frees, merges and removes everything, youngest first.
     pub fn undo_all(&mut self) {
+        while !self.model.fixed.is_empty() {
+            self.release(0);
+            self.note();
+        }
         while let Some(last) = self.model.patches.len().checked_sub(1) {
             if let Some(&patch) = self.model.free(true).last() {
                 self.merge(patch);
