@@ -207,13 +207,15 @@ pub(crate) fn scaled_difference(
     col_scale: &[f64],
 ) -> f64 {
     let mut worst: f64 = 0.0;
-    for j in 0..x.ncols() {
-        for i in 0..x.nrows() {
+    let roots: Vec<f64> = row_scale.iter().map(|scale| scale.sqrt()).collect();
+    for (j, col_scale) in col_scale.iter().enumerate().take(x.ncols()) {
+        let root = col_scale.sqrt();
+        for (i, row_root) in roots.iter().enumerate().take(x.nrows()) {
             let difference = (x[(i, j)] - y[(i, j)]).abs();
             if difference == 0.0 {
                 continue;
             }
-            let relative = difference / (row_scale[i].sqrt() * col_scale[j].sqrt());
+            let relative = difference / (row_root * root);
             // `f64::max` would swallow the NaN of an overflow or a negative scale.
             worst = if relative.is_nan() { f64::INFINITY } else { worst.max(relative) };
         }

@@ -88,6 +88,19 @@ impl Panel {
         accumulate_blocks(&mut self.data, &other.data, &left, (k, l));
     }
 
+    /// Some columns next to each other.
+    pub(crate) fn some_columns(&self, range: std::ops::Range<usize>) -> Self {
+        let mut some = Self::zeros(self.rows, range.len());
+        let (wide, narrow) = (self.columns * TILE, range.len() * TILE);
+        if narrow > 0 {
+            let blocks = some.data.chunks_exact_mut(narrow).zip(self.data.chunks_exact(wide));
+            for (target, source) in blocks {
+                target.copy_from_slice(&source[range.start * TILE..range.end * TILE]);
+            }
+        }
+        some
+    }
+
     /// X M.
     pub(crate) fn times(&self, m: MatRef<'_, f64>) -> Self {
         let mut product = Self::zeros(self.rows, m.ncols());
