@@ -69,7 +69,7 @@ impl<E: Stored> PackedInverse<E> {
             }
             let step = tiles.multiply(&residuals.panel);
             solution.data_mut().iter_mut().zip(step.data()).for_each(|(x, step)| *x += step);
-            self.refinement_steps.fetch_add(open, Ordering::Relaxed);
+            self.tally.refined(open);
         }
         let residual = residuals.relative.iter().copied().fold(0.0, f64::max);
         let (method, steps, limit) = (E::METHOD, MOST_REFINEMENTS, REFINED_RESIDUAL);

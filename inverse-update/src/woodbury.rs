@@ -1,16 +1,19 @@
 //! `woodbury`, `woodbury_f32`: low-rank updates in the factors of the change, one fused pass over
 //! half of C.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 use faer::{Mat, MatRef};
 
 use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
+use crate::counts::Tally;
+use crate::drift::{is_too_far, kept_drift};
 use crate::fresh::symmetric_inverse;
 use crate::net_change::NetChange;
 use crate::panel::Panel;
+use crate::residual::refine_once;
 use crate::stored::Stored;
 use crate::tiles::{SignedPanel, Tiles};
 use crate::update::{LowRank, SignedRoot};
@@ -56,9 +59,7 @@ pub struct PackedInverse<E: Stored> {
     inverse: RwLock<Tiles<E>>,
     /// What C lacks: C − `pending` is the inverse. Nothing between calls.
     pending: SignedPanel,
-    rebuilds: AtomicUsize,
-    failed_pivots: usize,
-    pub(crate) refinement_steps: AtomicUsize,
+    pub(crate) tally: Tally,
     /// Whether nothing happened since C was computed from K.
     pub(crate) is_fresh: AtomicBool,
 }
@@ -80,11 +81,14 @@ impl<E: Stored> PackedInverse<E> {
             pending: SignedPanel::none(stiffness.dofs()),
             stiffness,
             inverse: RwLock::new(inverse),
-            rebuilds: AtomicUsize::new(0),
-            failed_pivots: 0,
-            refinement_steps: AtomicUsize::new(0),
+            tally: Tally::default(),
             is_fresh: AtomicBool::new(true),
         })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        self.tiles_mut().scale_rows(3, 1.0 + fraction);
     }
 
     pub(crate) fn tiles(&self) -> RwLockReadGuard<'_, Tiles<E>> {
@@ -102,7 +106,7 @@ impl<E: Stored> PackedInverse<E> {
         if !self.is_fresh.load(Ordering::Relaxed) {
             *tiles = fresh(&self.stiffness)?;
             self.is_fresh.store(true, Ordering::Relaxed);
-            self.rebuilds.fetch_add(1, Ordering::Relaxed);
+            self.tally.rebuilt();
             tracing::warn!("{}: refinement failed, inverse computed afresh", E::METHOD);
         }
         Ok(())
@@ -120,8 +124,7 @@ impl<E: Stored> PackedInverse<E> {
         tracing::warn!(%cause, "{}: update refused, inverse computed afresh", E::METHOD);
         self.pending = SignedPanel::none(stiffness.dofs());
         self.stiffness = stiffness;
-        *self.rebuilds.get_mut() += 1;
-        self.failed_pivots += 1;
+        self.tally.rebuilt_for_pivot();
         *self.is_fresh.get_mut() = true;
         Ok(())
     }
@@ -173,15 +176,8 @@ impl<E: Stored> PackedInverse<E> {
             self.refine_softened(rows, change, &product, &mut terms)?;
         }
         self.check_diagonal(&terms)?;
-        let behind =
-            Mat::from_fn(
-                product.columns(),
-                more.ncols(),
-                |i, j| {
-                    if i == k + j { 1.0 } else { 0.0 }
-                },
-            );
-        Ok((terms, product.times(behind.as_ref())))
+        let behind = product.some_columns(k..k + more.ncols());
+        Ok((terms, behind))
     }
 
     /// Computes the terms of what is lost again, from C'' N after one step of refinement by K:
@@ -301,15 +297,19 @@ impl<E: Stored> PackedInverse<E> {
         Err(InverseError::Singular { what, row, value, limit: 0.0 })
     }
 
-    /// Splits but for the pass over C, which is left pending.
-    fn split_deferred(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+    /// Splits; the pass over C is made at once, or left pending.
+    fn split_with(&mut self, change: &RingChange, at_once: bool) -> Result<usize, InverseError> {
         self.stiffness.check_split(change)?;
         match self.prepare_split(change) {
             Ok(Prepared { terms, border }) => {
                 self.stiffness.apply_split(change);
                 self.defer(terms);
+                if at_once {
+                    // Before there are new rows: terms are 0 there.
+                    self.flush();
+                }
                 if let Some((coupling, own)) = border {
-                    // The new rows are those of the whole sum: what is pending is 0 there.
+                    // The new rows are those of the whole sum.
                     self.tiles_mut().append(&coupling, own.as_ref());
                     self.pending.columns.grow(own.nrows());
                 }
@@ -326,8 +326,8 @@ impl<E: Stored> PackedInverse<E> {
 
     /// Adds what is pending to C: the pass.
     fn flush(&mut self) {
-        let rows = self.stiffness.dofs();
-        let pending = std::mem::replace(&mut self.pending, SignedPanel::none(rows));
+        let none = SignedPanel::none(self.pending.columns.rows());
+        let pending = std::mem::replace(&mut self.pending, none);
         self.tiles_mut().add(&pending);
     }
 }
@@ -350,15 +350,13 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
     }
 
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
-        let slot = self.split_deferred(change)?;
-        self.flush();
-        Ok(slot)
+        self.split_with(change, true)
     }
 
     fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
         let mut slots = Vec::with_capacity(changes.len());
         for change in changes {
-            match self.split_deferred(change) {
+            match self.split_with(change, false) {
                 Ok(slot) => slots.push(slot),
                 Err(source) => {
                     self.flush();
@@ -410,12 +408,18 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         check_vector("f", f, rows)?;
         check_length("u", u, rows)?;
         let load = Panel::from_columns(rows, &[f]);
-        let solution = if E::REFINED {
-            self.refined(&load, |tiles| tiles.multiply(&load))?
-        } else {
-            self.tiles().multiply(&load)
-        };
-        solution.copy_column(0, u);
+        if E::REFINED {
+            self.refined(&load, |tiles| tiles.multiply(&load))?.copy_column(0, u);
+            return Ok(());
+        }
+        let mut solution = vec![0.0; rows];
+        self.tiles().multiply(&load).copy_column(0, &mut solution);
+        let refined = refine_once(&self.stiffness, f, &mut solution, |x| {
+            self.tiles().multiply(&Panel::from_columns(rows, &[x])).copy_column(0, x);
+            Ok(())
+        })?;
+        self.tally.refined(usize::from(refined));
+        u.copy_from_slice(&solution);
         Ok(())
     }
 
@@ -443,11 +447,16 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         Ok(())
     }
 
-    fn counts(&self) -> Counts {
-        Counts {
-            rebuilds: self.rebuilds.load(Ordering::Relaxed),
-            failed_pivots: self.failed_pivots,
-            refinement_steps: self.refinement_steps.load(Ordering::Relaxed),
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = kept_drift(&self.stiffness, seed, |at| self.tiles().gather(at));
+        if is_too_far(E::METHOD, drift, E::DRIFT_LIMIT) {
+            self.rebuild()?;
+            self.tally.rebuilt_for_drift();
         }
+        Ok(drift)
+    }
+
+    fn counts(&self) -> Counts {
+        self.tally.counts()
     }
 }

@@ -59,6 +59,7 @@ macro_rules! inverse_suite {
                 solve_checks_its_vectors
                 rebuild_removes_the_drift
                 a_nearly_singular_change_stays_accurate
+                a_stiff_spring_comes_and_goes
                 all_vertices_can_be_fixed_one_by_one
                 a_quasi_definite_vertex_can_be_fixed_and_freed
                 freeing_what_nothing_holds_is_refused
