@@ -58,6 +58,12 @@ impl Panel {
         self.data[at] = value;
     }
 
+    /// One column in pieces of [`TILE`] rows, the last one with zeros behind its rows.
+    pub(crate) fn pieces(&self, column: usize) -> impl Iterator<Item = &[f64; TILE]> {
+        let pieces = self.data.as_chunks::<TILE>().0;
+        pieces.iter().skip(column).step_by(self.columns)
+    }
+
     /// Writes one column out.
     pub(crate) fn copy_column(&self, column: usize, target: &mut [f64]) {
         for (block, piece) in target.chunks_mut(TILE).enumerate() {

@@ -37,10 +37,10 @@ proptest! {
 }
 
 /// Fresh starts in many short histories, by maintainer.
-fn fresh_starts(name: &'static str, ops: &[Op]) -> usize {
+fn fresh_starts(name: &'static str, block: (usize, usize), ops: &[Op]) -> usize {
     let mut starts = 0;
     for history in ops.chunks(40) {
-        let mut replay = Replay::new(name, (3, 0), 4, 10);
+        let mut replay = Replay::new(name, block, 4, 10);
         for (at, op) in history.iter().enumerate() {
             replay.step(op);
             if at % 10 == 9 {
@@ -56,14 +56,20 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2, max_shrink_iters: 16, ..Default::default() })]
 
     /// With moduli up to 1e3 apart an update softens C by more than 1e3, where half of the digits of
-    /// f32 are lost, in far less than one step of fifty; in f64 none loses as many.
+    /// f32 are lost, in far less than one step of fifty; none loses half of f64's. Eigenvalues of a
+    /// quasi-definite capacitance may come close to 0 in either, as seldom.
     #[test]
-    fn a_fresh_start_is_rare_in_f32_and_unknown_in_f64(ops in ops(1200..1201)) {
-        let starts = fresh_starts("woodbury_f32", &ops);
-        println!("woodbury_f32: {starts} fresh starts in {} steps", ops.len());
-        prop_assert!(starts <= ops.len() / 50, "{starts} fresh starts in {} steps", ops.len());
-        for name in ["woodbury", "sparse"] {
-            prop_assert_eq!(fresh_starts(name, &ops), 0, "{}", name);
+    fn fresh_starts_are_rare(ops in ops(1200..1201)) {
+        for (name, block, most) in [
+            ("woodbury_f32", (3, 0), ops.len() / 50),
+            ("woodbury_f32", (4, 1), ops.len() / 50),
+            ("woodbury", (4, 1), ops.len() / 50),
+            ("woodbury", (3, 0), 0),
+            ("sparse", (3, 0), 0),
+        ] {
+            let starts = fresh_starts(name, block, &ops);
+            println!("{name} {block:?}: {starts} fresh starts in {} steps", ops.len());
+            prop_assert!(starts <= most, "{name} {block:?}: {starts} fresh starts, want ≤ {most}");
         }
     }
 }
