@@ -130,7 +130,7 @@ impl Sparse {
     }
 
     /// Solutions that took a step of refinement because their residual was above
-    /// [`REFINEMENT_LIMIT`].
+    /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT).
     #[must_use]
     pub fn refinements(&self) -> usize {
         self.tally.counts().refinement_steps

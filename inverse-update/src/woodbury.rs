@@ -1,6 +1,7 @@
 //! `woodbury`, `woodbury_f32`: low-rank updates in the factors of the change, one fused pass over
 //! half of C.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
@@ -155,6 +156,7 @@ impl<E: Stored> PackedInverse<E> {
         rows: &[usize],
         change: &LowRank<'_>,
         more: MatRef<'_, f64>,
+        removed: Range<usize>,
     ) -> Result<(SignedPanel, Panel), InverseError> {
         let k = change.columns();
         let product = self.select_times(rows, change.beside(more).as_ref());
@@ -175,7 +177,7 @@ impl<E: Stored> PackedInverse<E> {
         if root.softening <= E::SOFTENING {
             self.refine_softened(rows, change, &product, &mut terms)?;
         }
-        self.check_diagonal(&terms)?;
+        self.check_diagonal(&terms, removed)?;
         let behind = product.some_columns(k..k + more.ncols());
         Ok((terms, behind))
     }
@@ -245,7 +247,7 @@ impl<E: Stored> PackedInverse<E> {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         // −C_:r A22⁻¹ a12ᵀ after the update, from the ring's columns alone.
         let t = -a22.solve(change.a12.as_ref());
-        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref())?;
+        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref(), 0..0)?;
         let at = terms.columns.at_rows(&rows);
         coupling.add_times(&terms.signed(), (at.transpose() * &t).as_ref());
         let m = change.a22.nrows();
@@ -257,21 +259,23 @@ impl<E: Stored> PackedInverse<E> {
         Ok(Prepared { terms, border: Some((coupling, own)) })
     }
 
-    fn prepare_merge(&self, change: &RingChange) -> Result<Prepared, InverseError> {
+    fn prepare_merge(&self, slot: usize, change: &RingChange) -> Result<Prepared, InverseError> {
         let net = NetChange::new(change, self.stiffness.negative())?;
         let what = "I + Uᵀ C U of a merge";
         let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
-        self.prepare_low_rank(&change.slots, &low)
+        let block = self.stiffness.block();
+        self.prepare_low_rank(&change.slots, &low, block * slot..block * (slot + 1))
     }
 
     fn prepare_low_rank(
         &self,
         slots: &[usize],
         change: &LowRank<'_>,
+        removed: Range<usize>,
     ) -> Result<Prepared, InverseError> {
         let rows = self.rows(slots);
         let nothing = Mat::<f64>::zeros(rows.len(), 0);
-        let (terms, _) = self.prepare(&rows, change, nothing.as_ref())?;
+        let (terms, _) = self.prepare(&rows, change, nothing.as_ref(), removed)?;
         Ok(Prepared { terms, border: None })
     }
 
@@ -281,12 +285,18 @@ impl<E: Stored> PackedInverse<E> {
     }
 
     /// A finite diagonal of the right signs shows that the terms are finite, and bounds a positive
-    /// definite C; anything else is a failed update.
-    fn check_diagonal(&self, terms: &SignedPanel) -> Result<(), InverseError> {
+    /// definite C; anything else is a failed update. Rows about to be removed are let off: without
+    /// their ring they may have any sign in a quasi-definite C.
+    fn check_diagonal(
+        &self,
+        terms: &SignedPanel,
+        removed: Range<usize>,
+    ) -> Result<(), InverseError> {
         let tiles = self.tiles();
         let pending = self.pending.diagonal();
         let sums = tiles.diagonal().iter().zip(terms.diagonal()).zip(pending);
-        sums.enumerate().try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
+        let mut kept = sums.enumerate().filter(|(i, _)| !removed.contains(i));
+        kept.try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
     }
 
     fn check_sign(&self, row: usize, value: f64) -> Result<(), InverseError> {
@@ -374,7 +384,7 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
         self.stiffness.check_merge(slot, change)?;
         let last = self.vertices() - 1;
-        match self.prepare_merge(change) {
+        match self.prepare_merge(slot, change) {
             Ok(Prepared { mut terms, .. }) => {
                 let block = self.stiffness.block();
                 self.stiffness.apply_merge(slot, change);
@@ -392,7 +402,7 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         self.stiffness.check_change(change)?;
         let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
         let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
-        match self.prepare_low_rank(&change.slots, &low) {
+        match self.prepare_low_rank(&change.slots, &low, 0..0) {
             Ok(Prepared { terms, .. }) => {
                 self.stiffness.apply_change(change);
                 self.defer(terms);

@@ -56,14 +56,13 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2, max_shrink_iters: 16, ..Default::default() })]
 
     /// With moduli up to 1e3 apart an update softens C by more than 1e3, where half of the digits of
-    /// f32 are lost, in far less than one step of fifty; none loses half of f64's. Eigenvalues of a
-    /// quasi-definite capacitance may come close to 0 in either, as seldom.
+    /// f32 are lost, in far less than one step of fifty; none loses half of f64's.
     #[test]
     fn fresh_starts_are_rare(ops in ops(1200..1201)) {
         for (name, block, most) in [
             ("woodbury_f32", (3, 0), ops.len() / 50),
             ("woodbury_f32", (4, 1), ops.len() / 50),
-            ("woodbury", (4, 1), ops.len() / 50),
+            ("woodbury", (4, 1), 0),
             ("woodbury", (3, 0), 0),
             ("sparse", (3, 0), 0),
         ] {
