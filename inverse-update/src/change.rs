@@ -2,8 +2,8 @@
 
 use faer::{Mat, MatRef};
 
-use crate::InverseError;
 use crate::capacitance::Capacitance;
+use crate::{InverseError, SparseStiffness};
 
 /// Largest relative residual at which the parts of a change still count as belonging together.
 ///
@@ -45,6 +45,52 @@ pub struct RingChange {
 }
 
 impl RingChange {
+    /// The hand-over of a vertex that becomes free: K becomes [K, a12; a12ᵀ, A22], to be given to
+    /// [`InverseMaintainer::split`](crate::InverseMaintainer::split).
+    ///
+    /// A split of no tetrahedra, K_c = K_p = 0, with b = a12. Shapes: `a12` r × m, `a22` m × m with
+    /// r = m · `slots.len()`, the vertices coupled to it. Units: N/m. Cost: O(r²).
+    ///
+    /// # Errors
+    /// [`InverseError`] for shapes that don't fit, a NaN or infinity, a slot listed twice, or an A22
+    /// that is not symmetric.
+    pub fn freed(
+        slots: Vec<usize>,
+        a12: Mat<f64>,
+        a22: Mat<f64>,
+        order_key: u64,
+    ) -> Result<Self, InverseError> {
+        let (m, r) = (a22.nrows(), a22.nrows() * slots.len());
+        check_slots(&slots, usize::MAX)?;
+        check_matrix("a22", a22.as_ref(), (m, m))?;
+        check_matrix("a12", a12.as_ref(), (r, m))?;
+        check_symmetry("a22", a22.as_ref())?;
+        let (k_p, k_c) = (Mat::zeros(r, r), Mat::zeros(r, r));
+        let (b, positive) = (a12.clone(), Mat::zeros(r, 0));
+        Ok(Self { slots, k_p, k_c, a12, a22, b, positive, order_key })
+    }
+
+    /// The hand-over of a vertex that becomes fixed, its rows and columns leaving K: to be given to
+    /// [`InverseMaintainer::merge`](crate::InverseMaintainer::merge) with the same `slot`.
+    ///
+    /// a12 and A22 are read off K. Kept, it frees the vertex again by a split as long as the slots
+    /// of its neighbours are renewed. Cost: O(ring²).
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if `slot` is not in `0..stiffness.vertices()`.
+    pub fn fixed(stiffness: &SparseStiffness, slot: usize) -> Result<Self, InverseError> {
+        check_range(&[slot], stiffness.vertices())?;
+        let m = stiffness.block();
+        let others = stiffness.neighbours(slot).iter().copied();
+        let slots: Vec<usize> = others.filter(|&other| other != slot).collect();
+        let read = |row: usize, i: usize, j: usize| {
+            stiffness.block_at(row, slot).map_or(0.0, |value| value[m * i + j])
+        };
+        let a12 = Mat::from_fn(m * slots.len(), m, |i, j| read(slots[i / m], i % m, j));
+        let a22 = Mat::from_fn(m, m, |i, j| read(slot, i, j));
+        Self::freed(slots, a12, a22, stiffness.order_keys()[slot])
+    }
+
     /// Checks shapes, finiteness, slots, symmetry, A22 and the identity between the parts.
     ///
     /// `vertices`: the number of vertices without the new one; `block`: rows per vertex;
@@ -161,13 +207,15 @@ pub(crate) fn scaled_difference(
     col_scale: &[f64],
 ) -> f64 {
     let mut worst: f64 = 0.0;
-    for j in 0..x.ncols() {
-        for i in 0..x.nrows() {
+    let roots: Vec<f64> = row_scale.iter().map(|scale| scale.sqrt()).collect();
+    for (j, col_scale) in col_scale.iter().enumerate().take(x.ncols()) {
+        let root = col_scale.sqrt();
+        for (i, row_root) in roots.iter().enumerate().take(x.nrows()) {
             let difference = (x[(i, j)] - y[(i, j)]).abs();
             if difference == 0.0 {
                 continue;
             }
-            let relative = difference / (row_scale[i].sqrt() * col_scale[j].sqrt());
+            let relative = difference / (row_root * root);
             // `f64::max` would swallow the NaN of an overflow or a negative scale.
             worst = if relative.is_nan() { f64::INFINITY } else { worst.max(relative) };
         }

@@ -19,6 +19,7 @@ mod net_change;
 mod panel;
 mod paper;
 mod refine;
+mod residual;
 mod sparse;
 mod stiffness;
 mod stiffness_edit;
@@ -29,12 +30,13 @@ mod woodbury;
 
 pub use change::{CONSISTENCY_LIMIT, RingChange, SYMMETRY_LIMIT, StiffnessChange};
 pub use counts::Counts;
-pub use drift::drift;
+pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32, drift};
 pub use error::InverseError;
 pub use lu::Lu;
 pub use paper::Paper;
 pub use refine::{MOST_REFINEMENTS, REFINED_RESIDUAL};
-pub use sparse::{REFINEMENT_LIMIT, RebaseOptions, Sparse, elimination_order};
+pub use residual::REFINEMENT_LIMIT;
+pub use sparse::{RebaseOptions, Sparse, elimination_order};
 pub use stiffness::SparseStiffness;
 pub use woodbury::{PackedInverse, Woodbury, WoodburyF32};
 
@@ -127,6 +129,19 @@ pub trait InverseMaintainer: Send {
     /// As [`split`](Self::split).
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
 
+    /// The vertex at `slot` is fixed from now on: its rows and columns leave K. Returns the slot that
+    /// was moved into `slot`, if any. The last vertex may be fixed too: nothing is left then.
+    ///
+    /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
+    /// [`merge`](Self::merge), with the vertex's neighbours as the ring.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if `slot` is not in `0..vertices()`.
+    fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
+        let change = RingChange::fixed(self.stiffness(), slot)?;
+        self.merge(slot, &change)
+    }
+
     /// K changes on existing vertices only (a new vertex that is fixed, a material edit, a cut).
     ///
     /// # Errors
@@ -135,8 +150,13 @@ pub trait InverseMaintainer: Send {
 
     /// u = C f; both of length `block · vertices()`.
     ///
+    /// Where ‖D^(−½)(K u − f)‖ exceeds [`REFINEMENT_LIMIT`] of ‖D^(−½) f‖, D = |diag K|, and the
+    /// rounding of K u, a step of refinement is made, which [`Counts`] tell; up to
+    /// [`MOST_REFINEMENTS`] where C is kept in f32.
+    /// Cost: a product with the sparse K on top of the method's own.
+    ///
     /// # Errors
-    /// [`InverseError::Shape`], [`InverseError::NotFinite`].
+    /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
 
     /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
@@ -171,6 +191,18 @@ pub trait InverseMaintainer: Send {
     /// # Errors
     /// [`InverseError::Singular`].
     fn rebuild(&mut self) -> Result<(), InverseError>;
+
+    /// Measures the drift s_j = √|K_jj| ‖D^(−½)(K c_j − e_j)‖, D = |diag K|, of 8 random columns as
+    /// they are kept, and computes the inverse afresh if it is above [`DRIFT_LIMIT`], or
+    /// [`DRIFT_LIMIT_F32`] where C is kept in f32. Returns the largest s_j found; [`Counts`] tell
+    /// of the fresh start.
+    ///
+    /// To be called now and then, best after updates. `seed` picks the columns: another one each
+    /// time sees all of them sooner or later. Cost: 8 columns and products with the sparse K.
+    ///
+    /// # Errors
+    /// As [`rebuild`](Self::rebuild); the drifted inverse is then kept.
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError>;
 
     /// The safeguards that took effect so far.
     fn counts(&self) -> Counts;

@@ -2,6 +2,8 @@
 
 use faer::Mat;
 
+use crate::counts::Tally;
+use crate::drift::{DRIFT_LIMIT, is_too_far};
 use crate::fresh::lu_inverse;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full,
@@ -10,10 +12,11 @@ use crate::{
 /// Keeps K and its inverse by LU with partial pivoting, computed anew after every change.
 ///
 /// Nothing accumulates, so the others are measured against it. Starting afresh is its ordinary
-/// work: [`Counts`] stay 0. Cost: O(n³) per change, O(n²) per solve, n² numbers.
+/// work and not counted. Cost: O(n³) per change, O(n²) per solve, n² numbers.
 pub struct Lu {
     stiffness: SparseStiffness,
     inverse: Mat<f64>,
+    tally: Tally,
 }
 
 impl Lu {
@@ -23,7 +26,7 @@ impl Lu {
     /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
         let inverse = lu_inverse(&stiffness)?;
-        Ok(Self { stiffness, inverse })
+        Ok(Self { stiffness, inverse, tally: Tally::default() })
     }
 
     fn edit<T>(
@@ -32,8 +35,17 @@ impl Lu {
     ) -> Result<T, InverseError> {
         let mut stiffness = self.stiffness.clone();
         let outcome = edit(&mut stiffness)?;
-        *self = Self::new(stiffness)?;
+        self.inverse = lu_inverse(&stiffness)?;
+        self.stiffness = stiffness;
         Ok(outcome)
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        self.inverse
+            .get_mut(..3, ..)
+            .col_iter_mut()
+            .for_each(|mut c| c *= faer::Scale(1.0 + fraction));
     }
 }
 
@@ -63,7 +75,7 @@ impl InverseMaintainer for Lu {
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        full::multiply(&self.inverse, f, u)
+        full::solve(&self.inverse, &self.stiffness, (f, u), &self.tally)
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -75,7 +87,16 @@ impl InverseMaintainer for Lu {
         Ok(())
     }
 
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = full::drift(&self.inverse, &self.stiffness, seed);
+        if is_too_far(self.name(), drift, DRIFT_LIMIT) {
+            self.rebuild()?;
+            self.tally.rebuilt_for_drift();
+        }
+        Ok(drift)
+    }
+
     fn counts(&self) -> Counts {
-        Counts::default()
+        self.tally.counts()
     }
 }

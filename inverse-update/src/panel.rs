@@ -58,6 +58,12 @@ impl Panel {
         self.data[at] = value;
     }
 
+    /// One column in pieces of [`TILE`] rows, the last one with zeros behind its rows.
+    pub(crate) fn pieces(&self, column: usize) -> impl Iterator<Item = &[f64; TILE]> {
+        let pieces = self.data.as_chunks::<TILE>().0;
+        pieces.iter().skip(column).step_by(self.columns)
+    }
+
     /// Writes one column out.
     pub(crate) fn copy_column(&self, column: usize, target: &mut [f64]) {
         for (block, piece) in target.chunks_mut(TILE).enumerate() {
@@ -86,6 +92,19 @@ impl Panel {
         }
         let left: Vec<f64> = (0..k * l).map(|at| m[(at / l, at % l)]).collect();
         accumulate_blocks(&mut self.data, &other.data, &left, (k, l));
+    }
+
+    /// Some columns next to each other.
+    pub(crate) fn some_columns(&self, range: std::ops::Range<usize>) -> Self {
+        let mut some = Self::zeros(self.rows, range.len());
+        let (wide, narrow) = (self.columns * TILE, range.len() * TILE);
+        if narrow > 0 {
+            let blocks = some.data.chunks_exact_mut(narrow).zip(self.data.chunks_exact(wide));
+            for (target, source) in blocks {
+                target.copy_from_slice(&source[range.start * TILE..range.end * TILE]);
+            }
+        }
+        some
     }
 
     /// X M.

@@ -5,6 +5,8 @@ use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Accum, Mat, MatRef, Par};
 
 use crate::capacitance::{Capacitance, PIVOT_FLOOR};
+use crate::counts::Tally;
+use crate::drift::{DRIFT_LIMIT, is_too_far};
 use crate::fresh::symmetric_inverse;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, full,
@@ -27,7 +29,7 @@ use crate::{
 pub struct Paper {
     stiffness: SparseStiffness,
     inverse: Mat<f64>,
-    rebuilds: usize,
+    tally: Tally,
 }
 
 /// C ← C + L R: `left` n × k, `right` k × n.
@@ -141,7 +143,15 @@ impl Paper {
     /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
     pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
         let inverse = symmetric_inverse(&stiffness)?;
-        Ok(Self { stiffness, inverse, rebuilds: 0 })
+        Ok(Self { stiffness, inverse, tally: Tally::default() })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        self.inverse
+            .get_mut(..3, ..)
+            .col_iter_mut()
+            .for_each(|mut c| c *= faer::Scale(1.0 + fraction));
     }
 
     /// Adopts K after a failed update, with an inverse of its own.
@@ -152,9 +162,10 @@ impl Paper {
     ) -> Result<(), InverseError> {
         let mut stiffness = self.stiffness.clone();
         edit(&mut stiffness);
-        let next = Self::new(stiffness)?;
+        self.inverse = symmetric_inverse(&stiffness)?;
         tracing::warn!(%cause, "paper: update refused, inverse computed afresh");
-        *self = Self { rebuilds: self.rebuilds + 1, ..next };
+        self.stiffness = stiffness;
+        self.tally.rebuilt_for_pivot();
         Ok(())
     }
 
@@ -312,7 +323,7 @@ impl InverseMaintainer for Paper {
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        full::multiply(&self.inverse, f, u)
+        full::solve(&self.inverse, &self.stiffness, (f, u), &self.tally)
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -328,8 +339,16 @@ impl InverseMaintainer for Paper {
         Ok(())
     }
 
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = full::drift(&self.inverse, &self.stiffness, seed);
+        if is_too_far(self.name(), drift, DRIFT_LIMIT) {
+            self.rebuild()?;
+            self.tally.rebuilt_for_drift();
+        }
+        Ok(drift)
+    }
+
     fn counts(&self) -> Counts {
-        let rebuilds = self.rebuilds;
-        Counts { rebuilds, failed_pivots: rebuilds, ..Counts::default() }
+        self.tally.counts()
     }
 }

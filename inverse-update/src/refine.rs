@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use crate::panel::Panel;
+use crate::residual::{exceeds_rounding, residual};
 use crate::stored::Stored;
 use crate::tiles::Tiles;
 use crate::woodbury::PackedInverse;
@@ -17,9 +18,6 @@ pub const MOST_REFINEMENTS: usize = 5;
 
 /// A step that leaves more than this of the residual makes no progress.
 const PROGRESS: f64 = 0.5;
-
-/// Rounding of a residual, in units of ε (|K| |u| + |f|).
-const ROUNDING: f64 = 4.0;
 
 impl<E: Stored> PackedInverse<E> {
     /// X with K X = F, from `start` by X ← X + C (F − K X).
@@ -55,7 +53,7 @@ impl<E: Stored> PackedInverse<E> {
     ) -> Result<Panel, InverseError> {
         let tiles = self.tiles();
         let mut solution = start(&tiles);
-        let mut residuals = Residuals::new(&self.stiffness, load);
+        let mut residuals = Residuals::new(load);
         for steps in 0..=MOST_REFINEMENTS {
             let before = residuals.relative.clone();
             let open = residuals.renew(&self.stiffness, load, &solution);
@@ -69,7 +67,7 @@ impl<E: Stored> PackedInverse<E> {
             }
             let step = tiles.multiply(&residuals.panel);
             solution.data_mut().iter_mut().zip(step.data()).for_each(|(x, step)| *x += step);
-            self.refinement_steps.fetch_add(open, Ordering::Relaxed);
+            self.tally.refined(open);
         }
         let residual = residuals.relative.iter().copied().fold(0.0, f64::max);
         let (method, steps, limit) = (E::METHOD, MOST_REFINEMENTS, REFINED_RESIDUAL);
@@ -82,22 +80,12 @@ struct Residuals {
     panel: Panel,
     /// ‖D^(−½) r‖ / ‖D^(−½) f‖; 0 where a column is done.
     relative: Vec<f64>,
-    weights: Vec<f64>,
-    loads: Vec<f64>,
 }
 
 impl Residuals {
-    fn new(stiffness: &SparseStiffness, load: &Panel) -> Self {
-        let weights: Vec<f64> =
-            (0..stiffness.dofs()).map(|i| 1.0 / stiffness.diagonal(i).abs()).collect();
-        let mut column = vec![0.0; load.rows()];
-        let loads = (0..load.columns()).map(|k| {
-            load.copy_column(k, &mut column);
-            norm(&column, &weights)
-        });
-        let loads: Vec<f64> = loads.collect();
+    fn new(load: &Panel) -> Self {
         let panel = Panel::zeros(load.rows(), load.columns());
-        Self { panel, relative: vec![f64::INFINITY; loads.len()], weights, loads }
+        Self { panel, relative: vec![f64::INFINITY; load.columns()] }
     }
 
     /// Returns how many columns are not done yet; the residuals of the others are set to 0.
@@ -111,32 +99,21 @@ impl Residuals {
             }
             load.copy_column(k, &mut f);
             solution.copy_column(k, &mut u);
-            if stiffness.apply(&u, &mut r).is_err() {
+            let relative = residual(stiffness, &f, &u, &mut r);
+            if !relative.is_finite() {
                 // An infinity in u: nothing to go on from.
                 self.relative[k] = f64::INFINITY;
                 open += 1;
                 continue;
             }
-            r.iter_mut().zip(&f).for_each(|(r, f)| *r = f - *r);
-            let size = norm(&r, &self.weights);
-            let done = size <= REFINED_RESIDUAL * self.loads[k] || {
-                let mut rounding = vec![0.0; n];
-                stiffness.apply_absolute(&u, &mut rounding);
-                rounding.iter_mut().zip(&f).for_each(|(sum, f)| *sum += f.abs());
-                size <= ROUNDING * f64::EPSILON * norm(&rounding, &self.weights)
-            };
+            let done = relative <= REFINED_RESIDUAL || !exceeds_rounding(stiffness, &f, &u, &r);
             if done {
                 r.fill(0.0);
             }
-            self.relative[k] = if done { 0.0 } else { size / self.loads[k] };
+            self.relative[k] = if done { 0.0 } else { relative };
             self.panel.set_column(k, &r);
             open += usize::from(!done);
         }
         open
     }
-}
-
-/// ‖D^(−½) x‖.
-fn norm(x: &[f64], weights: &[f64]) -> f64 {
-    x.iter().zip(weights).map(|(x, weight)| x * x * weight).sum::<f64>().sqrt()
 }

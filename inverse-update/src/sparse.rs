@@ -18,11 +18,13 @@ mod symbolic;
 mod tests;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use faer::Mat;
 
 use crate::change::{check_length, check_range, check_vector};
+use crate::counts::Tally;
+use crate::drift::{DRIFT_LIMIT, is_too_far, kept_drift};
+use crate::residual::refine_once;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
@@ -35,9 +37,6 @@ use substitution::TOGETHER;
 
 /// The most rows per vertex that the kernels are made for.
 const MOST_ROWS: usize = 4;
-
-/// The residual ‖D^(−½)(K u − f)‖ / ‖D^(−½) f‖, D = |diag K|, above which a solution is refined.
-pub const REFINEMENT_LIMIT: f64 = 1e-11;
 
 /// A pivot that has come down by this factor has lost digits that a factor made afresh would have.
 const SOFTENED: f64 = 1e4;
@@ -98,9 +97,8 @@ pub struct Sparse {
     options: RebaseOptions,
     /// Of the walks on `based`, its loss as well.
     scratch: Scratch,
-    rebuilds: usize,
     rebases: usize,
-    refinements: AtomicUsize,
+    tally: Tally,
 }
 
 /// A fresh factor on its way.
@@ -145,17 +143,16 @@ impl Sparse {
             rebase: None,
             options,
             scratch: Scratch::default(),
-            rebuilds: 0,
             rebases: 0,
-            refinements: AtomicUsize::new(0),
+            tally: Tally::default(),
         })
     }
 
     /// Solutions that took a step of refinement because their residual was above
-    /// [`REFINEMENT_LIMIT`].
+    /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT).
     #[must_use]
     pub fn refinements(&self) -> usize {
-        self.refinements.load(Ordering::Relaxed)
+        self.tally.counts().refinement_steps
     }
 
     /// Fresh elimination orders adopted in the course of work; not counted as rebuilds.
@@ -196,7 +193,7 @@ impl Sparse {
                 tracing::warn!(%cause, "sparse: update refused, factor computed afresh");
                 self.stiffness = stiffness;
                 self.adopt(based, Vec::new());
-                self.rebuilds += 1;
+                self.tally.rebuilt_for_pivot();
                 Ok(())
             }
             Err(error) => {
@@ -247,21 +244,36 @@ impl Sparse {
         solutions: &mut [&mut [f64]],
     ) -> Result<(), InverseError> {
         self.based.factor.solve(solutions);
-        let k = &self.stiffness;
-        let square = |x: &[f64]| -> f64 {
-            x.iter().enumerate().map(|(i, x)| x * x / k.diagonal(i).abs()).sum()
-        };
-        let mut residual = vec![0.0; k.dofs()];
         for (load, solution) in loads.iter().zip(solutions) {
-            k.apply(solution, &mut residual)?;
-            residual.iter_mut().zip(*load).for_each(|(r, f)| *r = f - *r);
-            if square(&residual) > REFINEMENT_LIMIT * REFINEMENT_LIMIT * square(load) {
-                self.based.factor.solve(&mut [&mut residual]);
-                solution.iter_mut().zip(&residual).for_each(|(u, step)| *u += step);
-                self.refinements.fetch_add(1, Ordering::Relaxed);
-            }
+            let refined = refine_once(&self.stiffness, load, solution, |x| {
+                self.based.factor.solve(&mut [x]);
+                Ok(())
+            })?;
+            self.tally.refined(usize::from(refined));
         }
         Ok(())
+    }
+
+    /// Columns of C by row number as the factor gives them, without refinement.
+    fn kept_columns(&self, at: &[usize]) -> Mat<f64> {
+        let rows = self.stiffness.dofs();
+        let mut columns = Mat::zeros(rows, at.len());
+        for (group, first) in at.chunks(TOGETHER).zip((0..).step_by(TOGETHER)) {
+            let mut sides = vec![vec![0.0; rows]; group.len()];
+            group.iter().zip(&mut sides).for_each(|(&j, side)| side[j] = 1.0);
+            let mut all: Vec<&mut [f64]> = sides.iter_mut().map(Vec::as_mut_slice).collect();
+            self.based.factor.solve(&mut all);
+            for (side, j) in sides.iter().zip(first..) {
+                columns.col_as_slice_mut(j).copy_from_slice(side);
+            }
+        }
+        columns
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        let values = self.based.factor.panels.iter_mut().flat_map(|panel| &mut panel.pivots);
+        values.for_each(|value| *value *= 1.0 + fraction);
     }
 
     fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
@@ -380,8 +392,16 @@ impl InverseMaintainer for Sparse {
         Ok(())
     }
 
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = kept_drift(&self.stiffness, seed, |at| self.kept_columns(at));
+        if is_too_far(self.name(), drift, DRIFT_LIMIT) {
+            self.rebuild()?;
+            self.tally.rebuilt_for_drift();
+        }
+        Ok(drift)
+    }
+
     fn counts(&self) -> Counts {
-        let (rebuilds, refinement_steps) = (self.rebuilds, self.refinements());
-        Counts { rebuilds, failed_pivots: rebuilds, refinement_steps }
+        self.tally.counts()
     }
 }

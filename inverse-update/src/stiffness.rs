@@ -258,8 +258,9 @@ impl SparseStiffness {
         plus: MatRef<'_, f64>,
     ) -> Result<(), InverseError> {
         let m = self.block;
+        let mut value = vec![0.0; m * m];
         for (p, q) in pairs(slots.len()) {
-            let (value, _) = self.replaced(slots, (p, q), minus, plus);
+            self.replaced(slots, (p, q), (minus, plus), &mut value);
             if let Some(at) = value.iter().position(|x| !x.is_finite()) {
                 let (row, col) = (m * slots[p] + at / m, m * slots[q] + at % m);
                 let what = "the changed stiffness";
@@ -276,28 +277,36 @@ impl SparseStiffness {
         minus: MatRef<'_, f64>,
         plus: MatRef<'_, f64>,
     ) {
+        let m = self.block;
+        let (mut value, mut mirrored) = (vec![0.0; m * m], vec![0.0; m * m]);
         for (p, q) in pairs(slots.len()) {
-            let (value, scale) = self.replaced(slots, (p, q), minus, plus);
+            let scale = self.replaced(slots, (p, q), (minus, plus), &mut value);
             let largest = value.iter().fold(0.0, |worst: f64, x| worst.max(x.abs()));
             if p != q && largest <= CANCELLED * scale {
                 self.rows[slots[p]].remove(slots[q], value.len());
-            } else {
-                self.rows[slots[p]].set(slots[q], &value);
+                self.rows[slots[q]].remove(slots[p], value.len());
+                continue;
+            }
+            self.rows[slots[p]].set(slots[q], &value);
+            if p != q {
+                for (e, entry) in mirrored.iter_mut().enumerate() {
+                    *entry = value[m * (e % m) + e / m];
+                }
+                self.rows[slots[q]].set(slots[p], &mirrored);
             }
         }
     }
 
-    /// The new block (p, q) of the ring and the largest operand that it was made of.
+    /// Writes the new block (p, q) of the ring; returns the largest operand that it was made of.
     fn replaced(
         &self,
         slots: &[usize],
         (p, q): (usize, usize),
-        minus: MatRef<'_, f64>,
-        plus: MatRef<'_, f64>,
-    ) -> (Vec<f64>, f64) {
+        (minus, plus): (MatRef<'_, f64>, MatRef<'_, f64>),
+        value: &mut [f64],
+    ) -> f64 {
         let m = self.block;
         let old = self.block_at(slots[p], slots[q]);
-        let mut value = Vec::with_capacity(m * m);
         let mut scale: f64 = 0.0;
         for a in 0..m {
             for b in 0..m {
@@ -307,10 +316,10 @@ impl SparseStiffness {
                 let out = 0.5 * minus[(i, j)] + 0.5 * minus[(j, i)];
                 let entry = 0.5 * plus[(i, j)] + 0.5 * plus[(j, i)];
                 scale = scale.max(before.abs()).max(out.abs()).max(entry.abs());
-                value.push((before - out) + entry);
+                value[m * a + b] = (before - out) + entry;
             }
         }
-        (value, scale)
+        scale
     }
 
     /// Appends one vertex: its coupling to `slots` (r × m), its own block (m × m) and its place.
@@ -369,6 +378,7 @@ impl SparseStiffness {
     }
 }
 
+/// Every pair once; the other half of K mirrors it.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..n).flat_map(move |p| (0..n).map(move |q| (p, q)))
+    (0..n).flat_map(move |p| (p..n).map(move |q| (p, q)))
 }

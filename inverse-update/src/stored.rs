@@ -14,7 +14,9 @@ pub trait Stored:
     const PIVOT_FLOOR: f64;
     /// Pivot of I − NᵀCN, below which the update is refined against K.
     const SOFTENING: f64;
-    /// Whether solutions are refined against K.
+    /// Drift above which a rebuild is due.
+    const DRIFT_LIMIT: f64;
+    /// Whether solutions and columns are refined against K to more than the scalar holds.
     const REFINED: bool;
 
     /// As many of these as the vector unit takes at once.
@@ -46,6 +48,7 @@ impl Stored for f64 {
     // Softening by h = 1/pivot multiplies the relative error that stiff modes have in C, ε h, by
     // h once more: beyond 100 that adds up.
     const SOFTENING: f64 = 1e-2;
+    const DRIFT_LIMIT: f64 = crate::DRIFT_LIMIT;
     const REFINED: bool = false;
 
     type Lanes<S: Simd> = S::f64s;
@@ -83,6 +86,7 @@ impl Stored for f32 {
     const PIVOT_FLOOR: f64 = 3.5e-4;
     // Errors of G of size ε κ show sooner than in f64.
     const SOFTENING: f64 = 0.1;
+    const DRIFT_LIMIT: f64 = crate::DRIFT_LIMIT_F32;
     const REFINED: bool = true;
 
     type Lanes<S: Simd> = S::f32s;

@@ -36,6 +36,7 @@ const PARALLEL_FROM: usize = 8 << 20;
 /// columns beyond the last are 0.
 #[derive(Debug, Clone)]
 pub(crate) struct Tiles<E> {
+    /// Behind the last tile row there may be more tiles, all 0: room that has been used before.
     data: Vec<Block<E, TILE>>,
     rows: usize,
     /// C_ii once more: in the tiles they lie far apart.
@@ -87,7 +88,12 @@ impl<E: Stored> Tiles<E> {
 
     /// Whether threads should share a pass.
     fn is_large(&self) -> bool {
-        size_of_val(&*self.data) >= PARALLEL_FROM && rayon::current_num_threads() > 1
+        self.bytes() >= PARALLEL_FROM && rayon::current_num_threads() > 1
+    }
+
+    /// Bytes of the tiles in use.
+    fn bytes(&self) -> usize {
+        before(self.tile_rows()) * size_of::<Block<E, TILE>>()
     }
 
     fn tile_rows(&self) -> usize {
@@ -107,7 +113,9 @@ impl<E: Stored> Tiles<E> {
             let spare = (self.data.len() / 8).max(need - self.data.len());
             self.data.reserve_exact(spare);
         }
-        self.data.resize(need, Block::ZERO());
+        if need > self.data.len() {
+            self.data.resize(need, Block::ZERO());
+        }
     }
 
     /// Appends rows: `coupling` is rows() × m, `own` the new m × m corner, lower half read.
@@ -115,8 +123,14 @@ impl<E: Stored> Tiles<E> {
         let old = self.rows;
         self.grow(own.nrows());
         for a in 0..own.nrows() {
-            for j in 0..old {
-                self.set(old + a, j, E::of(coupling.get(j, a)));
+            let (block, row) = ((old + a) / TILE, (old + a) % TILE);
+            for (j, source) in coupling.pieces(a).enumerate() {
+                // Behind the last row a piece is 0, and so is C there.
+                let tile = &mut self.data[before(block) + j].0;
+                tile[row].iter_mut().zip(source).for_each(|(entry, &x)| *entry = E::of(x));
+                if j == block {
+                    (0..row).for_each(|column| tile[column][row] = tile[row][column]);
+                }
             }
             for b in 0..=a {
                 self.set(old + a, old + b, E::of(own[(a, b)]));
@@ -138,14 +152,31 @@ impl<E: Stored> Tiles<E> {
             }
             self.diagonal.copy_within(kept.., first);
         }
-        for a in kept..self.rows {
-            for j in 0..self.rows {
-                self.set(a, j, E::default());
+        for i in kept..self.rows {
+            let (block, row) = (i / TILE, i % TILE);
+            for (j, tile) in self.data[before(block)..=before(block) + block].iter_mut().enumerate()
+            {
+                tile.0[row].fill(E::default());
+                if j == block {
+                    tile.0.iter_mut().for_each(|other| other[row] = E::default());
+                }
             }
         }
         self.rows = kept;
         self.diagonal.truncate(kept);
-        self.data.truncate(before(self.tile_rows()));
+    }
+}
+
+#[cfg(test)]
+impl<E: Stored> Tiles<E> {
+    /// Scales the first rows and columns: C is wrong then.
+    pub(crate) fn scale_rows(&mut self, count: usize, factor: f64) {
+        for i in 0..self.rows {
+            for j in 0..count.min(i + 1) {
+                self.set(i, j, E::of(factor * self.get(i, j).value()));
+            }
+        }
+        self.read_diagonal();
     }
 }
 
@@ -176,6 +207,8 @@ mod tests {
             })
             .sum();
         assert_eq!(stored, filled);
+        let spare = &c.data[before(c.tile_rows())..];
+        assert!(spare.iter().flat_map(|tile| tile.0.as_flattened()).all(|x| *x == E::default()));
         whole
     }
 
@@ -198,6 +231,23 @@ mod tests {
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
             c.append(&Panel::from_columns(old, &columns), whole.submatrix(old, old, m, m));
             assert_eq!(unpack(&c), whole.submatrix(0, 0, old + m, old + m));
+        }
+    }
+
+    #[test]
+    fn rows_come_back_into_room_that_was_used() {
+        let whole = numbered(50);
+        let mut c = Tiles::<f64>::from_lower(whole.as_ref());
+        for (old, m) in [(48, 2), (45, 5), (48, 2)] {
+            while c.rows > old {
+                c.swap_remove(c.rows - 1, 1);
+            }
+            let columns: Vec<Vec<f64>> =
+                (0..m).map(|a| (0..old).map(|j| whole[(j, old + a)]).collect()).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            assert_eq!(unpack(&c), whole.submatrix(0, 0, old, old));
+            c.append(&Panel::from_columns(old, &columns), whole.submatrix(old, old, m, m));
+            assert_eq!(unpack(&c), whole);
         }
     }
 

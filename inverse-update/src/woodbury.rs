@@ -1,16 +1,20 @@
 //! `woodbury`, `woodbury_f32`: low-rank updates in the factors of the change, one fused pass over
 //! half of C.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 use faer::{Mat, MatRef};
 
 use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
+use crate::counts::Tally;
+use crate::drift::{is_too_far, kept_drift};
 use crate::fresh::symmetric_inverse;
 use crate::net_change::NetChange;
 use crate::panel::Panel;
+use crate::residual::refine_once;
 use crate::stored::Stored;
 use crate::tiles::{SignedPanel, Tiles};
 use crate::update::{LowRank, SignedRoot};
@@ -56,9 +60,7 @@ pub struct PackedInverse<E: Stored> {
     inverse: RwLock<Tiles<E>>,
     /// What C lacks: C − `pending` is the inverse. Nothing between calls.
     pending: SignedPanel,
-    rebuilds: AtomicUsize,
-    failed_pivots: usize,
-    pub(crate) refinement_steps: AtomicUsize,
+    pub(crate) tally: Tally,
     /// Whether nothing happened since C was computed from K.
     pub(crate) is_fresh: AtomicBool,
 }
@@ -80,11 +82,14 @@ impl<E: Stored> PackedInverse<E> {
             pending: SignedPanel::none(stiffness.dofs()),
             stiffness,
             inverse: RwLock::new(inverse),
-            rebuilds: AtomicUsize::new(0),
-            failed_pivots: 0,
-            refinement_steps: AtomicUsize::new(0),
+            tally: Tally::default(),
             is_fresh: AtomicBool::new(true),
         })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        self.tiles_mut().scale_rows(3, 1.0 + fraction);
     }
 
     pub(crate) fn tiles(&self) -> RwLockReadGuard<'_, Tiles<E>> {
@@ -102,7 +107,7 @@ impl<E: Stored> PackedInverse<E> {
         if !self.is_fresh.load(Ordering::Relaxed) {
             *tiles = fresh(&self.stiffness)?;
             self.is_fresh.store(true, Ordering::Relaxed);
-            self.rebuilds.fetch_add(1, Ordering::Relaxed);
+            self.tally.rebuilt();
             tracing::warn!("{}: refinement failed, inverse computed afresh", E::METHOD);
         }
         Ok(())
@@ -120,8 +125,7 @@ impl<E: Stored> PackedInverse<E> {
         tracing::warn!(%cause, "{}: update refused, inverse computed afresh", E::METHOD);
         self.pending = SignedPanel::none(stiffness.dofs());
         self.stiffness = stiffness;
-        *self.rebuilds.get_mut() += 1;
-        self.failed_pivots += 1;
+        self.tally.rebuilt_for_pivot();
         *self.is_fresh.get_mut() = true;
         Ok(())
     }
@@ -152,6 +156,7 @@ impl<E: Stored> PackedInverse<E> {
         rows: &[usize],
         change: &LowRank<'_>,
         more: MatRef<'_, f64>,
+        removed: Range<usize>,
     ) -> Result<(SignedPanel, Panel), InverseError> {
         let k = change.columns();
         let product = self.select_times(rows, change.beside(more).as_ref());
@@ -172,16 +177,9 @@ impl<E: Stored> PackedInverse<E> {
         if root.softening <= E::SOFTENING {
             self.refine_softened(rows, change, &product, &mut terms)?;
         }
-        self.check_diagonal(&terms)?;
-        let behind =
-            Mat::from_fn(
-                product.columns(),
-                more.ncols(),
-                |i, j| {
-                    if i == k + j { 1.0 } else { 0.0 }
-                },
-            );
-        Ok((terms, product.times(behind.as_ref())))
+        self.check_diagonal(&terms, removed)?;
+        let behind = product.some_columns(k..k + more.ncols());
+        Ok((terms, behind))
     }
 
     /// Computes the terms of what is lost again, from C'' N after one step of refinement by K:
@@ -249,7 +247,7 @@ impl<E: Stored> PackedInverse<E> {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         // −C_:r A22⁻¹ a12ᵀ after the update, from the ring's columns alone.
         let t = -a22.solve(change.a12.as_ref());
-        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref())?;
+        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref(), 0..0)?;
         let at = terms.columns.at_rows(&rows);
         coupling.add_times(&terms.signed(), (at.transpose() * &t).as_ref());
         let m = change.a22.nrows();
@@ -261,21 +259,23 @@ impl<E: Stored> PackedInverse<E> {
         Ok(Prepared { terms, border: Some((coupling, own)) })
     }
 
-    fn prepare_merge(&self, change: &RingChange) -> Result<Prepared, InverseError> {
+    fn prepare_merge(&self, slot: usize, change: &RingChange) -> Result<Prepared, InverseError> {
         let net = NetChange::new(change, self.stiffness.negative())?;
         let what = "I + Uᵀ C U of a merge";
         let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
-        self.prepare_low_rank(&change.slots, &low)
+        let block = self.stiffness.block();
+        self.prepare_low_rank(&change.slots, &low, block * slot..block * (slot + 1))
     }
 
     fn prepare_low_rank(
         &self,
         slots: &[usize],
         change: &LowRank<'_>,
+        removed: Range<usize>,
     ) -> Result<Prepared, InverseError> {
         let rows = self.rows(slots);
         let nothing = Mat::<f64>::zeros(rows.len(), 0);
-        let (terms, _) = self.prepare(&rows, change, nothing.as_ref())?;
+        let (terms, _) = self.prepare(&rows, change, nothing.as_ref(), removed)?;
         Ok(Prepared { terms, border: None })
     }
 
@@ -285,12 +285,18 @@ impl<E: Stored> PackedInverse<E> {
     }
 
     /// A finite diagonal of the right signs shows that the terms are finite, and bounds a positive
-    /// definite C; anything else is a failed update.
-    fn check_diagonal(&self, terms: &SignedPanel) -> Result<(), InverseError> {
+    /// definite C; anything else is a failed update. Rows about to be removed are let off: without
+    /// their ring they may have any sign in a quasi-definite C.
+    fn check_diagonal(
+        &self,
+        terms: &SignedPanel,
+        removed: Range<usize>,
+    ) -> Result<(), InverseError> {
         let tiles = self.tiles();
         let pending = self.pending.diagonal();
         let sums = tiles.diagonal().iter().zip(terms.diagonal()).zip(pending);
-        sums.enumerate().try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
+        let mut kept = sums.enumerate().filter(|(i, _)| !removed.contains(i));
+        kept.try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
     }
 
     fn check_sign(&self, row: usize, value: f64) -> Result<(), InverseError> {
@@ -301,15 +307,19 @@ impl<E: Stored> PackedInverse<E> {
         Err(InverseError::Singular { what, row, value, limit: 0.0 })
     }
 
-    /// Splits but for the pass over C, which is left pending.
-    fn split_deferred(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+    /// Splits; the pass over C is made at once, or left pending.
+    fn split_with(&mut self, change: &RingChange, at_once: bool) -> Result<usize, InverseError> {
         self.stiffness.check_split(change)?;
         match self.prepare_split(change) {
             Ok(Prepared { terms, border }) => {
                 self.stiffness.apply_split(change);
                 self.defer(terms);
+                if at_once {
+                    // Before there are new rows: terms are 0 there.
+                    self.flush();
+                }
                 if let Some((coupling, own)) = border {
-                    // The new rows are those of the whole sum: what is pending is 0 there.
+                    // The new rows are those of the whole sum.
                     self.tiles_mut().append(&coupling, own.as_ref());
                     self.pending.columns.grow(own.nrows());
                 }
@@ -326,8 +336,8 @@ impl<E: Stored> PackedInverse<E> {
 
     /// Adds what is pending to C: the pass.
     fn flush(&mut self) {
-        let rows = self.stiffness.dofs();
-        let pending = std::mem::replace(&mut self.pending, SignedPanel::none(rows));
+        let none = SignedPanel::none(self.pending.columns.rows());
+        let pending = std::mem::replace(&mut self.pending, none);
         self.tiles_mut().add(&pending);
     }
 }
@@ -350,15 +360,13 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
     }
 
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
-        let slot = self.split_deferred(change)?;
-        self.flush();
-        Ok(slot)
+        self.split_with(change, true)
     }
 
     fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
         let mut slots = Vec::with_capacity(changes.len());
         for change in changes {
-            match self.split_deferred(change) {
+            match self.split_with(change, false) {
                 Ok(slot) => slots.push(slot),
                 Err(source) => {
                     self.flush();
@@ -376,7 +384,7 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
         self.stiffness.check_merge(slot, change)?;
         let last = self.vertices() - 1;
-        match self.prepare_merge(change) {
+        match self.prepare_merge(slot, change) {
             Ok(Prepared { mut terms, .. }) => {
                 let block = self.stiffness.block();
                 self.stiffness.apply_merge(slot, change);
@@ -394,7 +402,7 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         self.stiffness.check_change(change)?;
         let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
         let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
-        match self.prepare_low_rank(&change.slots, &low) {
+        match self.prepare_low_rank(&change.slots, &low, 0..0) {
             Ok(Prepared { terms, .. }) => {
                 self.stiffness.apply_change(change);
                 self.defer(terms);
@@ -410,12 +418,18 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         check_vector("f", f, rows)?;
         check_length("u", u, rows)?;
         let load = Panel::from_columns(rows, &[f]);
-        let solution = if E::REFINED {
-            self.refined(&load, |tiles| tiles.multiply(&load))?
-        } else {
-            self.tiles().multiply(&load)
-        };
-        solution.copy_column(0, u);
+        if E::REFINED {
+            self.refined(&load, |tiles| tiles.multiply(&load))?.copy_column(0, u);
+            return Ok(());
+        }
+        let mut solution = vec![0.0; rows];
+        self.tiles().multiply(&load).copy_column(0, &mut solution);
+        let refined = refine_once(&self.stiffness, f, &mut solution, |x| {
+            self.tiles().multiply(&Panel::from_columns(rows, &[x])).copy_column(0, x);
+            Ok(())
+        })?;
+        self.tally.refined(usize::from(refined));
+        u.copy_from_slice(&solution);
         Ok(())
     }
 
@@ -443,11 +457,16 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         Ok(())
     }
 
-    fn counts(&self) -> Counts {
-        Counts {
-            rebuilds: self.rebuilds.load(Ordering::Relaxed),
-            failed_pivots: self.failed_pivots,
-            refinement_steps: self.refinement_steps.load(Ordering::Relaxed),
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = kept_drift(&self.stiffness, seed, |at| self.tiles().gather(at));
+        if is_too_far(E::METHOD, drift, E::DRIFT_LIMIT) {
+            self.rebuild()?;
+            self.tally.rebuilt_for_drift();
         }
+        Ok(drift)
+    }
+
+    fn counts(&self) -> Counts {
+        self.tally.counts()
     }
 }

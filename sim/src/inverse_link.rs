@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use yawara_corot::Body;
 use yawara_embed::RingStiffness;
 use yawara_inverse_update::{
-    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, drift,
+    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
 use yawara_mesh::{Change, VertexId};
 
@@ -169,10 +169,16 @@ impl InverseLink {
         ring.vertices.iter().map(|v| self.slot_of[v.index()]).collect()
     }
 
-    /// Renews the largest drift seen, from a few random columns.
-    pub(crate) fn watch_drift(&mut self, seed: u64) {
-        const COLUMNS: usize = 8;
-        self.drift_max = self.drift_max.max(drift(self.maintainer.as_ref(), seed, COLUMNS));
+    /// Has the maintainer look at a few random columns, and start afresh if they have drifted too
+    /// far; renews the largest drift seen.
+    pub(crate) fn watch(&mut self, seed: u64) -> Result<(), SimError> {
+        let rebuilds = self.maintainer.counts().rebuilds;
+        self.drift_max = self.drift_max.max(self.maintainer.watch(seed)?);
+        if self.maintainer.counts().rebuilds > rebuilds {
+            // What tools know is of the inverse before.
+            *self.tools.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
+        }
+        Ok(())
     }
 
     /// The inverse with `held` vertices (not fixed ones) fixed as well.

@@ -195,6 +195,8 @@ pub struct InverseSummary {
     pub updates: usize,
     /// How often it started afresh by itself.
     pub rebuilds: usize,
+    /// Of these, how often because it had drifted.
+    pub drift_rebuilds: usize,
     /// Updates whose small factor failed.
     pub failed_pivots: usize,
     /// Corrections of solutions by their residual.

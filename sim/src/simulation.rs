@@ -145,7 +145,7 @@ impl Simulation {
         let remeshed =
             if outcome.converged { self.remesh(step, &mut times)? } else { Remeshed::default() };
         if remeshed.splits + remeshed.merges > 0 {
-            self.inverse.watch_drift(self.scene.seed.wrapping_add(step as u64));
+            self.inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
         }
         let report = StepReport {
             step,

@@ -111,6 +111,7 @@ impl Tally {
                 choice: inverse.maintainer().name().into(),
                 updates: inverse.updates,
                 rebuilds: counts.rebuilds,
+                drift_rebuilds: counts.drift_rebuilds,
                 failed_pivots: counts.failed_pivots,
                 refinement_steps: counts.refinement_steps,
                 time_ms: Percentiles::of(&inverse.update_ms),

@@ -107,9 +107,11 @@ fn inverse_words(inverse: &InverseSummary) -> String {
         "{}: {} updates of {:.3} ms (99 %: {:.3}), {} rebuilds",
         inverse.choice, inverse.updates, inverse.time_ms.p50, inverse.time_ms.p99, inverse.rebuilds
     );
-    for (count, what) in
-        [(inverse.failed_pivots, "failed pivots"), (inverse.refinement_steps, "refinement steps")]
-    {
+    for (count, what) in [
+        (inverse.drift_rebuilds, "for drift"),
+        (inverse.failed_pivots, "failed pivots"),
+        (inverse.refinement_steps, "refinement steps"),
+    ] {
         if count > 0 {
             words += &format!(", {count} {what}");
         }

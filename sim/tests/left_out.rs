@@ -105,6 +105,10 @@ impl InverseMaintainer for CountedInverse {
         self.1.rebuild()
     }
 
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        self.1.watch(seed)
+    }
+
     fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
         Calls::add(&self.0.update, changes.len());
         self.1.split_batch(changes)

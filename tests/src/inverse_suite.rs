@@ -1,10 +1,12 @@
 //! The suite that every inverse maintainer has to pass: one line per implementation.
 
 mod cases;
+mod fixing;
 mod history;
 mod model;
 
 pub use cases::*;
+pub use fixing::*;
 pub use history::{Op, Replay, ops, replay};
 pub use model::Model;
 
@@ -57,6 +59,12 @@ macro_rules! inverse_suite {
                 solve_checks_its_vectors
                 rebuild_removes_the_drift
                 a_nearly_singular_change_stays_accurate
+                a_stiff_spring_comes_and_goes
+                all_vertices_can_be_fixed_one_by_one
+                a_quasi_definite_vertex_can_be_fixed_and_freed
+                freeing_what_nothing_holds_is_refused
+                a_part_cut_loose_is_refused_until_it_is_fixed
+                wrong_fixings_are_refused
             );
 
             proptest::proptest! {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::kernel::add_terms;
-use super::{Block, TILE, Tiles};
+use super::{Block, TILE, Tiles, before};
 use crate::panel::Panel;
 use crate::stored::Stored;
 
@@ -66,21 +66,27 @@ impl<E: Stored> Tiles<E> {
         if width == 0 {
             return;
         }
-        let convert = |panel: &Panel| -> Vec<Block<E, 1>> {
-            panel.data().as_chunks::<TILE>().0.iter().map(|x| Block([x.map(E::of)])).collect()
-        };
-        let (left, right) = (convert(&terms.signed()), convert(&terms.columns));
+        let pieces = terms.columns.data().as_chunks::<TILE>().0;
+        let right: Vec<Block<E, 1>> = pieces.iter().map(|y| Block([y.map(E::of)])).collect();
+        let signs = terms.signs.iter().cycle();
+        let left = pieces.iter().zip(signs).map(|(y, sign)| Block([y.map(|y| E::of(sign * y))]));
+        let left: Vec<Block<E, 1>> = left.collect();
         let each = |first: usize, tiles: &mut [Block<E, TILE>]| {
             let (left, right) = (left.as_slice(), right.as_slice());
-            pulp::Arch::new().dispatch(Group { first, tiles, left, right, width });
+            pulp::Arch::new().dispatch(Group { first, tiles, left, right, width })
         };
-        if self.is_large() {
-            let groups = self.data.par_chunks_mut(GROUP).enumerate();
-            groups.for_each(|(group, tiles)| each(GROUP * group, tiles));
+        let is_large = self.is_large();
+        let used = before(self.tile_rows());
+        let mut diagonal = if is_large {
+            let groups = self.data[..used].par_chunks_mut(GROUP).enumerate();
+            let parts: Vec<Vec<f64>> =
+                groups.map(|(group, tiles)| each(GROUP * group, tiles)).collect();
+            parts.concat()
         } else {
-            each(0, &mut self.data);
-        }
-        self.read_diagonal();
+            each(0, &mut self.data[..used])
+        };
+        diagonal.truncate(self.rows);
+        self.diagonal = diagonal;
     }
 }
 
@@ -100,17 +106,25 @@ fn place(number: usize) -> (usize, usize) {
 }
 
 impl<E: Stored> pulp::WithSimd for Group<'_, E> {
-    type Output = ();
+    /// The new diagonals of the tiles on the diagonal, read while these are in the cache.
+    type Output = Vec<f64>;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) {
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> Vec<f64> {
         let (mut i, mut j) = place(self.first);
+        let mut diagonal = Vec::new();
         for tile in self.tiles {
             let left = &self.left[i * self.width..(i + 1) * self.width];
             let right = &self.right[j * self.width..(j + 1) * self.width];
             add_terms(simd, &mut tile.0, left, right);
-            (i, j) = if j == i { (i + 1, 0) } else { (i, j + 1) };
+            if j == i {
+                diagonal.extend((0..TILE).map(|a| tile.0[a][a].value()));
+                (i, j) = (i + 1, 0);
+            } else {
+                j += 1;
+            }
         }
+        diagonal
     }
 }
 

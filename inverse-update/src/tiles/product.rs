@@ -98,7 +98,7 @@ impl<E: Stored> Tiles<E> {
 
     /// By size alone, never by threads.
     fn is_stretched(&self) -> bool {
-        size_of_val(&*self.data) >= super::PARALLEL_FROM
+        self.bytes() >= super::PARALLEL_FROM
     }
 
     /// Ranges of tile rows with about equally many tiles.

@@ -37,6 +37,8 @@ pub struct Model {
     /// The name in each slot, moved about by swap-removal as the contract says.
     pub(crate) names: Vec<usize>,
     pub(crate) patches: Vec<Patch>,
+    /// Vertices whose rows are not in K now.
+    pub(crate) fixed: Vec<usize>,
     next: usize,
 }
 
@@ -67,43 +69,82 @@ impl Model {
             }
         }
         let names = (0..vertices).collect();
-        let (patches, next) = (vec![], vertices);
-        Self { block, negative, base, base_vertices: vertices, names, patches, next }
+        let (patches, fixed, next) = (vec![], vec![], vertices);
+        Self { block, negative, base, base_vertices: vertices, names, patches, fixed, next }
     }
 
     /// K in slot order, assembled from the parts.
     #[must_use]
     pub fn assemble(&self) -> DMatrix<f64> {
-        let n = self.block * self.names.len();
+        self.assemble_on(&self.names)
+    }
+
+    /// K on the rows of some vertices: the others are held.
+    fn assemble_on(&self, names: &[usize]) -> DMatrix<f64> {
+        let n = self.block * names.len();
         let mut k = DMatrix::zeros(n, n);
         let base: Vec<usize> = (0..self.base_vertices).collect();
-        self.scatter(&mut k, &base, &self.base);
+        self.scatter(&mut k, names, &base, &self.base);
         for patch in &self.patches {
             match patch.vertex {
-                None => self.scatter(&mut k, &patch.vertices, &patch.refined.k_p),
+                None => self.scatter(&mut k, names, &patch.vertices, &patch.refined.k_p),
                 Some(vertex) => {
                     let mut vertices = patch.vertices.clone();
                     vertices.push(vertex);
-                    self.scatter(&mut k, &vertices, &patch.refined.ring());
+                    self.scatter(&mut k, names, &vertices, &patch.refined.ring());
                 }
             }
         }
         k
     }
 
-    fn scatter(&self, k: &mut DMatrix<f64>, vertices: &[usize], part: &DMatrix<f64>) {
-        let slots = self.slots(vertices);
-        let row = |i: usize| self.block * slots[i / self.block] + i % self.block;
+    fn scatter(
+        &self,
+        k: &mut DMatrix<f64>,
+        names: &[usize],
+        vertices: &[usize],
+        part: &DMatrix<f64>,
+    ) {
+        let slots: Vec<Option<usize>> =
+            vertices.iter().map(|v| names.iter().position(|name| name == v)).collect();
+        let row = |i: usize| slots[i / self.block].map(|slot| self.block * slot + i % self.block);
         for i in 0..part.nrows() {
             for j in 0..part.ncols() {
-                k[(row(i), row(j))] += part[(i, j)];
+                if let (Some(row), Some(column)) = (row(i), row(j)) {
+                    k[(row, column)] += part[(i, j)];
+                }
             }
         }
     }
 
-    pub(crate) fn slots(&self, vertices: &[usize]) -> Vec<usize> {
-        let slot = |v: &usize| self.names.iter().position(|name| name == v).expect("a live name");
-        vertices.iter().map(slot).collect()
+    /// The slots of the vertices that are not fixed, and the rows of `vertices` that are theirs.
+    fn live(&self, vertices: &[usize]) -> (Vec<usize>, Vec<usize>) {
+        let (mut slots, mut rows) = (vec![], vec![]);
+        for (at, vertex) in vertices.iter().enumerate() {
+            if let Some(slot) = self.names.iter().position(|name| name == vertex) {
+                slots.push(slot);
+                rows.extend(self.block * at..self.block * (at + 1));
+            }
+        }
+        (slots, rows)
+    }
+
+    /// Fixes the vertex in a slot.
+    pub(crate) fn fix(&mut self, slot: usize) {
+        self.fixed.push(self.names.swap_remove(slot));
+    }
+
+    /// Frees a vertex, which takes the last slot; the hand-over is that of K assembled with it.
+    pub(crate) fn release(&mut self, at: usize) -> RingChange {
+        let vertex = self.fixed.remove(at);
+        let old = self.names.len();
+        self.names.push(vertex);
+        let k = self.assemble();
+        let m = self.block;
+        let block = |slot: usize| k.view((m * slot, m * old), (m, m)).into_owned();
+        let slots: Vec<usize> = (0..old).filter(|&slot| block(slot).amax() > 0.0).collect();
+        let a12 = Mat::from_fn(m * slots.len(), m, |i, j| block(slots[i / m])[(i % m, j)]);
+        RingChange::freed(slots, a12, to_faer(&block(old)), 0).expect("the model's own change")
     }
 
     /// Adds a patch of stiffness `scale` on `vertices` and says how K changes.
@@ -233,22 +274,26 @@ impl Model {
         added: &DMatrix<f64>,
         removed: &DMatrix<f64>,
     ) -> StiffnessChange {
-        let (added, removed) = (to_faer(added), to_faer(removed));
-        StiffnessChange { slots: self.slots(vertices), added, removed }
+        let (slots, rows) = self.live(vertices);
+        let [added, removed] = [added, removed].map(|part| to_faer(&part.select_rows(&rows)));
+        StiffnessChange { slots, added, removed }
     }
 
     /// The change that a split, or now a merge, of this patch hands over.
     pub(crate) fn ring(&self, patch: usize) -> RingChange {
         let patch = &self.patches[patch];
         let refined = &patch.refined;
+        let (slots, rows) = self.live(&patch.vertices);
+        let square = |m: &DMatrix<f64>| to_faer(&m.select_rows(&rows).select_columns(&rows));
+        let on_rows = |m: &DMatrix<f64>| to_faer(&m.select_rows(&rows));
         RingChange {
-            slots: self.slots(&patch.vertices),
-            k_p: to_faer(&refined.k_p),
-            k_c: to_faer(&refined.k_c),
-            a12: to_faer(&refined.a12),
+            slots,
+            k_p: square(&refined.k_p),
+            k_c: square(&refined.k_c),
+            a12: on_rows(&refined.a12),
             a22: to_faer(&refined.a22),
-            b: to_faer(&refined.b),
-            positive: to_faer(&refined.positive),
+            b: on_rows(&refined.b),
+            positive: on_rows(&refined.positive),
             order_key: 0,
         }
     }
@@ -261,16 +306,17 @@ impl Model {
 
     pub(crate) fn merge(&mut self, patch: usize) -> usize {
         let vertex = self.patches[patch].vertex.take().expect("a split patch");
-        let slot = self.slots(&[vertex])[0];
+        let slot = self.names.iter().position(|&name| name == vertex).expect("a free vertex");
         self.names.swap_remove(slot);
         slot
     }
 
-    /// Patches that nothing younger stands on, split or not as asked.
+    /// Patches that nothing younger stands on, split or not as asked; a fixed vertex stays.
     pub(crate) fn free(&self, split: bool) -> Vec<usize> {
         let used = |v: usize| self.patches.iter().any(|patch| patch.vertices.contains(&v));
+        let stays = |v: usize| used(v) || self.fixed.contains(&v);
         let free =
-            |patch: &Patch| patch.vertex.is_some() == split && !patch.vertex.is_some_and(used);
+            |patch: &Patch| patch.vertex.is_some() == split && !patch.vertex.is_some_and(stays);
         (0..self.patches.len()).filter(|&at| free(&self.patches[at])).collect()
     }
 }
