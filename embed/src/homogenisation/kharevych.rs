@@ -1,0 +1,141 @@
+//! `kharevych`: six solutions of the whole fine body say how each coarse tetrahedron responds.
+
+use nalgebra::Matrix6;
+use rayon::prelude::*;
+use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
+use yawara_mesh::{Content, NodeRef};
+
+use super::{ChildPair, GlobalHomogenisation, Homogenisation, Laminate, ParentMaterial};
+use crate::element::LinearTet;
+use crate::error::EmbedError;
+use crate::fine::{FineBody, FineFields, lattice_tet};
+use crate::packed::Packed6;
+
+/// The energy of the fine body under six uniform boundary tractions, handed to each coarse
+/// tetrahedron t as the material that stores as much under the strains it sees:
+///
+/// D_t = E_t⁻ᵀ (Σ_{fine in t} V εᵀDε) E_t⁻¹ / V_t, E_t the six strains of t's corners.
+///
+/// One set of solves serves all levels. New vertices are placed as by `laminate`, with the
+/// matrices D_t of the halves; so is the matrix of a tetrahedron whose E_t has a condition number
+/// above [`Self::MOST_CONDITION`]. D_t may exceed the Voigt mean of the halves.
+/// Source: Kharevych, Mullen, Owhadi, Desbrun, ACM Transactions on Graphics 28(3), 2009.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Kharevych;
+
+impl Kharevych {
+    /// The largest cond₂(E_t) at which D_t is taken.
+    pub const MOST_CONDITION: f64 = 1e8;
+}
+
+impl Homogenisation for Kharevych {
+    fn name(&self) -> &str {
+        "kharevych"
+    }
+
+    fn combine(&self, pair: &ChildPair) -> ParentMaterial {
+        Laminate.combine(pair)
+    }
+
+    fn global(&self) -> Option<&dyn GlobalHomogenisation> {
+        Some(self)
+    }
+}
+
+impl GlobalHomogenisation for Kharevych {
+    fn homogenise(
+        &self,
+        body: &FineBody<'_>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Vec<Option<Packed6>>, EmbedError> {
+        let mut result = vec![None; body.tree().node_count()];
+        let components = body.components();
+        let total: usize = components.iter().map(Vec::len).sum();
+        let mut done = 0;
+        for cells in &components {
+            // A component without nodes has nothing to ask.
+            if cells.iter().any(|&cell| !body.tree().cell_nodes(cell).is_empty()) {
+                let share = |part: f64| (done as f64 + part * cells.len() as f64) / total as f64;
+                let fields = body.unit_tractions(cells, &mut |part| progress(share(part)))?;
+                let found: Vec<Vec<(usize, Packed6)>> = cells
+                    .par_iter()
+                    .map(|&cell| CellResponse::new(body, &fields, cell))
+                    .collect::<Result<_, _>>()?;
+                for (node, elasticity) in found.into_iter().flatten() {
+                    result[node] = Some(elasticity);
+                }
+            }
+            done += cells.len();
+        }
+        Ok(result)
+    }
+}
+
+/// Energies and responses of one root cube's tetrahedra.
+struct CellResponse<'a> {
+    body: &'a FineBody<'a>,
+    fields: &'a FineFields,
+    found: Vec<(usize, Packed6)>,
+}
+
+impl<'a> CellResponse<'a> {
+    fn new(
+        body: &'a FineBody,
+        fields: &'a FineFields,
+        cell: usize,
+    ) -> Result<Vec<(usize, Packed6)>, EmbedError> {
+        let mut response = Self { body, fields, found: Vec::new() };
+        for order in 0..ROOTS_PER_CELL {
+            let root = body.tree().root(cell, order);
+            // Below a label there is no node that asks.
+            if let Content::Node(_) = root.open() {
+                response.energy(root, &body.root_corners(cell, order), 0)?;
+            }
+        }
+        Ok(response.found)
+    }
+
+    /// Σ V εᵀDε over the finest tetrahedra inside.
+    fn energy(
+        &mut self,
+        of: NodeRef,
+        corners: &[Point; 4],
+        level: u8,
+    ) -> Result<Matrix6<f64>, EmbedError> {
+        let geometry = lattice_tet(corners);
+        if level == self.body.tree().grid().embed_level() {
+            let strains = self.fields.strains(corners, &geometry);
+            let d = self.body.elasticity(of, corners)?;
+            return Ok(geometry.volume * strains.transpose() * d * strains);
+        }
+        let halves = self.body.tree().children(of);
+        let halved = bisect(corners, level, midpoint(corners, level));
+        let energy = self.energy(halves[0], &halved[0], level + 1)?
+            + self.energy(halves[1], &halved[1], level + 1)?;
+        if let Content::Node(index) = of.open() {
+            let found = self.response(&energy, corners, &geometry);
+            self.found.extend(found.map(|d| (index, Packed6::new(&d))));
+        }
+        Ok(energy)
+    }
+
+    /// D_t, if E_t can be inverted safely.
+    fn response(
+        &self,
+        energy: &Matrix6<f64>,
+        corners: &[Point; 4],
+        geometry: &LinearTet,
+    ) -> Option<Matrix6<f64>> {
+        let strains = self.fields.strains(corners, geometry);
+        let singular = strains.singular_values();
+        // Negated, so that a NaN is refused too.
+        if !(singular.max() <= Kharevych::MOST_CONDITION * singular.min()) {
+            return None;
+        }
+        let transposed = strains.transpose().lu();
+        let half = transposed.solve(energy)?;
+        let whole = transposed.solve(&half.transpose())? / geometry.volume;
+        let elasticity = 0.5 * (whole + whole.transpose());
+        elasticity.cholesky().map(|_| elasticity)
+    }
+}
