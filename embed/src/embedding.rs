@@ -16,15 +16,17 @@ use crate::packed::Packed6;
 
 /// Elasticity and density of every tetrahedron of a [`LabelTree`].
 ///
-/// Memory: 21 numbers and a density per heterogeneous tetrahedron; a homogeneous subtree is one
-/// label whose material is looked up.
+/// Memory: 21 numbers and a density per heterogeneous tetrahedron, as many again beside a global
+/// homogenisation; a homogeneous subtree is one label whose material is looked up.
 pub struct Embedding {
     tree: Arc<LabelTree>,
     homogenisation: Box<dyn Homogenisation>,
     materials: Materials,
     elasticity_of_node: Vec<Packed6>,
     density_of_node: Vec<f64>,
-    local: usize,
+    /// What the local rule makes of each node, beside a global one.
+    local_of_node: Vec<Packed6>,
+    left_to_local_rule: usize,
 }
 
 impl Embedding {
@@ -76,13 +78,23 @@ impl Embedding {
             .collect::<Result<_, _>>()?;
         let mut elasticity_of_node = Vec::with_capacity(tree.node_count());
         let mut density_of_node = Vec::with_capacity(tree.node_count());
-        let mut local = 0;
+        let mut local_of_node = Vec::new();
+        let mut left_to_local_rule = 0;
         for part in parts {
             elasticity_of_node.extend(part.elasticity);
             density_of_node.extend(part.density);
-            local += part.local;
+            local_of_node.extend(part.local);
+            left_to_local_rule += part.left;
         }
-        Ok(Self { tree, homogenisation, materials, elasticity_of_node, density_of_node, local })
+        Ok(Self {
+            tree,
+            homogenisation,
+            materials,
+            elasticity_of_node,
+            density_of_node,
+            local_of_node,
+            left_to_local_rule,
+        })
     }
 
     /// The labels behind it.
@@ -119,7 +131,7 @@ impl Embedding {
     /// Heterogeneous tetrahedra that a global homogenisation left to its local rule; 0 for a local
     /// homogenisation.
     pub fn left_to_local_rule(&self) -> usize {
-        self.local
+        self.left_to_local_rule
     }
 
     /// The halves of a tetrahedron with this rest geometry, and what the homogenisation makes of
@@ -138,11 +150,18 @@ impl Embedding {
             Content::Node(_) if self.tree.children(parent)[0] == parent => {
                 ParentMaterial::uniform(elasticity[0])
             }
-            Content::Node(i) if self.homogenisation.global().is_some() => ParentMaterial {
-                elasticity: self.elasticity_of_node[i].matrix(),
-                excess: Excess::Unfactored,
-                ..self.homogenisation.combine(&pair)
-            },
+            Content::Node(i) if self.homogenisation.global().is_some() => {
+                let elasticity = self.tree.children(parent).map(|half| match half.open() {
+                    Content::Label(_) => self.elasticity(half),
+                    Content::Node(i) => self.local_of_node[i].matrix(),
+                });
+                let local = ChildPair { elasticity, ..pair };
+                ParentMaterial {
+                    elasticity: self.elasticity_of_node[i].matrix(),
+                    excess: Excess::Unfactored,
+                    ..self.homogenisation.combine(&local)
+                }
+            }
             Content::Node(_) => self.homogenisation.combine(&pair),
         };
         (pair, combined)
@@ -150,7 +169,8 @@ impl Embedding {
 
     /// Bytes held, without the label tree.
     pub fn bytes(&self) -> usize {
-        self.elasticity_of_node.len() * (size_of::<Packed6>() + size_of::<f64>())
+        (self.elasticity_of_node.len() + self.local_of_node.len()) * size_of::<Packed6>()
+            + self.density_of_node.len() * size_of::<f64>()
     }
 }
 
@@ -181,7 +201,9 @@ struct Rule<'a> {
 struct Share {
     elasticity: Vec<Packed6>,
     density: Vec<f64>,
-    local: usize,
+    /// By the local rule alone; empty unless there is a global one.
+    local: Vec<Packed6>,
+    left: usize,
 }
 
 /// One root cube's share, in the tree's order: children before parents.
@@ -199,7 +221,8 @@ impl<'a> CellPart<'a> {
         let share = Share {
             elasticity: Vec::with_capacity(nodes.len()),
             density: Vec::with_capacity(nodes.len()),
-            local: 0,
+            local: Vec::new(),
+            left: 0,
         };
         let mut part = Self { rule, cell, first: nodes.start, share };
         for order in 0..ROOTS_PER_CELL {
@@ -218,7 +241,9 @@ impl<'a> CellPart<'a> {
         if halves[0] == of {
             let materials = self.rule.body.materials();
             let material = materials.of_voxel(voxel(tree, &corners), tree.majority(of))?;
-            self.share.elasticity.push(Packed6::new(material.elasticity()));
+            let packed = Packed6::new(material.elasticity());
+            self.share.elasticity.push(packed);
+            self.share.local.extend(self.rule.given.as_ref().map(|_| packed));
             self.share.density.push(material.density_kg_m3());
             return Ok(());
         }
@@ -227,29 +252,36 @@ impl<'a> CellPart<'a> {
         self.descend(halves[1], halved[1], level + 1)?;
         debug_assert_eq!(index, self.first + self.share.elasticity.len());
 
-        let given = self.rule.given.as_ref().map(|given| given[index]);
-        self.share.local += usize::from(given == Some(None));
-        let parent = match given.flatten() {
-            Some(packed) => packed.matrix(),
-            None => {
-                let elasticity = halves.map(|half| self.elasticity(half));
-                let geometry = lattice_tet(&corners);
-                let pair = ChildPair::new(&geometry, 0, bisected_corner(level), elasticity);
-                self.rule.homogenisation.combine(&pair).elasticity
+        let elasticity = halves.map(|half| self.local_elasticity(half));
+        let geometry = lattice_tet(&corners);
+        let pair = ChildPair::new(&geometry, 0, bisected_corner(level), elasticity);
+        let local = self.rule.homogenisation.combine(&pair).elasticity;
+        self.check(&local, level)?;
+        let local = Packed6::new(&local);
+        match self.rule.given.as_ref().map(|given| given[index]) {
+            None => self.share.elasticity.push(local),
+            Some(given) => {
+                if let Some(given) = given {
+                    self.check(&given.matrix(), level)?;
+                }
+                self.share.left += usize::from(given.is_none());
+                self.share.elasticity.push(given.unwrap_or(local));
+                self.share.local.push(local);
             }
-        };
-        self.check(&parent, level)?;
-        self.share.elasticity.push(Packed6::new(&parent));
+        }
         self.share.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
         Ok(())
     }
 
-    fn elasticity(&self, of: NodeRef) -> Matrix6<f64> {
+    /// What the local rule makes of a half.
+    fn local_elasticity(&self, of: NodeRef) -> Matrix6<f64> {
+        let nodes =
+            if self.rule.given.is_some() { &self.share.local } else { &self.share.elasticity };
         match of.open() {
             Content::Label(label) => {
                 *self.rule.body.materials().by_label()[usize::from(label)].elasticity()
             }
-            Content::Node(i) => self.share.elasticity[i - self.first].matrix(),
+            Content::Node(i) => nodes[i - self.first].matrix(),
         }
     }
 

@@ -24,8 +24,11 @@ pub(crate) enum Inside {
     Homogeneous,
     /// A ball of radius 0.3 around (0.53, 0.47, 0.51), so many times stiffer.
     Sphere(f64),
-    /// An oblique rod of radius 0.12 from the clamped face to the pulled one.
+    /// An oblique rod of radius 0.12 through the middle, from side to side: its flank touches the
+    /// clamp.
     Vessel(f64),
+    /// A steeper rod, from the clamped face to the pulled one.
+    Strut(f64),
     /// ln E of every voxel drawn from a normal distribution of this deviation.
     LogNormal(f64),
     /// Every second layer of 1/8 across z.
@@ -33,7 +36,7 @@ pub(crate) enum Inside {
 }
 
 /// All of them, in the order of the tables.
-pub(crate) const CASES: [Inside; 11] = [
+pub(crate) const CASES: [Inside; 12] = [
     Inside::Homogeneous,
     Inside::Sphere(10.0),
     Inside::Sphere(1e3),
@@ -45,6 +48,7 @@ pub(crate) const CASES: [Inside; 11] = [
     Inside::Layers(10.0),
     Inside::Layers(1e3),
     Inside::Vessel(1e6),
+    Inside::Strut(1e3),
 ];
 
 /// A case with its label tree and one Young's modulus per voxel, x fastest.
@@ -60,6 +64,7 @@ impl Inside {
             Self::Homogeneous => "homogeneous",
             Self::Sphere(_) => "sphere",
             Self::Vessel(_) => "vessel",
+            Self::Strut(_) => "strut",
             Self::LogNormal(sigma) if sigma < 1.5 => "lognormal1",
             Self::LogNormal(_) => "lognormal2",
             Self::Layers(_) => "layers",
@@ -67,10 +72,10 @@ impl Inside {
     }
 
     /// Whether the mean over the cases at so many levels counts it: layers are whole cubes at
-    /// three levels, and a rod of the largest ratio hangs on the clamp.
+    /// three levels, and a strut or a vessel of the largest ratio hangs on the clamp.
     pub fn counts(self, levels: u8) -> bool {
         match self {
-            Self::Homogeneous => false,
+            Self::Homogeneous | Self::Strut(_) => false,
             Self::Vessel(ratio) => ratio < 1e6,
             Self::Layers(_) => levels > 3,
             Self::Sphere(_) | Self::LogNormal(_) => true,
@@ -89,9 +94,9 @@ impl Inside {
                 Self::Sphere(ratio) => {
                     stiffer((x - Vector3::new(0.53, 0.47, 0.51)).norm() < 0.3, ratio)
                 }
-                Self::Vessel(ratio) => {
-                    let (foot, along) = (Vector3::new(0.2, 0.3, 0.0), Vector3::new(0.6, 0.4, 1.0));
-                    stiffer((x - foot).cross(&along.normalize()).norm() < 0.12, ratio)
+                Self::Vessel(ratio) => stiffer(in_rod(&x, [0.5; 3], [1.0, 0.6, 0.8]), ratio),
+                Self::Strut(ratio) => {
+                    stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio)
                 }
                 Self::LogNormal(sigma) => (sigma * normal(&mut random)).exp(),
                 Self::Layers(ratio) => stiffer(voxel[2] / (VOXELS / 8) % 2 == 1, ratio),
@@ -99,6 +104,11 @@ impl Inside {
         }
         moduli
     }
+}
+
+/// Within 0.12 of the line through `foot`.
+fn in_rod(x: &Vector3<f64>, foot: [f64; 3], along: [f64; 3]) -> bool {
+    (x - Vector3::from(foot)).cross(&Vector3::from(along).normalize()).norm() < 0.12
 }
 
 /// A number of the standard normal distribution (Box and Muller).
@@ -110,7 +120,7 @@ fn normal(random: &mut SplitMix64) -> f64 {
 impl Block {
     pub fn new(inside: Inside) -> Result<Self, BenchError> {
         let young_moduli = inside.young_moduli();
-        let two = matches!(inside, Inside::Sphere(_) | Inside::Vessel(_) | Inside::Layers(_));
+        let two = !matches!(inside, Inside::Homogeneous | Inside::LogNormal(_));
         let labels = young_moduli.iter().map(|&e| 1 + u16::from(two && e > 1.0)).collect();
         let values = (0..=1 + i64::from(two)).collect();
         let grid = Grid::centred([VOXELS; 3], 1e3 / VOXELS as f64);
@@ -155,10 +165,15 @@ mod tests {
             let moduli = inside.young_moduli();
             moduli.iter().filter(|&&e| e > 1.0).count() as f64 / moduli.len() as f64
         };
-        // Volume of the ball 0.1131; of the rod π r² times the length between the faces.
+        // Volume of the ball 4π r³/3; of the strut π r² times the length between the faces.
         assert!((share(Inside::Sphere(10.0)) - 0.1131).abs() < 0.005);
-        let rod = std::f64::consts::PI * 0.12f64.powi(2) * 1.52f64.sqrt();
-        assert!((share(Inside::Vessel(10.0)) - rod).abs() < 0.01, "{}", share(Inside::Vessel(10.0)));
+        let strut = std::f64::consts::PI * 0.12f64.powi(2) * 1.52f64.sqrt();
+        assert!((share(Inside::Strut(10.0)) - strut).abs() < 0.01);
+        let touches = |inside: Inside| {
+            let floor = &inside.young_moduli()[..VOXELS.pow(2)];
+            floor.iter().filter(|&&e| e > 1.0).count()
+        };
+        assert!((1..40).contains(&touches(Inside::Vessel(10.0))));
         assert_eq!(share(Inside::Layers(10.0)), 0.5);
         let logs: Vec<f64> =
             Inside::LogNormal(2.0).young_moduli().iter().map(|e| e.ln() / 2.0).collect();

@@ -16,9 +16,11 @@ use crate::packed::Packed6;
 ///
 /// D_t = E_t⁻ᵀ (Σ_{fine in t} V εᵀDε) E_t⁻¹ / V_t, E_t the six strains of t's corners.
 ///
-/// One set of solves serves all levels. New vertices are placed as by `laminate`, with the
-/// matrices D_t of the halves; so is the matrix of a tetrahedron whose E_t has a condition number
-/// above [`Self::MOST_CONDITION`]. D_t may exceed the Voigt mean of the halves.
+/// One set of solves serves all levels. New vertices are placed where `laminate` by itself has
+/// them (the h_k would scatter them wildly), and a tetrahedron whose E_t has a condition number
+/// above [`Self::MOST_CONDITION`] keeps its laminate's matrix. D_t may exceed the Voigt mean of
+/// the halves. Near a place where a stiff fibre is held or loaded the body answers unlike under a
+/// uniform traction, and D_t is much too soft there.
 /// Source: Kharevych, Mullen, Owhadi, Desbrun, ACM Transactions on Graphics 28(3), 2009.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Kharevych;

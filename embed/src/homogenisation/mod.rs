@@ -98,7 +98,7 @@ pub trait Homogenisation: Send + Sync {
 }
 
 /// A rule for D_p that needs the fine mesh of the whole body. X, and D_p where it gives none, come
-/// from [`Homogenisation::combine`].
+/// from [`Homogenisation::combine`] applied level by level on its own.
 pub trait GlobalHomogenisation: Send + Sync {
     /// D_p of every node of the body's tree, by its number; `None` where the local rule is to be
     /// used, and for finest tetrahedra. Called once, when a scene is built; `progress` is told the
