@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint};
 use yawara_mesh::{Content, LabelTree, NodeRef};
 
+use crate::elasticity::Material;
 use crate::element::LinearTet;
 use crate::error::EmbedError;
 use crate::fine::{FineBody, lattice_tet, voxel};
@@ -32,34 +33,33 @@ pub struct Embedding {
 impl Embedding {
     /// Homogenises all levels of `tree`, in parallel over root cubes; deterministic.
     ///
-    /// `materials` holds one material per dense label; entry 0 is what stands for void. A plain
-    /// list of isotropic materials will do.
+    /// `materials` holds one material per dense label; entry 0 is what stands for void.
     /// Cost: one [`Homogenisation::combine`] per heterogeneous tetrahedron; a global homogenisation
     /// first solves the fine body.
     ///
     /// # Errors
     /// [`EmbedError::MissingMaterial`]; [`EmbedError::NotPositiveDefinite`] if the
     /// homogenisation gives a matrix that is not symmetric positive definite; those of a global
-    /// homogenisation and of a function behind [`Materials::with_voxels`].
+    /// homogenisation.
     pub fn new(
         tree: Arc<LabelTree>,
-        materials: impl Into<Materials>,
+        materials: Vec<Material>,
         homogenisation: Box<dyn Homogenisation>,
     ) -> Result<Self, EmbedError> {
-        Self::with_progress(tree, materials, homogenisation, &mut |_| ())
+        Self::with_materials(tree, materials.into(), homogenisation, &mut |_| ())
     }
 
-    /// As [`new`](Self::new); a global homogenisation tells `progress` the fraction done.
+    /// As [`new`](Self::new), for materials of any symmetry and those that differ from voxel to
+    /// voxel; a global homogenisation tells `progress` the fraction done.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_progress(
+    /// As [`new`](Self::new), and those of a function behind [`Materials::with_voxels`].
+    pub fn with_materials(
         tree: Arc<LabelTree>,
-        materials: impl Into<Materials>,
+        materials: Materials,
         homogenisation: Box<dyn Homogenisation>,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Self, EmbedError> {
-        let materials = materials.into();
         check_labels(&tree, &materials)?;
         let body = FineBody::new(&tree, &materials);
         let given = match homogenisation.global() {

@@ -113,8 +113,9 @@ fn case_rows(
     for choice in CHOICES {
         progress.advance(&format!("{} {:.0e}, {choice}", block.inside.name(), block.ratio()), 1.0);
         let begin = Instant::now();
+        let (tree, materials) = (Arc::clone(&block.tree), block.materials(nu)?);
         let embedding =
-            Embedding::new(Arc::clone(&block.tree), block.materials(nu)?, by_name(choice)?)?;
+            Embedding::with_materials(tree, materials, by_name(choice)?, &mut |_| ())?;
         let seconds = begin.elapsed().as_secs_f64();
         // The finest tetrahedra are the same for all.
         if exact.is_none() {

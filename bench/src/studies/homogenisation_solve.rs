@@ -171,9 +171,10 @@ mod tests {
     fn a_uniform_rod_of_no_lateral_strain_is_solved_exactly() {
         // ν = 0 under tension: u_z = z t / E, no corner effect, compliance t² V / E.
         let block = Block::new(Inside::Homogeneous).unwrap();
+        let (tree, materials) = (Arc::clone(&block.tree), block.materials(0.0).unwrap());
         let stage = by_name("laminate").unwrap();
         let embedding =
-            Embedding::new(Arc::clone(&block.tree), block.materials(0.0).unwrap(), stage).unwrap();
+            Embedding::with_materials(tree, materials, stage, &mut |_| ()).unwrap();
         let mesh = CubeMesh::new(&block, 6).unwrap();
         let solution = mesh.solve(&embedding).unwrap();
         for v in mesh.forest.vertices() {
