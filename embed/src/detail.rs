@@ -62,9 +62,9 @@ impl DetailMesh {
     pub fn new(forest: BisectionForest) -> Self {
         let lattice = *forest.domain().lattice();
         let step = |vertex: VertexId| {
-            let ends = lattice.edge_ends(forest.point(vertex)).and_then(|[a, b]| {
-                Some([forest.vertex_at(a)?, forest.vertex_at(b)?])
-            });
+            let ends = lattice
+                .edge_ends(forest.point(vertex))
+                .and_then(|[a, b]| Some([forest.vertex_at(a)?, forest.vertex_at(b)?]));
             Step { vertex, ends, first: 0, count: 0, weight: 0.0 }
         };
         let mut steps: Vec<_> = forest.vertices().map(step).collect();

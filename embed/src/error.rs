@@ -15,7 +15,9 @@ pub enum EmbedError {
         want: &'static str,
     },
     /// An entry of an elasticity matrix that is no number.
-    #[error("entry ({row}, {column}) of an elasticity matrix is {value}, want a finite number (Pa)")]
+    #[error(
+        "entry ({row}, {column}) of an elasticity matrix is {value}, want a finite number (Pa)"
+    )]
     ElasticityEntry {
         /// Row, from 0.
         row: usize,

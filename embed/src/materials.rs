@@ -4,8 +4,7 @@ use crate::elasticity::{FineMaterial, Material};
 use crate::error::EmbedError;
 
 /// The material of a voxel, from its place in the image and its dense label.
-pub type MaterialOfVoxel =
-    dyn Fn([i64; 3], u16) -> Result<FineMaterial, EmbedError> + Send + Sync;
+pub type MaterialOfVoxel = dyn Fn([i64; 3], u16) -> Result<FineMaterial, EmbedError> + Send + Sync;
 
 /// Materials by dense label; entry 0 is what stands for void, a soft ersatz material (a thousandth
 /// of the softest tissue, say).

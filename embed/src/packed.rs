@@ -44,8 +44,9 @@ mod tests {
 
     #[test]
     fn what_is_packed_comes_back() {
-        let matrix =
-            Matrix6::from_fn(|i, j| (10 * i.max(j) + i.min(j)) as f64 * if i == j { 7.0 } else { 1.0 });
+        let matrix = Matrix6::from_fn(|i, j| {
+            (10 * i.max(j) + i.min(j)) as f64 * if i == j { 7.0 } else { 1.0 }
+        });
         assert_eq!(Packed6::new(&matrix).matrix(), matrix);
     }
 }

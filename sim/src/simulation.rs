@@ -73,8 +73,7 @@ impl Simulation {
             Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials);
-                let embedding =
-                    Embedding::new(Arc::clone(&setup.tree), materials, homogenisation)?;
+                let embedding = Embedding::new(Arc::clone(&setup.tree), materials, homogenisation)?;
                 plan::homogenised(&mut plan, &embedding);
                 let surfaces = Surfaces::new(scene, &setup, &embedding)?;
                 let regions = scene.fixed.clone();

@@ -94,16 +94,22 @@ fn bounds(materials: [(f64, f64); 2], share: f64) -> [f64; 2] {
 
 #[test]
 fn fine_solves_respect_the_bounds() {
-    for materials in [[(1.0, 0.3), (100.0, 0.3)], [(100.0, 0.3), (1.0, 0.3)], [(1.0, 0.2), (8.0, 0.4)]] {
+    for materials in
+        [[(1.0, 0.3), (100.0, 0.3)], [(100.0, 0.3), (1.0, 0.3)], [(1.0, 0.2), (8.0, 0.4)]]
+    {
         // Energies of conforming displacements are upper bounds that fall to the truth.
-        let values: Vec<f64> = [1, 2, 4].map(|refined| bulk_modulus(&cell(refined, materials).0)).into();
+        let values: Vec<f64> =
+            [1, 2, 4].map(|refined| bulk_modulus(&cell(refined, materials).0)).into();
         let [low, high] = bounds(materials, cell(1, materials).1);
         println!("{materials:?}: {low:.5} <= {values:.5?} <= {high:.5}");
         assert!(values[0] > values[1] && values[1] > values[2], "{values:?}");
         let falls = [values[0] - values[1], values[1] - values[2]];
         // Aitken: what is left of a geometric series.
         let limit = values[2] - falls[1] * falls[1] / (falls[0] - falls[1]);
-        assert!(falls[1] < 0.7 * falls[0] && falls[1] < 0.02 * values[2], "not converged: {values:?}");
+        assert!(
+            falls[1] < 0.7 * falls[0] && falls[1] < 0.02 * values[2],
+            "not converged: {values:?}"
+        );
         assert!(low < limit && limit < values[2] && limit < high, "{low} {limit} {high}");
         // The bounds are narrow enough to tell: Voigt and Reuss are not within.
         let [[k1, _], [k2, _]] = materials.map(moduli);

@@ -38,7 +38,11 @@ fn varying(voxels: usize) -> Arc<LabelTree> {
     Arc::new(LabelTree::per_voxel(&volume, grid, &|label| label == 1).unwrap())
 }
 
-fn embed(tree: &Arc<LabelTree>, materials: Materials, choice: &str) -> Result<Embedding, EmbedError> {
+fn embed(
+    tree: &Arc<LabelTree>,
+    materials: Materials,
+    choice: &str,
+) -> Result<Embedding, EmbedError> {
     Embedding::with_materials(Arc::clone(tree), materials, by_name(choice)?, &mut |_| ())
 }
 
@@ -120,7 +124,8 @@ fn upright() -> LinearTet {
 
 #[test]
 fn laminate_is_exact_for_layers_along_the_cut() {
-    for layers in [[(1.0, 0.3), (10.0, 0.2)], [(1.0, 0.49), (1e-3, 0.1)], [(5.0, -0.4), (1e4, 0.4)]] {
+    for layers in [[(1.0, 0.3), (10.0, 0.2)], [(1.0, 0.49), (1e-3, 0.1)], [(5.0, -0.4), (1e4, 0.4)]]
+    {
         let pair = ChildPair::new(&upright(), 0, 1, layers.map(|(e, nu)| isotropic(e, nu)));
         let got = by_name("laminate").unwrap().combine(&pair).elasticity;
         let want = backus(layers);

@@ -7,11 +7,14 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 use yawara_embed::{CHOICES, DetailMesh, Embedding, by_name};
+use yawara_mesh::phantom::{LiverPhantom, liver};
+use yawara_mesh::{CellGrid, LabelTree};
 
 use super::homogenisation_cases::{Block, CASES, Inside};
 use super::homogenisation_solve::{CubeMesh, Solution};
 use super::{homogenisation_tables, json};
 use crate::error::BenchError;
+use crate::organ::organ_materials;
 use crate::output::Output;
 use crate::progress::Progress;
 
@@ -89,7 +92,8 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     }
     drop(progress);
     let report = Report { rows };
-    let tables = homogenisation_tables::tables(&report);
+    let mut tables = homogenisation_tables::tables(&report);
+    tables += &homogenisation_tables::costs(&phantom_costs()?);
     output.write("homogenisation.csv", &homogenisation_tables::csv(&report))?;
     output.write("homogenisation.md", &tables)?;
     if let Some(svg) = homogenisation_tables::plot(&report) {
@@ -98,6 +102,39 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let text = json(&report, &arguments.out, "homogenisation.json")?;
     output.write("homogenisation.json", &text)?;
     Ok(tables)
+}
+
+/// What it costs to homogenise an organ of 128 voxels' length.
+#[derive(Clone, Debug)]
+pub(super) struct PhantomCost {
+    pub choice: &'static str,
+    /// Heterogeneous tetrahedra.
+    pub nodes: usize,
+    pub seconds: f64,
+    pub bytes: usize,
+}
+
+/// The local choices on the liver phantom, all levels: the better of two runs.
+fn phantom_costs() -> Result<Vec<PhantomCost>, BenchError> {
+    let volume = liver(LiverPhantom { length_mm: 196.0, voxel_mm: 196.0 / 128.0, seed: 1 })?;
+    let tree = Arc::new(LabelTree::new(&volume, CellGrid::around(&volume, 8)?)?);
+    let mut costs = Vec::new();
+    for choice in CHOICES {
+        if by_name(choice)?.global().is_some() {
+            continue;
+        }
+        let mut cost =
+            PhantomCost { choice, nodes: tree.node_count(), seconds: f64::INFINITY, bytes: 0 };
+        for _ in 0..2 {
+            let materials = organ_materials()?;
+            let begin = Instant::now();
+            let embedding = Embedding::new(Arc::clone(&tree), materials, by_name(choice)?)?;
+            cost.seconds = cost.seconds.min(begin.elapsed().as_secs_f64());
+            cost.bytes = embedding.bytes();
+        }
+        costs.push(cost);
+    }
+    Ok(costs)
 }
 
 /// All choices on one body.
@@ -114,8 +151,7 @@ fn case_rows(
         progress.advance(&format!("{} {:.0e}, {choice}", block.inside.name(), block.ratio()), 1.0);
         let begin = Instant::now();
         let (tree, materials) = (Arc::clone(&block.tree), block.materials(nu)?);
-        let embedding =
-            Embedding::with_materials(tree, materials, by_name(choice)?, &mut |_| ())?;
+        let embedding = Embedding::with_materials(tree, materials, by_name(choice)?, &mut |_| ())?;
         let seconds = begin.elapsed().as_secs_f64();
         // The finest tetrahedra are the same for all.
         if exact.is_none() {
@@ -129,8 +165,7 @@ fn case_rows(
         for &levels in levels {
             let coarse = CubeMesh::new(block, levels)?;
             let solution = coarse.solve(&embedding)?;
-            let [error_coarse, error_fine] =
-                errors(&fine, &details, &coarse, &solution, exact)?;
+            let [error_coarse, error_fine] = errors(&fine, &details, &coarse, &solution, exact)?;
             let of_compliance =
                 |i: usize| (solution.compliances[i] / exact.compliances[i] - 1.0).abs();
             let row = Row {
@@ -191,5 +226,55 @@ impl Row {
             }
         }
         Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The bounds that the choices are held to, and what is written.
+    #[test]
+    fn the_quick_study_holds_what_is_claimed() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path().join("study");
+        let text = run(&Arguments { out: out.clone(), quick: true, force: false }).unwrap();
+        assert_eq!(std::fs::read_to_string(out.join("homogenisation.md")).unwrap(), text);
+        let json = std::fs::read_to_string(out.join("homogenisation.json")).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let rows = value["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), 8 * CHOICES.len());
+        let keys = [
+            "case",
+            "ratio",
+            "nu",
+            "levels",
+            "choice",
+            "error_coarse",
+            "error_fine",
+            "compliance_error",
+            "min_eigenvalue",
+            "seconds",
+            "bytes",
+        ];
+        for row in rows {
+            assert!(row.as_object().unwrap().keys().eq(keys));
+            assert!(row["min_eigenvalue"].as_f64().unwrap() > 0.0, "{row}");
+        }
+        let mean = |choice: &str, key: &str| {
+            let of =
+                |row: &&serde_json::Value| row["choice"] == choice && row["case"] != "homogeneous";
+            rows.iter().filter(of).map(|row| row[key].as_f64().unwrap()).sum::<f64>() / 7.0
+        };
+        let [laminate, linear, kharevych, paper] =
+            ["laminate", "linear", "kharevych", "paper"].map(|c| mean(c, "error_coarse"));
+        assert!(laminate < 0.17 && kharevych < 0.09, "{laminate} {kharevych}");
+        assert!(kharevych < laminate && laminate < linear && linear < paper && paper > 1.0);
+        assert!(mean("kharevych", "error_fine") < kharevych);
+        assert!(mean("laminate", "error_fine") < 1.001 * laminate);
+        let csv = std::fs::read_to_string(out.join("homogenisation.csv")).unwrap();
+        assert_eq!(csv.lines().count(), 1 + rows.len());
+        let svg = std::fs::read_to_string(out.join("homogenisation.svg")).unwrap();
+        assert!(svg.contains("kharevych, 3 levels"));
     }
 }

@@ -95,9 +95,7 @@ impl Inside {
                     stiffer((x - Vector3::new(0.53, 0.47, 0.51)).norm() < 0.3, ratio)
                 }
                 Self::Vessel(ratio) => stiffer(in_rod(&x, [0.5; 3], [1.0, 0.6, 0.8]), ratio),
-                Self::Strut(ratio) => {
-                    stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio)
-                }
+                Self::Strut(ratio) => stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio),
                 Self::LogNormal(sigma) => (sigma * normal(&mut random)).exp(),
                 Self::Layers(ratio) => stiffer(voxel[2] / (VOXELS / 8) % 2 == 1, ratio),
             });

@@ -60,9 +60,8 @@ impl CubeMesh {
         let factor =
             factor.ok_or(BenchError::NotFactored { method: "sparse_refactor_nd", rows })?;
         let areas = self.loaded_areas();
-        let load = |row: usize, which: usize| {
-            areas[free[row / 3].index()] * TRACTIONS[which][row % 3]
-        };
+        let load =
+            |row: usize, which: usize| areas[free[row / 3].index()] * TRACTIONS[which][row % 3];
         let loads = Mat::from_fn(rows, 2, load);
         let mut u = loads.clone();
         factor.solve_in_place(&mut u);
@@ -91,8 +90,7 @@ impl CubeMesh {
             let element = geometry.stiffness(&embedding.elasticity(tet.node));
             let kept: Vec<usize> =
                 (0..4).filter(|&i| slot[tet.vertices[i].index()].is_some()).collect();
-            let slots: Vec<usize> =
-                tet.vertices.iter().filter_map(|v| slot[v.index()]).collect();
+            let slots: Vec<usize> = tet.vertices.iter().filter_map(|v| slot[v.index()]).collect();
             let entry = |i: usize, j: usize| {
                 let row = |i: usize| 3 * kept[i / 3] + i % 3;
                 0.5 * (element[(row(i), row(j))] + element[(row(j), row(i))])
@@ -173,8 +171,7 @@ mod tests {
         let block = Block::new(Inside::Homogeneous).unwrap();
         let (tree, materials) = (Arc::clone(&block.tree), block.materials(0.0).unwrap());
         let stage = by_name("laminate").unwrap();
-        let embedding =
-            Embedding::with_materials(tree, materials, stage, &mut |_| ()).unwrap();
+        let embedding = Embedding::with_materials(tree, materials, stage, &mut |_| ()).unwrap();
         let mesh = CubeMesh::new(&block, 6).unwrap();
         let solution = mesh.solve(&embedding).unwrap();
         for v in mesh.forest.vertices() {

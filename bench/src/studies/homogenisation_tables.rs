@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use yawara_embed::CHOICES;
 
-use super::homogenisation::{Report, Row};
+use super::homogenisation::{PhantomCost, Report, Row};
 use super::markdown::{Line, milliseconds, table};
 use crate::plot::{self, log_log};
 
@@ -96,6 +96,22 @@ fn cases(report: &Report, columns: &[(f64, u8)], heads: &[String]) -> String {
     text
 }
 
+/// What the organ took.
+pub(super) fn costs(costs: &[PhantomCost]) -> String {
+    let heads = ["tetrahedra", "s", "ns per tetrahedron", "MB"].map(str::to_owned);
+    let line = |cost: &PhantomCost| {
+        let each = 1e9 * cost.seconds / cost.nodes as f64;
+        let cells = [
+            cost.nodes.to_string(),
+            format!("{:.3}", cost.seconds),
+            format!("{each:.0}"),
+            format!("{:.1}", cost.bytes as f64 * 1e-6),
+        ];
+        (cost.choice.to_owned(), cells.to_vec())
+    };
+    table("liver phantom of 128 voxels", &heads, &costs.iter().map(line).collect::<Vec<_>>())
+}
+
 fn percent(value: f64) -> String {
     match 100.0 * value {
         x if x.is_nan() => String::new(),
@@ -109,9 +125,8 @@ fn percent(value: f64) -> String {
 /// Error over the ratio of moduli, spheres at ν = 0.3.
 pub(super) fn plot(report: &Report) -> Option<String> {
     let mut lines = Vec::new();
-    let levels: Vec<u8> = [3, 6].into_iter().collect();
     for choice in CHOICES {
-        for &levels in &levels {
+        for levels in [3, 6] {
             let of = |r: &&Row| {
                 r.case == "sphere" && r.nu == 0.3 && r.choice == *choice && r.levels == levels
             };

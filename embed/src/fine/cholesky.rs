@@ -24,8 +24,7 @@ impl FineStiffness {
         loads: &[SixFields],
     ) -> Result<Vec<SixFields>, EmbedError> {
         let [softest, stiffest] = self.moduli;
-        let refused =
-            || EmbedError::FineFactor { rows: 3 * self.vertices(), softest, stiffest };
+        let refused = || EmbedError::FineFactor { rows: 3 * self.vertices(), softest, stiffest };
         let lower = self.lower_half();
         let (symbolic, values) = factor(&lower, order).ok_or_else(refused)?;
         let solve = |loads: &[SixFields]| {

@@ -17,9 +17,8 @@ pub(crate) struct FineGrid {
 impl FineGrid {
     pub fn new(tree: &LabelTree, cells: &[usize]) -> Self {
         let ([nx, ny, _], units) = (tree.grid().cells, tree.grid().voxels_per_cell as i32);
-        let corner = |cell: usize| {
-            [cell % nx, cell / nx % ny, cell / (nx * ny)].map(|c| c as i32 * units)
-        };
+        let corner =
+            |cell: usize| [cell % nx, cell / nx % ny, cell / (nx * ny)].map(|c| c as i32 * units);
         let (mut low, mut high) = ([i32::MAX; 3], [0; 3]);
         for p in cells.iter().map(|&cell| corner(cell)) {
             for axis in 0..3 {

@@ -4,6 +4,7 @@
 mod cholesky;
 mod conjugate_gradients;
 mod grid;
+mod multilevel;
 mod stiffness;
 
 use nalgebra::{Matrix6, SMatrix, Vector3};
@@ -67,7 +68,11 @@ impl<'a> FineBody<'a> {
     ///
     /// # Errors
     /// Those of the function behind [`Materials::with_voxels`].
-    pub fn elasticity(&self, of: NodeRef, corners: &[Point; 4]) -> Result<Matrix6<f64>, EmbedError> {
+    pub fn elasticity(
+        &self,
+        of: NodeRef,
+        corners: &[Point; 4],
+    ) -> Result<Matrix6<f64>, EmbedError> {
         match of.open() {
             Content::Label(label) => {
                 Ok(*self.materials.by_label()[usize::from(label)].elasticity())
@@ -131,7 +136,14 @@ impl<'a> FineBody<'a> {
         let grid = FineGrid::new(self.tree, cells);
         let stiffness = FineStiffness::new(self, cells, &grid)?;
         let loads = self.traction_loads(cells, &grid)?;
-        let values = stiffness.solve(&grid, &loads, progress)?;
+        let values = if grid.len() > DIRECT_VERTICES {
+            let multilevel = multilevel::Multilevel::new(self, cells, &grid)?;
+            stiffness.conjugate_gradients(&multilevel, &loads, progress)?
+        } else {
+            let solution = stiffness.cholesky(&grid.elimination_order(), &loads)?;
+            progress(1.0);
+            solution
+        };
         Ok(FineFields { grid, values })
     }
 

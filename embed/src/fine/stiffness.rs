@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-use super::{DIRECT_VERTICES, FineBody, FineGrid, SixFields, lattice_tet};
+use super::{FineBody, FineGrid, SixFields, lattice_tet};
 use crate::element::strain_operator;
 use crate::error::EmbedError;
 use yawara_mesh::kuhn::Point;
@@ -70,11 +70,7 @@ impl FineStiffness {
             starts.push(columns.len());
             let p = grid.point(v);
             for around in (0..27i32).filter(|around| mask & (1 << around) != 0) {
-                let q = [
-                    p[0] + around % 3 - 1,
-                    p[1] + around / 3 % 3 - 1,
-                    p[2] + around / 9 - 1,
-                ];
+                let q = [p[0] + around % 3 - 1, p[1] + around / 3 % 3 - 1, p[2] + around / 9 - 1];
                 columns.push(grid.vertex(q) as u32);
             }
         }
@@ -119,20 +115,5 @@ impl FineStiffness {
             }
             *y = sum;
         });
-    }
-
-    /// x with K x = f.
-    pub fn solve(
-        &self,
-        grid: &FineGrid,
-        loads: &[SixFields],
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<Vec<SixFields>, EmbedError> {
-        if self.vertices() > DIRECT_VERTICES {
-            return self.conjugate_gradients(loads, progress);
-        }
-        let solution = self.cholesky(&grid.elimination_order(), loads)?;
-        progress(1.0);
-        Ok(solution)
     }
 }

@@ -141,3 +141,64 @@ impl<'a> CellResponse<'a> {
         elasticity.cholesky().map(|_| elasticity)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Material, Materials};
+    use yawara_mesh::volume::{Grid, LabelVolume};
+    use yawara_mesh::{CellGrid, LabelTree};
+
+    /// Two bodies of one cube of 4³ voxels each, joined in an edge only.
+    fn tree() -> LabelTree {
+        let labels = (0..256).map(|i: usize| {
+            let (x, y) = (i % 8, i / 8 % 8);
+            if (x < 4) == (y < 4) { 1 + (i * i % 7 < 3) as u16 } else { 0 }
+        });
+        let grid = Grid::centred([8, 8, 4], 1.0);
+        let volume = LabelVolume::new(grid, labels.collect(), vec![0, 1, 2]).unwrap();
+        let grid = CellGrid { cells: [2, 2, 1], voxels_per_cell: 4, first_voxel: [0; 3] };
+        LabelTree::new(&volume, grid).unwrap()
+    }
+
+    /// Under its own strains every tetrahedron stores the energy of the fine tetrahedra inside,
+    /// and all of them that of the loads.
+    #[test]
+    fn energies_are_those_of_the_fine_body() {
+        let tree = tree();
+        let moduli = [(1e-3, 0.0), (1.0, 0.3), (50.0, 0.2)];
+        let materials: Materials =
+            moduli.map(|(e, nu)| Material::new(e, nu, 0.0).unwrap()).to_vec().into();
+        let body = FineBody::new(&tree, &materials);
+        let mut told = Vec::new();
+        let found = Kharevych.homogenise(&body, &mut |part| told.push(part)).unwrap();
+        assert!(told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
+        assert_eq!(found.len(), tree.node_count());
+        let components = body.components();
+        assert_eq!(components, vec![vec![0], vec![3]]);
+        for cells in &components {
+            let fields = body.unit_tractions(cells, &mut |_| ()).unwrap();
+            let mut coarse = Matrix6::zeros();
+            for order in 0..ROOTS_PER_CELL {
+                let Content::Node(index) = tree.root(cells[0], order).open() else { panic!() };
+                let corners = body.root_corners(cells[0], order);
+                let geometry = lattice_tet(&corners);
+                let strains = fields.strains(&corners, &geometry);
+                let d = found[index].unwrap().matrix();
+                coarse += geometry.volume * strains.transpose() * d * strains;
+            }
+            let mut fine = Matrix6::zeros();
+            let mut mean = Matrix6::zeros();
+            body.visit(cells[0], &mut |corners, d| {
+                let geometry = lattice_tet(corners);
+                let strains = fields.strains(corners, &geometry);
+                fine += geometry.volume * strains.transpose() * d * strains;
+                mean += geometry.volume * d * strains;
+            })
+            .unwrap();
+            assert!((coarse - fine).amax() < 1e-9 * fine.amax(), "{coarse}{fine}");
+            // The mean stress is the traction's (64 voxels), whatever is inside.
+            assert!((mean / 64.0 - Matrix6::identity()).amax() < 1e-9, "{mean}");
+        }
+    }
+}
