@@ -61,7 +61,7 @@ impl GlobalHomogenisation for Kharevych {
                 let fields = body.unit_tractions(cells, &mut |part| progress(share(part)))?;
                 let found: Vec<Vec<(usize, Packed6)>> = cells
                     .par_iter()
-                    .map(|&cell| CellResponse::new(body, &fields, cell))
+                    .map(|&cell| CellResponse::of_cell(body, &fields, cell))
                     .collect::<Result<_, _>>()?;
                 for (node, elasticity) in found.into_iter().flatten() {
                     result[node] = Some(elasticity);
@@ -81,7 +81,7 @@ struct CellResponse<'a> {
 }
 
 impl<'a> CellResponse<'a> {
-    fn new(
+    fn of_cell(
         body: &'a FineBody,
         fields: &'a FineFields,
         cell: usize,
