@@ -99,7 +99,7 @@ impl Organ {
         Ok(Self {
             forest: BisectionForest::new(domain, Arc::clone(&tree), 0, MAX_LEVEL)?,
             held: held_box(&volume),
-            materials: materials()?,
+            materials: organ_materials()?,
             volume,
             tree,
             placement,
@@ -192,7 +192,8 @@ fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
     })
 }
 
-fn materials() -> Result<Vec<Material>, BenchError> {
+/// The phantom's materials by dense label.
+pub(crate) fn organ_materials() -> Result<Vec<Material>, BenchError> {
     let mut materials = vec![Material::new(VOID.0, VOID.1, VOID.2)?];
     for (_, young_modulus_pa, poisson_ratio, density_kg_m3) in TISSUES {
         materials.push(Material::new(young_modulus_pa, poisson_ratio, density_kg_m3)?);

@@ -1,4 +1,4 @@
-//! Isotropic linear elasticity.
+//! Linear elasticity: isotropic materials and general ones.
 
 use nalgebra::Matrix6;
 
@@ -53,6 +53,58 @@ impl Material {
     /// The elasticity matrix D, Pa.
     pub fn elasticity(&self) -> Matrix6<f64> {
         isotropic(self.young_modulus_pa, self.poisson_ratio)
+    }
+}
+
+/// A homogeneous material of any symmetry (fibres, say), checked once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FineMaterial {
+    elasticity: Matrix6<f64>,
+    density_kg_m3: f64,
+}
+
+/// Relative difference of mirrored entries up to which an elasticity matrix counts as symmetric.
+const SYMMETRY: f64 = 1e-12;
+
+impl FineMaterial {
+    /// A material with elasticity matrix D (6×6, Pa, Voigt order xx yy zz xy yz zx, engineering
+    /// shear) and density (kg/m³).
+    ///
+    /// # Errors
+    /// [`EmbedError::Elasticity`] if D is not finite, not symmetric to 10⁻¹² of its largest entry
+    /// or not positive definite; [`EmbedError::Material`] for the density.
+    pub fn new(elasticity: Matrix6<f64>, density_kg_m3: f64) -> Result<Self, EmbedError> {
+        if !(density_kg_m3 >= 0.0 && density_kg_m3.is_finite()) {
+            let (what, want) = ("density_kg_m3", "a finite number >= 0");
+            return Err(EmbedError::Material { what, value: density_kg_m3, want });
+        }
+        if let Some(at) = elasticity.iter().position(|d| !d.is_finite()) {
+            let (row, column) = (at % 6, at / 6);
+            return Err(EmbedError::ElasticityEntry { row, column, value: elasticity[at] });
+        }
+        let asymmetry = (elasticity - elasticity.transpose()).amax() / elasticity.amax();
+        let symmetric = 0.5 * (elasticity + elasticity.transpose());
+        if !(asymmetry <= SYMMETRY && symmetric.cholesky().is_some()) {
+            let eigenvalue = symmetric.symmetric_eigenvalues().min();
+            return Err(EmbedError::Elasticity { asymmetry, limit: SYMMETRY, eigenvalue });
+        }
+        Ok(Self { elasticity: symmetric, density_kg_m3 })
+    }
+
+    /// The elasticity matrix D, Pa.
+    pub fn elasticity(&self) -> &Matrix6<f64> {
+        &self.elasticity
+    }
+
+    /// Mass density, kg/m³.
+    pub fn density_kg_m3(&self) -> f64 {
+        self.density_kg_m3
+    }
+}
+
+impl From<Material> for FineMaterial {
+    fn from(material: Material) -> Self {
+        Self { elasticity: material.elasticity(), density_kg_m3: material.density_kg_m3 }
     }
 }
 

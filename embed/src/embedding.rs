@@ -2,74 +2,99 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use rayon::prelude::*;
-use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint, root_corners};
+use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint};
 use yawara_mesh::{Content, LabelTree, NodeRef};
 
 use crate::elasticity::Material;
 use crate::element::LinearTet;
 use crate::error::EmbedError;
-use crate::homogenisation::{ChildPair, Homogenisation, ParentMaterial};
-
-/// Entries of a symmetric 6×6 matrix.
-const PACKED: usize = 21;
+use crate::fine::{FineBody, lattice_tet, voxel};
+use crate::homogenisation::{ChildPair, Excess, Homogenisation, ParentMaterial};
+use crate::materials::Materials;
+use crate::packed::Packed6;
 
 /// Elasticity and density of every tetrahedron of a [`LabelTree`].
 ///
-/// Memory: 21 numbers and a density per heterogeneous tetrahedron; a homogeneous subtree is one
-/// label whose material is looked up.
+/// Memory: 21 numbers and a density per heterogeneous tetrahedron, as many again beside a global
+/// homogenisation; a homogeneous subtree is one label whose material is looked up.
 pub struct Embedding {
     tree: Arc<LabelTree>,
     homogenisation: Box<dyn Homogenisation>,
-    materials: Vec<Material>,
-    elasticity_of_label: Vec<Matrix6<f64>>,
-    elasticity_of_node: Vec<[f64; PACKED]>,
+    materials: Materials,
+    elasticity_of_node: Vec<Packed6>,
     density_of_node: Vec<f64>,
+    /// What the local rule makes of each node, beside a global one.
+    local_of_node: Vec<Packed6>,
+    left_to_local_rule: usize,
 }
 
 impl Embedding {
     /// Homogenises all levels of `tree`, in parallel over root cubes; deterministic.
     ///
     /// `materials` holds one material per dense label; entry 0 is what stands for void.
-    /// Cost: one [`Homogenisation::combine`] per heterogeneous tetrahedron.
+    /// Cost: one [`Homogenisation::combine`] per heterogeneous tetrahedron; a global homogenisation
+    /// first solves the fine body.
     ///
     /// # Errors
     /// [`EmbedError::MissingMaterial`]; [`EmbedError::NotPositiveDefinite`] if the
-    /// homogenisation gives a matrix that is not symmetric positive definite.
+    /// homogenisation gives a matrix that is not symmetric positive definite; those of a global
+    /// homogenisation.
     pub fn new(
         tree: Arc<LabelTree>,
         materials: Vec<Material>,
         homogenisation: Box<dyn Homogenisation>,
     ) -> Result<Self, EmbedError> {
-        let cell_count: usize = tree.grid().cells.iter().product();
-        for cell in 0..cell_count {
-            for order in 0..ROOTS_PER_CELL {
-                for &label in tree.labels(tree.root(cell, order)).as_slice() {
-                    if usize::from(label) >= materials.len() {
-                        let given = materials.len();
-                        return Err(EmbedError::MissingMaterial { label, given });
-                    }
-                }
-            }
-        }
-        let mut embedding = Self {
-            elasticity_of_label: materials.iter().map(Material::elasticity).collect(),
-            materials,
-            homogenisation,
-            elasticity_of_node: Vec::with_capacity(tree.node_count()),
-            density_of_node: Vec::with_capacity(tree.node_count()),
-            tree,
+        Self::with_materials(tree, materials.into(), homogenisation, &mut |_| ())
+    }
+
+    /// As [`new`](Self::new), for materials of any symmetry and those that differ from voxel to
+    /// voxel; a global homogenisation tells `progress` the fraction done.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and those of a function behind [`Materials::with_voxels`].
+    pub fn with_materials(
+        tree: Arc<LabelTree>,
+        materials: Materials,
+        homogenisation: Box<dyn Homogenisation>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, EmbedError> {
+        check_labels(&tree, &materials)?;
+        let body = FineBody::new(&tree, &materials);
+        let given = match homogenisation.global() {
+            Some(global) => Some(global.homogenise(&body, progress)?),
+            None => None,
         };
-        let parts: Vec<(Vec<_>, Vec<_>)> = (0..cell_count)
-            .into_par_iter()
-            .map(|cell| CellPart::build(&embedding, cell).map(|p| (p.elasticity, p.density)))
-            .collect::<Result<_, _>>()?;
-        for (elasticity, density) in parts {
-            embedding.elasticity_of_node.extend(elasticity);
-            embedding.density_of_node.extend(density);
+        if let Some(found) = given.as_ref().map(Vec::len).filter(|&n| n != tree.node_count()) {
+            let (name, want) = (homogenisation.name().to_owned(), tree.node_count());
+            return Err(EmbedError::NodeCount { name, found, want });
         }
-        Ok(embedding)
+        let rule = Rule { body, homogenisation: homogenisation.as_ref(), given };
+        let cell_count: usize = tree.grid().cells.iter().product();
+        let parts: Vec<Share> = (0..cell_count)
+            .into_par_iter()
+            .map(|cell| CellPart::build(&rule, cell))
+            .collect::<Result<_, _>>()?;
+        let mut elasticity_of_node = Vec::with_capacity(tree.node_count());
+        let mut density_of_node = Vec::with_capacity(tree.node_count());
+        let mut local_of_node = Vec::new();
+        let mut left_to_local_rule = 0;
+        for part in parts {
+            elasticity_of_node.extend(part.elasticity);
+            density_of_node.extend(part.density);
+            local_of_node.extend(part.local);
+            left_to_local_rule += part.left;
+        }
+        Ok(Self {
+            tree,
+            homogenisation,
+            materials,
+            elasticity_of_node,
+            density_of_node,
+            local_of_node,
+            left_to_local_rule,
+        })
     }
 
     /// The labels behind it.
@@ -85,22 +110,28 @@ impl Embedding {
     /// Elasticity D of a tetrahedron's content, Pa.
     pub fn elasticity(&self, of: NodeRef) -> Matrix6<f64> {
         match of.open() {
-            Content::Label(label) => self.elasticity_of_label[usize::from(label)],
-            Content::Node(i) => unpack(&self.elasticity_of_node[i]),
+            Content::Label(label) => *self.materials.by_label()[usize::from(label)].elasticity(),
+            Content::Node(i) => self.elasticity_of_node[i].matrix(),
         }
     }
 
     /// Mean density of a tetrahedron's content, kg/m³.
     pub fn density(&self, of: NodeRef) -> f64 {
         match of.open() {
-            Content::Label(label) => self.materials[usize::from(label)].density_kg_m3(),
+            Content::Label(label) => self.materials.by_label()[usize::from(label)].density_kg_m3(),
             Content::Node(i) => self.density_of_node[i],
         }
     }
 
-    /// The materials, by dense label.
-    pub fn materials(&self) -> &[Material] {
+    /// What the finest tetrahedra are made of.
+    pub fn materials(&self) -> &Materials {
         &self.materials
+    }
+
+    /// Heterogeneous tetrahedra that a global homogenisation left to its local rule; 0 for a local
+    /// homogenisation.
+    pub fn left_to_local_rule(&self) -> usize {
+        self.left_to_local_rule
     }
 
     /// The halves of a tetrahedron with this rest geometry, and what the homogenisation makes of
@@ -115,6 +146,22 @@ impl Embedding {
         let pair = ChildPair::new(geometry, 0, bisected_corner(level), elasticity);
         let combined = match parent.open() {
             Content::Label(_) => ParentMaterial::uniform(elasticity[0]),
+            // A finest tetrahedron with a material of its own.
+            Content::Node(_) if self.tree.children(parent)[0] == parent => {
+                ParentMaterial::uniform(elasticity[0])
+            }
+            Content::Node(i) if self.homogenisation.global().is_some() => {
+                let elasticity = self.tree.children(parent).map(|half| match half.open() {
+                    Content::Label(_) => self.elasticity(half),
+                    Content::Node(i) => self.local_of_node[i].matrix(),
+                });
+                let local = ChildPair { elasticity, ..pair };
+                ParentMaterial {
+                    elasticity: self.elasticity_of_node[i].matrix(),
+                    excess: Excess::Unfactored,
+                    ..self.homogenisation.combine(&local)
+                }
+            }
             Content::Node(_) => self.homogenisation.combine(&pair),
         };
         (pair, combined)
@@ -122,37 +169,66 @@ impl Embedding {
 
     /// Bytes held, without the label tree.
     pub fn bytes(&self) -> usize {
-        self.elasticity_of_node.len() * (PACKED + 1) * size_of::<f64>()
+        (self.elasticity_of_node.len() + self.local_of_node.len()) * size_of::<Packed6>()
+            + self.density_of_node.len() * size_of::<f64>()
     }
+}
+
+fn check_labels(tree: &LabelTree, materials: &Materials) -> Result<(), EmbedError> {
+    let given = materials.by_label().len();
+    let cell_count: usize = tree.grid().cells.iter().product();
+    for cell in 0..cell_count {
+        for order in 0..ROOTS_PER_CELL {
+            for &label in tree.labels(tree.root(cell, order)).as_slice() {
+                if usize::from(label) >= given {
+                    return Err(EmbedError::MissingMaterial { label, given });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What every root cube is homogenised by.
+struct Rule<'a> {
+    body: FineBody<'a>,
+    homogenisation: &'a dyn Homogenisation,
+    /// By node, from a global homogenisation.
+    given: Option<Vec<Option<Packed6>>>,
+}
+
+/// What one root cube adds.
+struct Share {
+    elasticity: Vec<Packed6>,
+    density: Vec<f64>,
+    /// By the local rule alone; empty unless there is a global one.
+    local: Vec<Packed6>,
+    left: usize,
 }
 
 /// One root cube's share, in the tree's order: children before parents.
 struct CellPart<'a> {
-    embedding: &'a Embedding,
+    rule: &'a Rule<'a>,
     cell: usize,
     first: usize,
-    elasticity: Vec<[f64; PACKED]>,
-    density: Vec<f64>,
+    share: Share,
 }
 
 impl<'a> CellPart<'a> {
-    fn build(embedding: &'a Embedding, cell: usize) -> Result<Self, EmbedError> {
-        let tree = &embedding.tree;
+    fn build(rule: &'a Rule<'a>, cell: usize) -> Result<Share, EmbedError> {
+        let tree = rule.body.tree();
         let nodes = tree.cell_nodes(cell);
-        let mut part = Self {
-            embedding,
-            cell,
-            first: nodes.start,
+        let share = Share {
             elasticity: Vec::with_capacity(nodes.len()),
             density: Vec::with_capacity(nodes.len()),
+            local: Vec::new(),
+            left: 0,
         };
-        let [nx, ny, _] = tree.grid().cells;
-        let coordinates = [cell % nx, cell / nx % ny, cell / (nx * ny)];
-        let units = tree.grid().voxels_per_cell as i32;
+        let mut part = Self { rule, cell, first: nodes.start, share };
         for order in 0..ROOTS_PER_CELL {
-            part.descend(tree.root(cell, order), root_corners(coordinates, order, units), 0)?;
+            part.descend(tree.root(cell, order), rule.body.root_corners(cell, order), 0)?;
         }
-        Ok(part)
+        Ok(part.share)
     }
 
     /// Homogenises below and at `of`; visits nodes in the order in which the tree numbers them.
@@ -160,35 +236,61 @@ impl<'a> CellPart<'a> {
         let Content::Node(index) = of.open() else {
             return Ok(());
         };
-        let tree = &self.embedding.tree;
+        let tree = self.rule.body.tree();
         let halves = tree.children(of);
+        if halves[0] == of {
+            let materials = self.rule.body.materials();
+            let material = materials.of_voxel(voxel(tree, &corners), tree.majority(of))?;
+            let packed = Packed6::new(material.elasticity());
+            self.share.elasticity.push(packed);
+            self.share.local.extend(self.rule.given.as_ref().map(|_| packed));
+            self.share.density.push(material.density_kg_m3());
+            return Ok(());
+        }
         let halved = bisect(&corners, level, midpoint(&corners, level));
         self.descend(halves[0], halved[0], level + 1)?;
         self.descend(halves[1], halved[1], level + 1)?;
-        debug_assert_eq!(index, self.first + self.elasticity.len());
+        debug_assert_eq!(index, self.first + self.share.elasticity.len());
 
-        let geometry =
-            LinearTet::new(&corners.map(|p| Vector3::new(p[0].into(), p[1].into(), p[2].into())));
-        let elasticity = halves.map(|half| self.elasticity(half));
+        let elasticity = halves.map(|half| self.local_elasticity(half));
+        let geometry = lattice_tet(&corners);
         let pair = ChildPair::new(&geometry, 0, bisected_corner(level), elasticity);
-        let parent = self.embedding.homogenisation.combine(&pair).elasticity;
-        self.check(&parent, level)?;
-        self.elasticity.push(pack(&parent));
-        self.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
+        let local = self.rule.homogenisation.combine(&pair).elasticity;
+        self.check(&local, level)?;
+        let local = Packed6::new(&local);
+        match self.rule.given.as_ref().map(|given| given[index]) {
+            None => self.share.elasticity.push(local),
+            Some(given) => {
+                if let Some(given) = given {
+                    self.check(&given.matrix(), level)?;
+                }
+                self.share.left += usize::from(given.is_none());
+                self.share.elasticity.push(given.unwrap_or(local));
+                self.share.local.push(local);
+            }
+        }
+        self.share.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
         Ok(())
     }
 
-    fn elasticity(&self, of: NodeRef) -> Matrix6<f64> {
+    /// What the local rule makes of a half.
+    fn local_elasticity(&self, of: NodeRef) -> Matrix6<f64> {
+        let nodes =
+            if self.rule.given.is_some() { &self.share.local } else { &self.share.elasticity };
         match of.open() {
-            Content::Label(label) => self.embedding.elasticity_of_label[usize::from(label)],
-            Content::Node(i) => unpack(&self.elasticity[i - self.first]),
+            Content::Label(label) => {
+                *self.rule.body.materials().by_label()[usize::from(label)].elasticity()
+            }
+            Content::Node(i) => nodes[i - self.first].matrix(),
         }
     }
 
     fn density(&self, of: NodeRef) -> f64 {
         match of.open() {
-            Content::Label(label) => self.embedding.materials[usize::from(label)].density_kg_m3(),
-            Content::Node(i) => self.density[i - self.first],
+            Content::Label(label) => {
+                self.rule.body.materials().by_label()[usize::from(label)].density_kg_m3()
+            }
+            Content::Node(i) => self.share.density[i - self.first],
         }
     }
 
@@ -199,20 +301,7 @@ impl<'a> CellPart<'a> {
             return Ok(());
         }
         let eigenvalue = elasticity.symmetric_eigenvalues().min();
-        let name = self.embedding.homogenisation.name().to_owned();
+        let name = self.rule.homogenisation.name().to_owned();
         Err(EmbedError::NotPositiveDefinite { name, eigenvalue, level, cell: self.cell })
     }
-}
-
-fn pack(matrix: &Matrix6<f64>) -> [f64; PACKED] {
-    let mut packed = [0.0; PACKED];
-    let lower = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)));
-    for (slot, (i, j)) in packed.iter_mut().zip(lower) {
-        *slot = matrix[(i, j)];
-    }
-    packed
-}
-
-fn unpack(packed: &[f64; PACKED]) -> Matrix6<f64> {
-    Matrix6::from_fn(|i, j| packed[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)])
 }

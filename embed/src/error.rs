@@ -14,6 +14,31 @@ pub enum EmbedError {
         /// The admissible range.
         want: &'static str,
     },
+    /// An entry of an elasticity matrix that is no number.
+    #[error(
+        "entry ({row}, {column}) of an elasticity matrix is {value}, want a finite number (Pa)"
+    )]
+    ElasticityEntry {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The value.
+        value: f64,
+    },
+    /// An elasticity matrix that no stable material has.
+    #[error(
+        "an elasticity matrix has smallest eigenvalue {eigenvalue:e} Pa and mirrored entries that \
+         differ by {asymmetry:e} of the largest, want > 0 and at most {limit:e}"
+    )]
+    Elasticity {
+        /// Largest difference of mirrored entries over the largest entry.
+        asymmetry: f64,
+        /// The limit.
+        limit: f64,
+        /// The smallest eigenvalue of the symmetric part, Pa.
+        eigenvalue: f64,
+    },
     /// A label of the volume without a material.
     #[error("no material for dense label {label}: {given} materials were given")]
     MissingMaterial {
@@ -37,6 +62,45 @@ pub enum EmbedError {
         /// The root cube.
         cell: usize,
     },
+    /// A system of the fine mesh that can't be factored.
+    #[error(
+        "the fine mesh's stiffness ({rows} rows, materials of {softest:e} to {stiffest:e} Pa) is \
+         not positive definite to working precision, want a smaller ratio of materials"
+    )]
+    FineFactor {
+        /// Rows of the stiffness.
+        rows: usize,
+        /// Smallest diagonal entry of any elasticity matrix, Pa.
+        softest: f64,
+        /// Largest.
+        stiffest: f64,
+    },
+    /// A system of the fine mesh that conjugate gradients do not solve.
+    #[error(
+        "conjugate gradients stand at a relative residual of {residual:e} after {iterations} \
+         iterations on the fine mesh ({rows} rows), want {want:e}: take a coarser image or a \
+         smaller ratio of materials"
+    )]
+    FineSolve {
+        /// Rows of the stiffness.
+        rows: usize,
+        /// Iterations made.
+        iterations: usize,
+        /// Largest residual of the six loads over the load.
+        residual: f64,
+        /// The residual asked for.
+        want: f64,
+    },
+    /// A global homogenisation gave no answer per node.
+    #[error("homogenisation `{name}` gave {found} matrices for {want} heterogeneous tetrahedra")]
+    NodeCount {
+        /// The homogenisation.
+        name: String,
+        /// How many it gave.
+        found: usize,
+        /// How many there are.
+        want: usize,
+    },
     /// A coarse mesh that a detail mesh does not belong to.
     #[error(
         "the coarse mesh has {found:?} root cubes of {found_units} lattice units, the detail mesh \
@@ -51,6 +115,23 @@ pub enum EmbedError {
         want: [usize; 3],
         /// Its lattice units per cube.
         want_units: i32,
+    },
+    /// An embedding of other labels than a mesh's.
+    #[error(
+        "the embedding's label tree has {found} heterogeneous tetrahedra, the mesh's {want}: want \
+         the same tree"
+    )]
+    OtherTree {
+        /// Nodes of the embedding's tree.
+        found: usize,
+        /// Nodes of the mesh's tree.
+        want: usize,
+    },
+    /// A lattice unit that is no length.
+    #[error("a lattice unit of {unit} m, want a finite length > 0")]
+    LatticeUnit {
+        /// The length given, m.
+        unit: f64,
     },
     /// Fewer positions than vertex numbers.
     #[error("{found} positions for vertex numbers below {want}")]

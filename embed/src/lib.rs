@@ -14,15 +14,24 @@ mod elasticity;
 mod element;
 mod embedding;
 mod error;
+mod fine;
+mod follower;
 mod homogenisation;
+mod materials;
+mod packed;
 mod ring;
 
-pub use detail::DetailMesh;
-pub use elasticity::{Material, isotropic};
+pub use detail::{DetailMesh, RotationOf};
+pub use elasticity::{FineMaterial, Material, isotropic};
 pub use element::{LinearTet, Strain, strain_from_gradient, strain_operator};
 pub use embedding::Embedding;
 pub use error::EmbedError;
+pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields};
+pub use follower::Follower;
 pub use homogenisation::{
-    CHOICES, ChildPair, Excess, Homogenisation, Laminate, Linear, Paper, ParentMaterial, by_name,
+    CHOICES, ChildPair, Excess, GlobalHomogenisation, Homogenisation, Kharevych, Laminate, Linear,
+    Paper, ParentMaterial, by_name,
 };
+pub use materials::{MaterialOfVoxel, Materials};
+pub use packed::Packed6;
 pub use ring::RingStiffness;

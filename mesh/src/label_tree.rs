@@ -3,7 +3,8 @@
 //! The tree bisects root cubes down to `embed_level`, where one TYPE0 cube is one voxel. A
 //! subtree of one label is a single number, so memory follows the label boundaries and not the
 //! volume. Voxels are never sampled at tetrahedron centroids above that level (they lie on the
-//! tetrahedra's planes): labels only move up by union.
+//! tetrahedra's planes): labels only move up by union. Labels whose voxels are not all alike keep
+//! a node per finest tetrahedron.
 
 use std::collections::HashMap;
 
@@ -25,7 +26,8 @@ pub struct NodeRef(u32);
 pub enum Content {
     /// The whole tetrahedron has this dense label.
     Label(u16),
-    /// The node of this index has two children that differ.
+    /// The node of this index has two children that differ, or is a finest tetrahedron whose
+    /// material is its own ([`LabelTree::per_voxel`]).
     Node(usize),
 }
 
@@ -123,10 +125,26 @@ impl LabelTree {
     /// # Errors
     /// [`MeshError::TooManyNodes`] beyond 2³¹ heterogeneous tetrahedra.
     pub fn new(volume: &LabelVolume, grid: CellGrid) -> Result<Self, MeshError> {
+        Self::per_voxel(volume, grid, &|_| false)
+    }
+
+    /// As [`new`](Self::new), with one node per finest tetrahedron of every dense label that
+    /// `varies`: each of its voxels may have a material of its own.
+    ///
+    /// Such a node has itself as both children. Cost: at least 6 nodes per such voxel, and as many
+    /// again above them.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn per_voxel(
+        volume: &LabelVolume,
+        grid: CellGrid,
+        varies: &(dyn Fn(u16) -> bool + Sync),
+    ) -> Result<Self, MeshError> {
         let cell_count: usize = grid.cells.iter().product();
         let parts: Vec<CellPart> = (0..cell_count)
             .into_par_iter()
-            .map(|cell| CellPart::build(volume, &grid, cell))
+            .map(|cell| CellPart::build(volume, &grid, cell, varies))
             .collect();
         Self::concatenate(grid, parts)
     }
@@ -202,7 +220,7 @@ impl LabelTree {
         self.cell_ranges[cell].clone()
     }
 
-    /// Contents of the two halves; those of a homogeneous tetrahedron are its own.
+    /// Contents of the two halves; those of a homogeneous or finest tetrahedron are its own.
     pub fn children(&self, of: NodeRef) -> [NodeRef; 2] {
         match of.open() {
             Content::Node(i) => self.children[i],
@@ -270,7 +288,12 @@ struct CellPart {
 type Counts = Vec<(u16, u64)>;
 
 impl CellPart {
-    fn build(volume: &LabelVolume, grid: &CellGrid, cell: usize) -> Self {
+    fn build(
+        volume: &LabelVolume,
+        grid: &CellGrid,
+        cell: usize,
+        varies: &dyn Fn(u16) -> bool,
+    ) -> Self {
         let pyramid = Pyramid::new(volume, grid, cell);
         let mut part = Self {
             roots: [NodeRef::label(0); ROOTS_PER_CELL],
@@ -285,32 +308,49 @@ impl CellPart {
         for order in 0..ROOTS_PER_CELL {
             let corners = root_corners(coordinates, order, units)
                 .map(|p| std::array::from_fn(|i| p[i] - corner[i]));
-            part.roots[order] = part.descend(&pyramid, &corners, 0).0;
+            part.roots[order] = part.descend(&pyramid, varies, &corners, 0).0;
         }
         part
     }
 
     /// Content and label volumes of a tetrahedron with cell-local corners.
-    fn descend(&mut self, pyramid: &Pyramid, corners: &[Point; 4], level: u8) -> (NodeRef, Counts) {
+    fn descend(
+        &mut self,
+        pyramid: &Pyramid,
+        varies: &dyn Fn(u16) -> bool,
+        corners: &[Point; 4],
+        level: u8,
+    ) -> (NodeRef, Counts) {
         if level.is_multiple_of(3) {
             let scale = pyramid.levels - u32::from(level / 3);
             if let Some(label) = pyramid.uniform_label(corners, scale) {
-                return (NodeRef::label(label), vec![(label, 1 << (3 * scale))]);
+                let counts = vec![(label, 1 << (3 * scale))];
+                if !varies(label) {
+                    return (NodeRef::label(label), counts);
+                }
+                if scale == 0 {
+                    let itself = NodeRef::node(self.children.len());
+                    return (self.push([itself; 2], &counts), counts);
+                }
             }
         }
         let halves = bisect(corners, level, midpoint(corners, level));
-        let (first, counts0) = self.descend(pyramid, &halves[0], level + 1);
-        let (second, counts1) = self.descend(pyramid, &halves[1], level + 1);
+        let (first, counts0) = self.descend(pyramid, varies, &halves[0], level + 1);
+        let (second, counts1) = self.descend(pyramid, varies, &halves[1], level + 1);
         let counts = add_counts(&counts0, &counts1);
         if first == second && counts.len() == 1 {
             return (first, counts);
         }
+        (self.push([first, second], &counts), counts)
+    }
+
+    fn push(&mut self, children: [NodeRef; 2], counts: &Counts) -> NodeRef {
         let index = self.children.len();
-        self.children.push([first, second]);
+        self.children.push(children);
         self.sets.push(counts.iter().map(|&(label, _)| label).collect());
         let largest = counts.iter().map(|&(_, n)| n).max().unwrap_or(0);
         self.majority.push(counts.iter().find(|&&(_, n)| n == largest).map_or(0, |&(l, _)| l));
-        (NodeRef::node(index), counts)
+        NodeRef::node(index)
     }
 }
 

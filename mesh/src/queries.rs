@@ -157,6 +157,12 @@ impl BisectionForest {
         true
     }
 
+    /// Fills `ring` with the coarse tetrahedra that an active vertex bisects, finer vertices or not;
+    /// none for a root vertex.
+    pub fn ring_of(&self, vertex: VertexId, ring: &mut Vec<Tet>) {
+        self.parents_of(self.vertices[vertex.index()].diamond, ring);
+    }
+
     /// Fills `ring` with the members of a diamond, in the order of their slots.
     fn parents_of(&self, id: u32, ring: &mut Vec<Tet>) {
         let Diamond { members, ref tets, .. } = self.diamonds[id as usize];

@@ -1,5 +1,7 @@
 //! What a scene needs, what it does not, and why.
 
+use yawara_embed::Embedding;
+
 use crate::fixed_mesh::FixedMesh;
 use crate::inverse_link::InverseLink;
 use crate::report::PlanRow;
@@ -145,6 +147,21 @@ fn homogenisation(setup: &Setup, stages: &Stages) -> PlanRow {
                 equal materials (to 0.235 after 3 levels at a Poisson ratio of 0.3)";
     }
     row("homogenisation", name, true, why)
+}
+
+/// Adds what a global homogenisation did to its row.
+pub(crate) fn homogenised(rows: &mut [PlanRow], embedding: &Embedding) {
+    if embedding.homogenisation().global().is_none() {
+        return;
+    }
+    let (nodes, left) = (embedding.tree().node_count(), embedding.left_to_local_rule());
+    if let Some(row) = rows.iter_mut().find(|row| row.stage == "homogenisation" && row.runs) {
+        row.why += &format!(
+            "; {} of them from solutions of the whole fine body, {left} left to laminate; \
+             new vertices are placed by laminate",
+            nodes - left
+        );
+    }
 }
 
 fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {

@@ -1,5 +1,6 @@
 //! The time loop: tools, equilibrium, indicator, splits and merges, inverse.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -70,17 +71,19 @@ impl Simulation {
         let (mut body_summary, mut volume) = (None, None);
         let (state, refiner, surfaces) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
-            Origin::Image(setup) => {
-                let surfaces = Surfaces::new(scene, &setup)?;
+            Origin::Image(mut setup) => {
+                let materials = std::mem::take(&mut setup.materials);
+                let embedding = Embedding::new(Arc::clone(&setup.tree), materials, homogenisation)?;
+                plan::homogenised(&mut plan, &embedding);
+                let surfaces = Surfaces::new(scene, &setup, &embedding)?;
                 let regions = scene.fixed.clone();
                 let is_fixed = Box::new(move |x: &Vector3<f64>| {
                     regions.iter().any(|region| region.contains(&organ, x))
                 });
-                let Setup { tree, forest, placement, materials, .. } = *setup;
+                let Setup { forest, placement, .. } = *setup;
                 let label_values = setup.volume.values().to_vec();
                 body_summary = Some(setup.summary);
                 volume = scene.output.field.then_some(setup.volume);
-                let embedding = Embedding::new(tree, materials, homogenisation)?;
                 let (refiner, state) =
                     Refiner::new(forest, embedding, placement, label_values, &holds, is_fixed);
                 (state, Some(refiner), surfaces)

@@ -1,7 +1,10 @@
 //! Embedded surfaces: the outlines of labels at voxel size, carried along by the coarse mesh.
 
-use nalgebra::Vector3;
-use yawara_embed::DetailMesh;
+use std::cell::RefCell;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_corot::rotation::polar_warm;
+use yawara_embed::{DetailMesh, Embedding, Follower};
 use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
 use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::LabelVolume;
@@ -17,6 +20,8 @@ use crate::start::ScannerAxes;
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
     detail: DetailMesh,
+    /// Where the ends of cut edges were last; what has not moved is not computed again.
+    follower: RefCell<Follower>,
     /// Rest positions of the fine mesh, m.
     rest: Vec<Vector3<f64>>,
     parts: Vec<Part>,
@@ -31,7 +36,11 @@ struct Part {
 impl Surfaces {
     /// The surfaces that a scene asks for: a mesh refined to the labels down to
     /// `output.surface_level`, cut at level ½ of each blurred label.
-    pub fn new(scene: &Scene, setup: &Setup) -> Result<Option<Self>, SimError> {
+    pub fn new(
+        scene: &Scene,
+        setup: &Setup,
+        embedding: &Embedding,
+    ) -> Result<Option<Self>, SimError> {
         let asked = &scene.output.surfaces;
         if asked.is_empty() {
             return Ok(None);
@@ -73,8 +82,10 @@ impl Surfaces {
         for v in forest.vertices() {
             rest[v.index()] = placement.position(forest.point(v));
         }
-        let detail = DetailMesh::new(forest);
-        Ok(Some(Self { detail, rest, parts }))
+        let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
+        let ends = parts.iter().flat_map(|part| &part.surface.vertices).flat_map(|v| v.edge);
+        let follower = RefCell::new(Follower::new(&detail, ends));
+        Ok(Some(Self { detail, follower, rest, parts }))
     }
 
     /// Every surface as the active mesh carries it, scanner RAS.
@@ -84,12 +95,13 @@ impl Surfaces {
         positions: &[Vector3<f64>],
         axes: &ScannerAxes,
     ) -> Result<Vec<SurfaceFrame>, SimError> {
-        let now = self.detail.positions(&refiner.forest, positions)?;
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, &refiner.forest, positions, &rotation)?;
         self.parts
             .iter()
             .map(|part| {
                 let (rest, now) =
-                    (part.surface.positions(&self.rest)?, part.surface.positions(&now)?);
+                    (part.surface.positions(&self.rest)?, part.surface.positions(now)?);
                 let pairs = rest.iter().zip(&now);
                 Ok(SurfaceFrame {
                     label: part.label,
@@ -109,11 +121,12 @@ impl Surfaces {
         refiner: &Refiner,
         positions: &[Vector3<f64>],
     ) -> Result<Vec<SurfaceSummary>, SimError> {
-        let now = self.detail.positions(&refiner.forest, positions)?;
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, &refiner.forest, positions, &rotation)?;
         self.parts
             .iter()
             .map(|Part { label, surface }| {
-                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(&now)?);
+                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
                 Ok(SurfaceSummary {
                     label: *label,
                     triangles: surface.triangles.len(),
@@ -125,6 +138,11 @@ impl Surfaces {
             })
             .collect()
     }
+}
+
+/// Found from the gradient alone, so that a position does not depend on the way to it.
+fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
+    polar_warm(f, &Matrix3::identity())
 }
 
 /// The finest level of the surfaces' mesh: one voxel, unless the scene says otherwise, and never

@@ -2,6 +2,10 @@
 
 mod arguments;
 pub mod drift;
+pub mod homogenisation;
+mod homogenisation_cases;
+mod homogenisation_solve;
+mod homogenisation_tables;
 mod markdown;
 pub mod mesh;
 pub mod mesh_updates;

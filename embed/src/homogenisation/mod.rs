@@ -1,5 +1,6 @@
 //! From the two halves of a bisected tetrahedron to the whole: the swappable stage.
 
+mod kharevych;
 mod laminate;
 mod linear;
 mod paper;
@@ -8,7 +9,10 @@ use nalgebra::{Matrix6, SMatrix, Vector3};
 
 use crate::element::{LinearTet, strain_operator};
 use crate::error::EmbedError;
+use crate::fine::FineBody;
+use crate::packed::Packed6;
 
+pub use kharevych::Kharevych;
 pub use laminate::Laminate;
 pub use linear::Linear;
 pub use paper::Paper;
@@ -86,10 +90,31 @@ pub trait Homogenisation: Send + Sync {
     /// The parent of two halves. Cost: a few hundred flops; called once per heterogeneous
     /// tetrahedron when a scene is built and once per ring tetrahedron in every split or merge.
     fn combine(&self, pair: &ChildPair) -> ParentMaterial;
+
+    /// The part of the rule that looks at more than two halves; none for a local rule.
+    fn global(&self) -> Option<&dyn GlobalHomogenisation> {
+        None
+    }
+}
+
+/// A rule for D_p that needs the fine mesh of the whole body. X, and D_p where it gives none, come
+/// from [`Homogenisation::combine`] applied level by level on its own.
+pub trait GlobalHomogenisation: Send + Sync {
+    /// D_p of every node of the body's tree, by its number; `None` where the local rule is to be
+    /// used, and for finest tetrahedra. Called once, when a scene is built; `progress` is told the
+    /// fraction done.
+    ///
+    /// # Errors
+    /// [`EmbedError`] if the fine problem can't be solved.
+    fn homogenise(
+        &self,
+        body: &FineBody<'_>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Vec<Option<Packed6>>, EmbedError>;
 }
 
 /// Scene names of the built-in choices.
-pub const CHOICES: &[&str] = &["laminate", "linear", "paper"];
+pub const CHOICES: &[&str] = &["laminate", "linear", "kharevych", "paper"];
 
 /// A built-in homogenisation.
 ///
@@ -99,6 +124,7 @@ pub fn by_name(name: &str) -> Result<Box<dyn Homogenisation>, EmbedError> {
     match name {
         "laminate" => Ok(Box::new(Laminate)),
         "linear" => Ok(Box::new(Linear)),
+        "kharevych" => Ok(Box::new(Kharevych)),
         "paper" => Ok(Box::new(Paper)),
         _ => Err(EmbedError::UnknownHomogenisation { name: name.into(), choices: CHOICES }),
     }

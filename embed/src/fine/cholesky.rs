@@ -1,0 +1,103 @@
+//! K x = f by a sparse Cholesky factorisation, for meshes of moderate size.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
+    factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMat, SymbolicSparseColMat};
+use faer::{Conj, Mat, Par, Side};
+
+use super::{FineStiffness, SixFields};
+use crate::error::EmbedError;
+
+/// Finest vertices up to which a factorisation beats conjugate gradients at any ratio of
+/// materials: its numbers take half a gigabyte there, and grow with the power 4/3.
+pub const DIRECT_VERTICES: usize = 20_000;
+
+impl FineStiffness {
+    /// Factors K with the vertices in `order`, solves and refines once.
+    pub(super) fn cholesky(
+        &self,
+        order: &[usize],
+        loads: &[SixFields],
+    ) -> Result<Vec<SixFields>, EmbedError> {
+        let [softest, stiffest] = self.moduli;
+        let refused = || EmbedError::FineFactor { rows: 3 * self.vertices(), softest, stiffest };
+        let lower = self.lower_half();
+        let (symbolic, values) = factor(&lower, order).ok_or_else(refused)?;
+        let solve = |loads: &[SixFields]| {
+            let mut x = Mat::from_fn(3 * loads.len(), 6, |i, k| loads[i / 3][(i % 3, k)]);
+            let scratch = symbolic.solve_in_place_scratch::<f64>(6, Par::Seq);
+            LltRef::new(&symbolic, &values).solve_in_place_with_conj(
+                Conj::No,
+                x.as_mut(),
+                Par::Seq,
+                MemStack::new(&mut MemBuffer::new(scratch)),
+            );
+            let six = |v: usize| SixFields::from_fn(|axis, k| x[(3 * v + axis, k)]);
+            (0..loads.len()).map(six).collect::<Vec<_>>()
+        };
+        let mut solution = solve(loads);
+        let mut residual = vec![SixFields::zeros(); loads.len()];
+        self.apply(&solution, &mut residual);
+        for (r, f) in residual.iter_mut().zip(loads) {
+            *r = f - *r;
+        }
+        for (x, correction) in solution.iter_mut().zip(solve(&residual)) {
+            *x += correction;
+        }
+        if solution.iter().any(|x| x.iter().any(|c| !c.is_finite())) {
+            return Err(refused());
+        }
+        Ok(solution)
+    }
+
+    /// The lower half of K by columns.
+    fn lower_half(&self) -> SparseColMat<usize, f64> {
+        let n = 3 * self.vertices();
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        for column in 0..n {
+            // K is symmetric: the row of blocks is the column.
+            for at in self.row(column / 3) {
+                let other = self.columns[at] as usize;
+                for a in (0..3).filter(|a| 3 * other + a >= column) {
+                    rows.push(3 * other + a);
+                    values.push(self.blocks[at][(column % 3, a)]);
+                }
+            }
+            starts.push(rows.len());
+        }
+        SparseColMat::new(SymbolicSparseColMat::new_checked(n, n, starts, None, rows), values)
+    }
+}
+
+fn factor(
+    lower: &SparseColMat<usize, f64>,
+    order: &[usize],
+) -> Option<(SymbolicCholesky<usize>, Vec<f64>)> {
+    let forward: Vec<usize> = order.iter().flat_map(|&v| 3 * v..3 * (v + 1)).collect();
+    let mut inverse = vec![0; forward.len()];
+    forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
+    let ordering =
+        SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
+    let parameters = CholeskySymbolicParams::default();
+    let symbolic =
+        factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()?;
+    let mut values = vec![0.0; symbolic.len_val()];
+    // One thread: the result must not depend on how many there are.
+    let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+    symbolic
+        .factorize_numeric_llt(
+            &mut values,
+            lower.as_ref(),
+            Side::Lower,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
+            Default::default(),
+        )
+        .ok()?;
+    Some((symbolic, values))
+}

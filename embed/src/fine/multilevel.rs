@@ -1,0 +1,121 @@
+//! A preconditioner from the hierarchy of bisections itself.
+
+use nalgebra::{Matrix3, Matrix6};
+use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
+use yawara_mesh::{Lattice, NodeRef};
+
+use super::{FineBody, FineGrid, SixFields, lattice_tet};
+use crate::element::strain_operator;
+use crate::error::EmbedError;
+
+/// z = Σ_L P_L diag(P_LᵀKP_L)⁻¹ P_Lᵀ r over the meshes of all levels L, P_L linear interpolation.
+///
+/// A hat function of a coarse mesh feels the mean elasticity of each of its tetrahedra, so that
+/// the diagonal blocks are exact. Cost: a few sweeps over the vertices. Source: Bramble, Pasciak,
+/// Xu, Mathematics of Computation 55(191), 1990.
+pub(crate) struct Multilevel {
+    /// Vertices by ascending generation.
+    order: Vec<u32>,
+    /// Ends of the edge that each bisects, as places in `order`; those of root vertices unused.
+    ends: Vec<[u32; 2]>,
+    /// Vertices of each level's mesh: the first so many of `order`.
+    counts: Vec<usize>,
+    /// Per level, the inverse diagonal blocks of those vertices.
+    inverse: Vec<Vec<Matrix3<f64>>>,
+}
+
+impl Multilevel {
+    pub fn new(body: &FineBody, cells: &[usize], grid: &FineGrid) -> Result<Self, EmbedError> {
+        let tree_grid = body.tree().grid();
+        let levels = tree_grid.embed_level();
+        let lattice = Lattice { cells: tree_grid.cells, units: tree_grid.voxels_per_cell as i32 };
+        let generation = |v: u32| lattice.generation(grid.point(v as usize));
+        let mut order: Vec<u32> = (0..grid.len() as u32).collect();
+        order.sort_by_key(|&v| generation(v));
+        let mut place = vec![0u32; order.len()];
+        order.iter().enumerate().for_each(|(at, &v)| place[v as usize] = at as u32);
+        let ends = |&v: &u32| match lattice.edge_ends(grid.point(v as usize)) {
+            Some(ends) => ends.map(|p| place[grid.vertex(p)]),
+            None => [0; 2],
+        };
+        let ends = order.iter().map(ends).collect();
+        let counts: Vec<usize> =
+            (0..=levels).map(|level| order.partition_point(|&v| generation(v) <= level)).collect();
+        let blocks = counts.iter().map(|&n| vec![Matrix3::zeros(); n]).collect();
+        let mut this = Self { order, ends, counts, inverse: blocks };
+        for &cell in cells {
+            for root in 0..ROOTS_PER_CELL {
+                let of = body.tree().root(cell, root);
+                let corners = body.root_corners(cell, root);
+                let at = |p: Point| place[grid.vertex(p)] as usize;
+                this.diagonals(body, of, &corners, 0, &at)?;
+            }
+        }
+        for block in this.inverse.iter_mut().flatten() {
+            // A block of a positive definite matrix has an inverse; what rounding made singular
+            // is left to the other levels.
+            *block = block.try_inverse().unwrap_or_else(Matrix3::zeros);
+        }
+        Ok(this)
+    }
+
+    /// Adds the tetrahedra below and at `of` to their levels' diagonals; ∫ D inside.
+    fn diagonals(
+        &mut self,
+        body: &FineBody,
+        of: NodeRef,
+        corners: &[Point; 4],
+        level: u8,
+        at: &dyn Fn(Point) -> usize,
+    ) -> Result<Matrix6<f64>, EmbedError> {
+        let geometry = lattice_tet(corners);
+        let sum = if level == body.tree().grid().embed_level() {
+            geometry.volume * body.elasticity(of, corners)?
+        } else {
+            let halves = body.tree().children(of);
+            let [first, second] = bisect(corners, level, midpoint(corners, level));
+            self.diagonals(body, halves[0], &first, level + 1, at)?
+                + self.diagonals(body, halves[1], &second, level + 1, at)?
+        };
+        for (p, g) in corners.iter().zip(&geometry.gradients) {
+            let g = strain_operator(g);
+            self.inverse[usize::from(level)][at(*p)] += g.transpose() * sum * g;
+        }
+        Ok(sum)
+    }
+
+    /// z from r; `scratch` is for its use.
+    pub fn apply(&self, r: &[SixFields], z: &mut [SixFields], scratch: &mut Vec<SixFields>) {
+        scratch.clear();
+        scratch.extend(self.order.iter().map(|&v| r[v as usize]));
+        let mut parts: Vec<Vec<SixFields>> = Vec::with_capacity(self.counts.len());
+        for level in (0..self.counts.len()).rev() {
+            let blocks = self.inverse[level].iter().zip(scratch.iter());
+            parts.push(blocks.map(|(inverse, r)| inverse * r).collect());
+            let coarser = if level == 0 { self.counts[0] } else { self.counts[level - 1] };
+            for v in coarser..self.counts[level] {
+                let half = 0.5 * scratch[v];
+                self.ends[v].iter().for_each(|&end| scratch[end as usize] += half);
+            }
+        }
+        scratch.clear();
+        for part in parts.iter().rev() {
+            for v in scratch.len()..part.len() {
+                let [a, b] = self.ends[v].map(|end| end as usize);
+                // Root vertices have no ends and start from nothing.
+                let middle = if scratch.len() < self.counts[0] {
+                    SixFields::zeros()
+                } else {
+                    0.5 * (scratch[a] + scratch[b])
+                };
+                scratch.push(middle);
+            }
+            for (z, part) in scratch.iter_mut().zip(part) {
+                *z += part;
+            }
+        }
+        for (&v, value) in self.order.iter().zip(scratch.iter()) {
+            z[v as usize] = *value;
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Symmetric 6×6 matrices, each entry once.
+
+use nalgebra::Matrix6;
+
+/// Entries of a symmetric 6×6 matrix.
+const ENTRIES: usize = 21;
+
+/// A symmetric 6×6 matrix as 21 numbers: the lower half row by row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Packed6([f64; ENTRIES]);
+
+impl Packed6 {
+    /// The lower half of `matrix`.
+    pub fn new(matrix: &Matrix6<f64>) -> Self {
+        let mut packed = [0.0; ENTRIES];
+        let mut at = 0;
+        for i in 0..6 {
+            for j in 0..=i {
+                packed[at] = matrix[(i, j)];
+                at += 1;
+            }
+        }
+        Self(packed)
+    }
+
+    /// The whole matrix.
+    pub fn matrix(&self) -> Matrix6<f64> {
+        let mut matrix = Matrix6::zeros();
+        let mut at = 0;
+        for i in 0..6 {
+            for j in 0..=i {
+                matrix[(i, j)] = self.0[at];
+                matrix[(j, i)] = self.0[at];
+                at += 1;
+            }
+        }
+        matrix
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_packed_comes_back() {
+        let matrix = Matrix6::from_fn(|i, j| {
+            (10 * i.max(j) + i.min(j)) as f64 * if i == j { 7.0 } else { 1.0 }
+        });
+        assert_eq!(Packed6::new(&matrix).matrix(), matrix);
+    }
+}
