@@ -86,7 +86,13 @@ fn ring(
 
 /// Compares a hand-over with the assembly of its tetrahedra and its factors with what they stand
 /// for.
-fn check(ring: &RingStiffness, ends: [VertexId; 2], coarse: &DMatrix<f64>, fine: &DMatrix<f64>) {
+fn check(
+    ring: &RingStiffness,
+    ends: [VertexId; 2],
+    coarse: &DMatrix<f64>,
+    fine: &DMatrix<f64>,
+    ratio: f64,
+) {
     let r = M * ring.vertices.len();
     let scale: Vec<f64> = (0..r + M)
         .map(|i| fine[(i, i)].abs().max(if i < r { coarse[(i, i)].abs() } else { 0.0 }))
