@@ -2,6 +2,7 @@
 
 mod arguments;
 pub mod drift;
+pub mod elements;
 mod markdown;
 pub mod mesh;
 pub mod mesh_updates;
