@@ -272,7 +272,7 @@ fn claims(rows: &[Row]) -> Vec<Claim> {
     if let Some(&coarsest) = levels.first() {
         let value = spread(of("p1p1", coarsest).iter().map(|r| r.error).collect());
         at_most(
-            "p1p1, coarsest mesh: largest over smallest error of all ratios".into(),
+            "p1p1, coarsest mesh: largest over smallest error of all Poisson ratios".into(),
             value,
             1.7,
         );
