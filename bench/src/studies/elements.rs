@@ -61,6 +61,9 @@ struct Row {
     seconds: f64,
 }
 
+/// A column of the tables.
+type Figure = fn(&Row) -> Option<f64>;
+
 /// A figure and what is claimed of it.
 #[derive(Clone, Debug, Serialize)]
 struct Claim {
@@ -154,7 +157,7 @@ impl Report {
             "Relative L² errors in %, mean of tension and shear, on meshes of so many cubes along \
              the block.\n\n",
         );
-        let figures: [(&str, fn(&Row) -> Option<f64>); 4] = [
+        let figures: [(&str, Figure); 4] = [
             ("displacement", |r| Some(r.error)),
             ("the reference, interpolated", |r| Some(r.interpolation_error)),
             ("pressure", |r| r.pressure_error),
@@ -172,7 +175,7 @@ impl Report {
         text
     }
 
-    fn table(&self, case: &str, name: &str, figure: fn(&Row) -> Option<f64>) -> String {
+    fn table(&self, case: &str, name: &str, figure: Figure) -> String {
         let rows = || self.rows.iter().filter(move |r| r.case == case);
         let mut heads: Vec<(f64, u8)> = rows().map(|r| (r.nu, r.level)).collect();
         heads.dedup();
@@ -202,7 +205,7 @@ impl Report {
             .flat_map(|e| [POISSON_RATIOS[0], POISSON_RATIOS[3]].map(|nu| (e, nu)))
         {
             let of = |r: &&Row| r.case == "homogeneous" && r.element == *element && r.nu == nu;
-            let points = |figure: fn(&Row) -> Option<f64>| {
+            let points = |figure: Figure| {
                 let at = |r: &Row| Some((f64::from(1 << (r.level / 3)), figure(r)?));
                 self.rows.iter().filter(of).filter_map(at).collect::<Vec<_>>()
             };
