@@ -339,7 +339,6 @@ mod tests {
         }
         assert_eq!(report.claims.len(), 5);
         assert!(report.claims.iter().all(|claim| claim.holds), "{:#?}", report.claims);
-        assert!(crate::block::ABOVE_CLAMP == 0.25, "the name of a table says so");
     }
 
     #[test]
