@@ -327,7 +327,14 @@ impl Pieces {
         if self.homogeneous {
             return (positive, negative);
         }
-        let eigen = self.excess().symmetric_eigen();
+        let excess = self.excess();
+        // Rows in units of their largest entry: pressures are exact to their own size.
+        let unit: SVector<f64, 10> = SVector::from_fn(|i, _| {
+            let largest = excess.row(i).amax();
+            if largest == 0.0 { 1.0 } else { largest.sqrt() }
+        });
+        let scaled = SMatrix::<f64, 10, 10>::from_fn(|i, j| excess[(i, j)] / unit[i] / unit[j]);
+        let eigen = scaled.symmetric_eigen();
         // Smaller eigenvalues are rounding of the largest.
         let floor = 16.0 * f64::EPSILON * eigen.eigenvalues.amax();
         let strain = halved.geometry.strain_matrix().transpose();
@@ -338,7 +345,7 @@ impl Pieces {
             if value.abs() < floor {
                 continue;
             }
-            let vector = vector * (root_volume * value.abs().sqrt());
+            let vector = vector.component_mul(&unit) * (root_volume * value.abs().sqrt());
             let displacement = strain * vector.fixed_rows::<6>(0);
             let pressure = basis * vector.fixed_rows::<4>(6);
             let column = SVector::from_fn(|i, _| match i % 4 {
