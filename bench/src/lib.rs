@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod accuracy;
+mod block;
 mod direct;
 mod error;
 mod history;

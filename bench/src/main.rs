@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
-use yawara_bench::studies::{Arguments, drift, homogenisation, mesh, scaling, table1};
+use yawara_bench::studies::{Arguments, drift, elements, homogenisation, mesh, scaling, table1};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
@@ -28,6 +28,8 @@ enum Study {
     Mesh(mesh::Arguments),
     /// Coarse bodies against the fine one that they stand for, by every homogenisation.
     Homogenisation(homogenisation::Arguments),
+    /// Linear tetrahedra towards incompressibility, with and without a pressure.
+    Elements(elements::Arguments),
 }
 
 impl Study {
@@ -38,7 +40,7 @@ impl Study {
             Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
-            Self::Mesh(_) | Self::Homogenisation(_) => Ok(()),
+            Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) => Ok(()),
         }
     }
 }
@@ -50,6 +52,7 @@ fn run(study: &Study) -> Result<String, BenchError> {
         Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
+        Study::Elements(arguments) => elements::run(arguments),
     }
 }
 

@@ -149,4 +149,27 @@ pub enum EmbedError {
         /// What there is.
         choices: &'static [&'static str],
     },
+    /// An unknown name of an element.
+    #[error("no element `{name}`; there are {}", choices.join(", "))]
+    UnknownFormulation {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        choices: &'static [&'static str],
+    },
+    /// A stabilisation of the mixed element outside its range.
+    #[error("the stabilisation of p1p1 is {value}, want 0.5 to 2")]
+    Stabilisation {
+        /// α.
+        value: f64,
+    },
+    /// An elasticity matrix that κ, μ and D' can't be read off.
+    #[error(
+        "an elasticity matrix is not symmetric positive definite (smallest eigenvalue \
+         {eigenvalue:e} Pa, want above 0)"
+    )]
+    MixedModuli {
+        /// The smallest eigenvalue, Pa, or NaN.
+        eigenvalue: f64,
+    },
 }

@@ -1,18 +1,20 @@
 //! What one split or merge does to the stiffness: the hand-over to the inverse.
 
 use faer::Mat;
-use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
+use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{MeshDelta, RingTet, Tet, VertexId};
 
 use crate::element::LinearTet;
 use crate::embedding::Embedding;
+use crate::formulation::{ElementFormulation, P1};
 use crate::homogenisation::{ChildPair, Excess};
 
 /// The stiffness of the tetrahedra around a bisected edge, before and after.
 ///
-/// In terms of the old displacements u and of d = u_M − ½(u_a+u_b), the refined ring's energy is
-/// ½uᵀ(K_p + F Fᵀ − N Nᵀ)u + uᵀB d + ½dᵀA22 d. All in N/m; r = 3 · `vertices.len()` rows,
-/// vertex-major.
+/// In terms of the old unknowns u and of d = u_M − ½(u_a+u_b), the refined ring's energy is
+/// ½uᵀ(K_p + F Fᵀ − N Nᵀ)u + uᵀB d + ½dᵀA22 d. All in N/m; m unknowns per vertex,
+/// r = m · `vertices.len()` rows, vertex-major.
 #[derive(Clone, Debug)]
 pub struct RingStiffness {
     /// The ring's old vertices, ascending.
@@ -21,29 +23,100 @@ pub struct RingStiffness {
     pub k_p: Mat<f64>,
     /// Refined ring on old degrees of freedom, r×r.
     pub k_c: Mat<f64>,
-    /// Refined ring, old × new, r×3.
+    /// Refined ring, old × new, r×m.
     pub a12: Mat<f64>,
-    /// Refined ring, new × new, 3×3.
+    /// Refined ring, new × new, m×m.
     pub a22: Mat<f64>,
-    /// B = a12 + HᵀA22, r×3.
+    /// B = a12 + HᵀA22, r×m.
     pub b: Mat<f64>,
     /// F, r×q: how much the halves with their edge held straight are stiffer than the parents.
     pub positive: Mat<f64>,
-    /// N, r×q': the same where they are softer; empty for every bound-respecting homogenisation.
+    /// N, r×q': the same where they are softer; with displacements alone, empty for every
+    /// bound-respecting homogenisation.
     pub negative: Mat<f64>,
 }
 
-/// One parent of the ring with its geometry and both elasticities.
-struct Part {
-    rows: [usize; 4],
-    geometry: LinearTet,
-    pair: ChildPair,
-    parent_elasticity: Matrix6<f64>,
-    excess: Excess,
+/// A parent of the ring: its geometry, its own material and that of its halves.
+#[derive(Clone, Copy, Debug)]
+pub struct Halved {
+    /// Rest geometry; corner 0 is one end a of the bisected edge.
+    pub geometry: LinearTet,
+    /// The corner that is the other end b.
+    pub end: usize,
+    /// Both halves.
+    pub pair: ChildPair,
+    /// Elasticity D_p of the whole, Pa.
+    pub elasticity: Matrix6<f64>,
+    /// ½(D₁+D₂) − D_p.
+    pub excess: Excess,
+}
+
+/// One parent's share of a ring in its own corners' unknowns u (N = 4 M of them, vertex-major) and
+/// in d = u_M − ½(u_a+u_b), M unknowns: the energy of its halves is
+/// ½uᵀ`straight`u + uᵀ`coupling`d + ½dᵀ`own`d, with
+/// `straight` − `parent` = Σ p pᵀ − Σ n nᵀ + e eᵀ.
+#[derive(Clone, Debug)]
+pub struct RingPart<const M: usize, const N: usize> {
+    /// The parent's own matrix.
+    pub parent: SMatrix<f64, N, N>,
+    /// The halves with d = 0.
+    pub straight: SMatrix<f64, N, N>,
+    /// Old × d.
+    pub coupling: SMatrix<f64, N, M>,
+    /// d × d.
+    pub own: SMatrix<f64, M, M>,
+    /// The columns p.
+    pub positive: Vec<SVector<f64, N>>,
+    /// The columns n.
+    pub negative: Vec<SVector<f64, N>>,
+    /// e: its entries at a and b are e₀(1, −1) with the same e₀ up to a factor in all parents of a
+    /// ring, all others 0, so that the ring has one such column for all; zero where there is none.
+    pub edge: SVector<f64, N>,
+}
+
+impl Halved {
+    fn new(
+        parent: &Tet,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+    ) -> Self {
+        let geometry = LinearTet::new(&parent.vertices.map(position));
+        let (pair, combined) = embedding.combine(parent.node, &geometry, parent.level);
+        Self {
+            geometry,
+            end: bisected_corner(parent.level),
+            pair,
+            elasticity: embedding.elasticity(parent.node),
+            excess: combined.excess,
+        }
+    }
+
+    /// The vectors e with ½(D₁+D₂) − D_p = Σ ± e eᵀ: those with a plus, those with a minus, √Pa.
+    pub fn excess_factors(&self) -> [Vec<Vector6<f64>>; 2] {
+        match &self.excess {
+            Excess::Zero => [Vec::new(), Vec::new()],
+            Excess::Rank3(factor) => {
+                [factor.column_iter().map(|c| c.into_owned()).collect(), Vec::new()]
+            }
+            Excess::Unfactored => {
+                let mut sides = [Vec::new(), Vec::new()];
+                let eigen = (self.pair.mean_elasticity() - self.elasticity).symmetric_eigen();
+                for (value, vector) in
+                    eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter())
+                {
+                    if *value != 0.0 {
+                        sides[usize::from(*value < 0.0)].push(vector * value.abs().sqrt());
+                    }
+                }
+                sides
+            }
+        }
+    }
 }
 
 impl RingStiffness {
-    /// Assembles the hand-over of `delta`; `position` gives rest positions (m) of old vertices.
+    /// Assembles the hand-over of `delta` for [`P1`]; `position` gives rest positions (m) of old
+    /// vertices.
     ///
     /// Cost: a few thousand flops per ring tetrahedron.
     pub fn new(
@@ -51,125 +124,117 @@ impl RingStiffness {
         embedding: &Embedding,
         position: impl Fn(VertexId) -> Vector3<f64>,
     ) -> Self {
+        P1.ring(delta, embedding, &position)
+    }
+
+    /// Assembles the hand-over of `delta` from the shares of its parents.
+    ///
+    /// Cost: that of `part` and O(N²) per ring tetrahedron.
+    pub fn assemble<const M: usize, const N: usize>(
+        delta: &MeshDelta,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+        part: impl Fn(&Halved) -> RingPart<M, N>,
+    ) -> Self {
         let mut vertices: Vec<VertexId> =
             delta.ring.iter().flat_map(|t| t.parent.vertices).collect();
         vertices.sort_unstable();
         vertices.dedup();
         let row = |v: VertexId| vertices.binary_search(&v).unwrap_or_default();
-        let parts: Vec<Part> = delta
-            .ring
-            .iter()
-            .map(|RingTet { parent, .. }| Part::new(parent, embedding, &position, &row))
-            .collect();
-        let ends = delta.edge.map(row);
-        Self::assemble(vertices, &parts, ends)
+        let mut sum = Sum::<M, N>::zeros(vertices.len());
+        for RingTet { parent, .. } in &delta.ring {
+            let rows = parent.vertices.map(row);
+            sum.add(&rows, part(&Halved::new(parent, embedding, position)));
+        }
+        sum.finish(delta.edge.map(row), vertices)
+    }
+}
+
+/// Rows of the ring that a tetrahedron's corners have, and the entries of a column there.
+type RingColumn<const N: usize> = ([usize; 4], SVector<f64, N>);
+
+/// The parts of a ring summed up, in (u, d).
+struct Sum<const M: usize, const N: usize> {
+    k_p: Mat<f64>,
+    straight: Mat<f64>,
+    b: Mat<f64>,
+    a22: SMatrix<f64, M, M>,
+    positive: Vec<RingColumn<N>>,
+    negative: Vec<RingColumn<N>>,
+    /// The longest e so far, and Σ |e|².
+    edge: RingColumn<N>,
+    edge_square: f64,
+}
+
+impl<const M: usize, const N: usize> Sum<M, N> {
+    fn zeros(vertices: usize) -> Self {
+        let r = M * vertices;
+        Self {
+            k_p: Mat::zeros(r, r),
+            straight: Mat::zeros(r, r),
+            b: Mat::zeros(r, M),
+            a22: SMatrix::zeros(),
+            positive: Vec::new(),
+            negative: Vec::new(),
+            edge: ([0; 4], SVector::zeros()),
+            edge_square: 0.0,
+        }
     }
 
-    fn assemble(vertices: Vec<VertexId>, parts: &[Part], ends: [usize; 2]) -> Self {
-        let r = 3 * vertices.len();
-        let mut k_p = Mat::zeros(r, r);
-        let mut k_c = Mat::zeros(r, r);
-        let mut b = Mat::zeros(r, 3);
-        let mut a22 = Matrix3::zeros();
-        let (mut positive, mut negative) = (Vec::new(), Vec::new());
-        for part in parts {
-            let mean = part.pair.mean_elasticity();
-            scatter(&mut k_p, &part.rows, &part.geometry.stiffness(&part.parent_elasticity));
-            scatter(&mut k_c, &part.rows, &part.geometry.stiffness(&mean));
-            let [coupling, own] = part.coupling();
-            let strain = part.geometry.strain_matrix().transpose();
-            scatter_rows(&mut b, &part.rows, &(strain * coupling));
-            a22 += own.fixed_rows::<3>(0);
-            part.excess_columns(&mut positive, &mut negative);
+    fn add(&mut self, rows: &[usize; 4], part: RingPart<M, N>) {
+        let at = |i: usize| M * rows[i / M] + i % M;
+        for j in 0..N {
+            for i in 0..N {
+                self.k_p[(at(i), at(j))] += part.parent[(i, j)];
+                self.straight[(at(i), at(j))] += part.straight[(i, j)];
+            }
         }
-        let mut a12 = b.clone();
-        let a22 = 0.5 * (a22 + a22.transpose());
-        condense_straight_edge(&mut k_c, &mut a12, &b, &a22, ends);
-        symmetrise(&mut k_p);
+        for j in 0..M {
+            for i in 0..N {
+                self.b[(at(i), j)] += part.coupling[(i, j)];
+            }
+        }
+        self.a22 += part.own;
+        self.positive.extend(part.positive.into_iter().map(|c| (*rows, c)));
+        self.negative.extend(part.negative.into_iter().map(|c| (*rows, c)));
+        let square = part.edge.norm_squared();
+        if square > self.edge.1.norm_squared() {
+            self.edge = (*rows, part.edge);
+        }
+        self.edge_square += square;
+    }
+
+    fn finish(mut self, ends: [usize; 2], vertices: Vec<VertexId>) -> RingStiffness {
+        let a22 = 0.5 * (self.a22 + self.a22.transpose());
+        let longest = self.edge.1.norm();
+        if longest > 0.0 {
+            let (rows, e) = self.edge;
+            self.positive.push((rows, e * (self.edge_square.sqrt() / longest)));
+        }
+        let mut a12 = self.b.clone();
+        let mut k_c = self.straight;
+        condense_straight_edge(&mut k_c, &mut a12, &self.b, &a22, ends);
+        symmetrise(&mut self.k_p);
         symmetrise(&mut k_c);
-        Self {
-            a22: Mat::from_fn(3, 3, |i, j| a22[(i, j)]),
-            positive: columns(&vertices, &positive),
-            negative: columns(&vertices, &negative),
-            vertices,
-            k_p,
+        let columns = |entries: &[RingColumn<N>]| columns::<M, N>(vertices.len(), entries);
+        RingStiffness {
+            a22: Mat::from_fn(M, M, |i, j| a22[(i, j)]),
+            positive: columns(&self.positive),
+            negative: columns(&self.negative),
+            k_p: self.k_p,
             k_c,
             a12,
-            b,
+            b: self.b,
+            vertices,
         }
     }
 }
 
-impl Part {
-    fn new(
-        parent: &Tet,
-        embedding: &Embedding,
-        position: &impl Fn(VertexId) -> Vector3<f64>,
-        row: &impl Fn(VertexId) -> usize,
-    ) -> Self {
-        let geometry = LinearTet::new(&parent.vertices.map(position));
-        let (pair, combined) = embedding.combine(parent.node, &geometry, parent.level);
-        Self {
-            rows: parent.vertices.map(row),
-            geometry,
-            pair,
-            parent_elasticity: embedding.elasticity(parent.node),
-            excess: combined.excess,
-        }
-    }
-
-    /// Σ V_c D_c G_c (6×3) and Σ V_c G_cᵀD_cG_c (upper 3×3 of the second).
-    fn coupling(&self) -> [SMatrix<f64, 6, 3>; 2] {
-        let half = 0.5 * self.geometry.volume;
-        let mut coupling = SMatrix::<f64, 6, 3>::zeros();
-        let mut own = SMatrix::<f64, 6, 3>::zeros();
-        for (g, d) in self.pair.strain_operators().iter().zip(&self.pair.elasticity) {
-            let stress = half * d * g;
-            let energy = g.transpose() * stress;
-            coupling += stress;
-            let mut upper = own.fixed_rows_mut::<3>(0);
-            upper += energy;
-        }
-        [coupling, own]
-    }
-
-    /// Appends the columns √V Bᵀ E of ½(D₁+D₂) − D_p = Σ ± E Eᵀ.
-    fn excess_columns(&self, positive: &mut Vec<RingColumn>, negative: &mut Vec<RingColumn>) {
-        let root_volume = self.geometry.volume.sqrt();
-        let strain = self.geometry.strain_matrix().transpose();
-        match &self.excess {
-            Excess::Zero => {}
-            Excess::Rank3(factor) => {
-                let f = strain * factor * root_volume;
-                positive.extend(f.column_iter().map(|c| (self.rows, c.into_owned())));
-            }
-            Excess::Unfactored => {
-                let excess = self.pair.mean_elasticity() - self.parent_elasticity;
-                let eigen = excess.symmetric_eigen();
-                for (value, vector) in
-                    eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter())
-                {
-                    let column = strain * vector * (root_volume * value.abs().sqrt());
-                    let side = if *value >= 0.0 { &mut *positive } else { &mut *negative };
-                    if *value != 0.0 {
-                        side.push((self.rows, column));
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Rows of the ring that a tetrahedron's corners have, and its 12 entries of a column.
-type RingColumn = ([usize; 4], nalgebra::SVector<f64, 12>);
-
-fn columns(vertices: &[VertexId], entries: &[RingColumn]) -> Mat<f64> {
-    let mut matrix = Mat::zeros(3 * vertices.len(), entries.len());
+fn columns<const M: usize, const N: usize>(vertices: usize, entries: &[RingColumn<N>]) -> Mat<f64> {
+    let mut matrix = Mat::zeros(M * vertices, entries.len());
     for (j, (rows, column)) in entries.iter().enumerate() {
-        for corner in 0..4 {
-            for axis in 0..3 {
-                matrix[(3 * rows[corner] + axis, j)] = column[3 * corner + axis];
-            }
+        for i in 0..N {
+            matrix[(M * rows[i / M] + i % M, j)] = column[i];
         }
     }
     matrix
@@ -187,47 +252,31 @@ fn symmetrise(k: &mut Mat<f64>) {
     }
 }
 
-fn scatter(target: &mut Mat<f64>, rows: &[usize; 4], k: &SMatrix<f64, 12, 12>) {
-    for i in 0..12 {
-        for j in 0..12 {
-            target[(3 * rows[i / 3] + i % 3, 3 * rows[j / 3] + j % 3)] += k[(i, j)];
-        }
-    }
-}
-
-fn scatter_rows(target: &mut Mat<f64>, rows: &[usize; 4], block: &SMatrix<f64, 12, 3>) {
-    for i in 0..12 {
-        for j in 0..3 {
-            target[(3 * rows[i / 3] + i % 3, j)] += block[(i, j)];
-        }
-    }
-}
-
 /// From (u, d) to nodal (u, u_M): a12 = B − HᵀA22, K_c = K_0 − B H − HᵀBᵀ + HᵀA22 H, with
 /// H = ½ on both ends of the edge.
-fn condense_straight_edge(
+fn condense_straight_edge<const M: usize>(
     k_c: &mut Mat<f64>,
     a12: &mut Mat<f64>,
     b: &Mat<f64>,
-    a22: &Matrix3<f64>,
+    a22: &SMatrix<f64, M, M>,
     ends: [usize; 2],
 ) {
     for end in ends {
-        for i in 0..3 {
-            for j in 0..3 {
-                a12[(3 * end + i, j)] -= 0.5 * a22[(i, j)];
+        for i in 0..M {
+            for j in 0..M {
+                a12[(M * end + i, j)] -= 0.5 * a22[(i, j)];
             }
         }
         for i in 0..b.nrows() {
-            for j in 0..3 {
-                k_c[(i, 3 * end + j)] -= 0.5 * b[(i, j)];
-                k_c[(3 * end + j, i)] -= 0.5 * b[(i, j)];
+            for j in 0..M {
+                k_c[(i, M * end + j)] -= 0.5 * b[(i, j)];
+                k_c[(M * end + j, i)] -= 0.5 * b[(i, j)];
             }
         }
         for other in ends {
-            for i in 0..3 {
-                for j in 0..3 {
-                    k_c[(3 * end + i, 3 * other + j)] += 0.25 * a22[(i, j)];
+            for i in 0..M {
+                for j in 0..M {
+                    k_c[(M * end + i, M * other + j)] += 0.25 * a22[(i, j)];
                 }
             }
         }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod body_report;
+mod element_choice;
 mod error;
 mod fields;
 mod fixed_mesh;
@@ -29,6 +30,7 @@ mod surfaces;
 mod tally;
 mod tools;
 
+pub use element_choice::{MIXED_FROM, choose_element};
 pub use error::SimError;
 pub use fields::Fields;
 pub use inverse_link::{InverseFactory, InverseLink};

@@ -2,6 +2,7 @@
 
 use yawara_embed::Embedding;
 
+use crate::element_choice;
 use crate::fixed_mesh::FixedMesh;
 use crate::inverse_link::InverseLink;
 use crate::report::PlanRow;
@@ -20,7 +21,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow
         Origin::MeshFile(mesh) => mesh_file(mesh, stages),
     };
     rows.extend([
-        row("element", "p1", true, "linear displacement; locks from a Poisson ratio of 0.45 on"),
+        row("element", element_choice::RUNS, true, element_choice::reason(scene)),
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         refinement(scene, stages),

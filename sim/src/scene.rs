@@ -238,6 +238,8 @@ pub struct Time {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StageNames {
+    /// What a tetrahedron's vertices carry; `auto` picks by Poisson's ratios.
+    pub element: String,
     /// How fine material acts in coarse tetrahedra.
     pub homogenisation: String,
     /// How forces follow from positions.
@@ -337,6 +339,7 @@ impl Default for Void {
 impl Default for StageNames {
     fn default() -> Self {
         Self {
+            element: crate::stages::AUTO.into(),
             homogenisation: "laminate".into(),
             corotation: "element".into(),
             equilibrium: "anderson".into(),

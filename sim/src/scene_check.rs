@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::SimError;
+use crate::element_choice;
 use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
 use crate::stages::AUTO;
 
@@ -206,6 +207,12 @@ impl Check<'_> {
     fn stages(&self, scene: &Scene) -> Result<(), SimError> {
         let stages = &scene.stages;
         let inverses = [&[AUTO], yawara_inverse_update::CHOICES].concat();
+        let elements = [&[AUTO], yawara_embed::FORMULATIONS].concat();
+        let want = format!("one of {}", elements.join(", "));
+        let known = elements.contains(&&stages.element[..]);
+        self.that(known, "stages.element", &stages.element, &want)?;
+        let runs = [AUTO, element_choice::RUNS].contains(&&stages.element[..]);
+        self.that(runs, "stages.element", &stages.element, element_choice::WANTED)?;
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::COROTATIONS),

@@ -2,4 +2,5 @@
 #![forbid(unsafe_code)]
 
 pub mod inverse_suite;
+pub mod mixed_body;
 pub mod organ;

@@ -2,6 +2,7 @@
 
 mod arguments;
 pub mod drift;
+pub mod elements;
 pub mod homogenisation;
 mod homogenisation_cases;
 mod homogenisation_solve;
