@@ -109,7 +109,7 @@ fn equilibrium(c: &mut Criterion) {
             );
         });
         let (mut body, mut positions) = (case.body.clone(), case.rest.clone());
-        let Outcome { iterations, residual, converged } = case.solve(&mut body, &mut positions);
+        let Outcome { iterations, residual, converged, .. } = case.solve(&mut body, &mut positions);
         let moved = positions.iter().zip(&case.rest).map(|(x, y)| (x - y).norm());
         let moved_mm = 1e3 * moved.fold(0.0, f64::max);
         eprintln!(

@@ -124,6 +124,15 @@ impl Body {
         }
     }
 
+    /// Sets all rotations, of elements and of `vertices` vertices, to the identity.
+    pub(crate) fn unrotate(&mut self, vertices: usize) {
+        for element in &mut self.elements {
+            element.rotation = Matrix3::identity();
+        }
+        self.vertex_rotations.clear();
+        self.vertex_rotations.resize(vertices, Matrix3::identity());
+    }
+
     /// A bound on the entries of the stiffness matrix, N/m: the largest V |∇λ|² max|D|.
     pub fn stiffness_scale(&self) -> f64 {
         self.elements

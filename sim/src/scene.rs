@@ -339,7 +339,7 @@ impl Default for StageNames {
         Self {
             homogenisation: "laminate".into(),
             corotation: "element".into(),
-            equilibrium: "anderson".into(),
+            equilibrium: "fallback".into(),
             indicator: "energy".into(),
             inverse: crate::stages::AUTO.into(),
         }
