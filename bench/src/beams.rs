@@ -102,7 +102,7 @@ impl Beam {
     pub fn step(
         &mut self,
         part: f64,
-        corotation: &(dyn Corotation + Sync),
+        corotation: &dyn Corotation,
         equilibrium: &mut dyn Equilibrium,
         tolerance: &Tolerance,
     ) -> StepCount {
@@ -137,7 +137,7 @@ impl Beam {
         load: BeamLoad,
         poisson_ratio: f64,
         steps: usize,
-        corotation: &(dyn Corotation + Sync),
+        corotation: &dyn Corotation,
         equilibrium: &mut dyn Equilibrium,
     ) -> Result<Vec<StepCount>, BenchError> {
         let mut beam = Self::new(load, poisson_ratio)?;
@@ -158,7 +158,7 @@ pub fn mean_iterations(steps: &[StepCount]) -> [f64; 2] {
 
 /// A co-rotation that remembers where it was asked, after how many applications of the inverse.
 struct Recorded<'a> {
-    inner: &'a (dyn Corotation + Sync),
+    inner: &'a dyn Corotation,
     count: &'a AtomicUsize,
     path: Mutex<Vec<(usize, Vec<Vector3<f64>>)>>,
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
-use yawara_bench::studies::{Arguments, drift, mesh, scaling, table1};
+use yawara_bench::studies::{Arguments, drift, mesh, scaling, table1, validate};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
@@ -26,6 +26,8 @@ enum Study {
     Scaling(Arguments),
     /// The bisection forest: shapes, closures, cost of a split, volume to label tree.
     Mesh(mesh::Arguments),
+    /// Cases with a known solution: beams, spheres, rotation; errors and their slopes.
+    Validate(validate::Arguments),
 }
 
 impl Study {
@@ -36,7 +38,7 @@ impl Study {
             Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
-            Self::Mesh(_) => Ok(()),
+            Self::Mesh(_) | Self::Validate(_) => Ok(()),
         }
     }
 }
@@ -47,6 +49,7 @@ fn run(study: &Study) -> Result<String, BenchError> {
         Study::Drift(arguments) => drift::run(arguments),
         Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),
+        Study::Validate(arguments) => validate::run(arguments),
     }
 }
 

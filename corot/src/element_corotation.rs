@@ -1,10 +1,9 @@
 //! `element`: one rotation per element.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::Corotation;
 use crate::body::{Body, Element};
-use crate::stress::{add_forces, scaled_stress};
 use crate::tangent::{ElementTangent, element_tangent};
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
@@ -29,15 +28,7 @@ impl Corotation for ElementCorotation {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        forces.fill(Vector3::zeros());
-        let mut squares = 0.0;
-        body.renew_elements(positions, |element, f| {
-            let r = &element.rotation;
-            let scaled = scaled_stress(element, r, &(r.transpose() * f - Matrix3::identity()));
-            squares += add_forces(element, &scaled, forces);
-        });
-        body.renew_vertices();
-        squares.sqrt()
+        body.forces_and_stiffness(positions, forces, &mut [])
     }
 
     fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {

@@ -11,13 +11,18 @@ mod anderson;
 mod body;
 mod direct;
 mod element_corotation;
+mod element_kernel;
+mod element_reference;
 mod equilibrium;
 mod error;
 mod fallback;
+mod lanes;
 mod lbfgs;
 mod line_search;
 mod newton;
 mod no_corotation;
+mod packet_rotation;
+mod packets;
 mod paper_corotation;
 pub mod rotation;
 mod row_corotation;
@@ -29,6 +34,8 @@ pub use anderson::Anderson;
 pub use body::{Body, Element};
 pub use direct::Direct;
 pub use element_corotation::ElementCorotation;
+pub use element_kernel::StiffnessPacket;
+pub use element_reference::ElementReference;
 pub use equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
 pub use error::CorotError;
 pub use fallback::Fallback;
@@ -43,7 +50,7 @@ use nalgebra::Vector3;
 use yawara_embed::LinearTet;
 
 /// How internal forces follow from positions.
-pub trait Corotation: Send {
+pub trait Corotation: Send + Sync {
     /// The scene name.
     fn name(&self) -> &'static str;
 
@@ -71,7 +78,7 @@ pub trait Corotation: Send {
 }
 
 /// Scene names of the built-in co-rotations.
-pub const COROTATIONS: &[&str] = &["element", "row", "paper", "none"];
+pub const COROTATIONS: &[&str] = &["element", "element_reference", "row", "paper", "none"];
 
 /// Scene names of the built-in equilibrium solvers.
 pub const EQUILIBRIA: &[&str] =
@@ -84,6 +91,7 @@ pub const EQUILIBRIA: &[&str] =
 pub fn corotation_by_name(name: &str) -> Result<Box<dyn Corotation>, CorotError> {
     match name {
         "element" => Ok(Box::new(ElementCorotation)),
+        "element_reference" => Ok(Box::new(ElementReference)),
         "row" => Ok(Box::new(RowCorotation)),
         "paper" => Ok(Box::new(PaperCorotation)),
         "none" => Ok(Box::new(NoCorotation)),
