@@ -6,9 +6,9 @@ use yawara_bench::studies::validate::Report;
 /// Largest relative error on the finest quick mesh, and least slope to it, of what is refined.
 const REFINED: [(&str, f64, f64); 6] = [
     ("timoshenko", 0.08, 1.7),
-    ("torsion", 0.06, 1.5),
-    ("lame", 0.10, 1.3),
-    ("coated", 0.10, 1.0),
+    ("torsion", 0.12, 1.5),
+    ("lame", 0.12, 1.3),
+    ("coated", 0.15, 1.0),
     ("eshelby", 0.15, 1.0),
     ("elastica", 0.12, 1.0),
 ];

@@ -140,20 +140,8 @@ impl Body {
         forces.fill(Vector3::zeros());
         self.gradient_sums.clear();
         self.gradient_sums.resize(positions.len(), (Matrix3::zeros(), 0.0));
-        let (elements, sums) = (&mut self.elements, &mut self.gradient_sums);
-        let mut visit = |number: usize, vertices: &[u32; 4], f: &Matrix3<f64>, r: &Matrix3<f64>| {
-            let element = &mut elements[number];
-            element.rotation = *r;
-            let volume = element.geometry.volume;
-            let weighted = f * volume;
-            for &v in vertices {
-                let (sum, total) = &mut sums[v as usize];
-                *sum += weighted;
-                *total += volume;
-            }
-        };
-        let packets = &mut self.packets;
-        let pass = Pass { packets, positions, forces, visit: &mut visit, stiffness };
+        let Self { elements, packets, gradient_sums: sums, .. } = self;
+        let pass = Pass { packets, positions, forces, elements, sums, stiffness };
         let squares = pulp::Arch::new().dispatch(pass);
         self.renew_vertices();
         squares.sqrt()

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use pulp::{Simd, WithSimd};
 
+use crate::body::Element;
 use crate::lanes::{LANES, M3, Row, V, dot, load3, load33, product, store33, transposed_product};
 use crate::packet_rotation::polar;
 use crate::packets::{Packet, Packets};
@@ -18,8 +19,10 @@ pub(crate) struct Pass<'a> {
     pub positions: &'a [Vector3<f64>],
     /// f_int is added to it.
     pub forces: &'a mut [Vector3<f64>],
-    /// Called with each element's number, F and R.
-    pub visit: &'a mut dyn FnMut(usize, &[u32; 4], &Matrix3<f64>, &Matrix3<f64>),
+    /// The elements by number, whose rotations are renewed.
+    pub elements: &'a mut [Element],
+    /// V F and V of each element are added to those of its corners.
+    pub sums: &'a mut [(Matrix3<f64>, f64)],
     /// One per packet, or none.
     pub stiffness: &'a mut [StiffnessPacket],
 }
@@ -41,7 +44,7 @@ impl WithSimd for Pass<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Pass { packets, positions, forces, visit, stiffness } = self;
+        let Pass { packets, positions, forces, elements, sums, stiffness } = self;
         let zero = [0.0; LANES];
         let mut buffers = Buffers {
             edges: [[zero; 3]; 3],
@@ -68,13 +71,38 @@ impl WithSimd for Pass<'_> {
             for lane in 0..lanes {
                 squares += buffers.squares[lane];
                 scatter(packet, &buffers.edges, lane, forces);
-                let f = Matrix3::from_fn(|i, j| buffers.gradient[i][j][lane]);
-                let vertices = packet.vertices.map(|row| row[lane]);
-                visit(number * LANES + lane, &vertices, &f, &packet.rotation(lane));
+                add_gradient(packet, &buffers.gradient, lane, sums);
+                elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
             }
         }
         squares
     }
+}
+
+/// Adds V F and V to the sums of the corners.
+#[inline(always)]
+fn add_gradient(
+    packet: &Packet,
+    gradient: &[[Row; 3]; 3],
+    lane: usize,
+    sums: &mut [(Matrix3<f64>, f64)],
+) {
+    let volume = packet.volume[lane];
+    let weighted = matrix(gradient, lane) * volume;
+    for corner in 0..4 {
+        let (sum, total) = &mut sums[packet.vertices[corner][lane] as usize];
+        *sum += weighted;
+        *total += volume;
+    }
+}
+
+#[inline(always)]
+fn matrix(rows: &[[Row; 3]; 3], lane: usize) -> Matrix3<f64> {
+    let [x, y, z] = rows;
+    Matrix3::new(
+        x[0][lane], x[1][lane], x[2][lane], y[0][lane], y[1][lane], y[2][lane], z[0][lane],
+        z[1][lane], z[2][lane],
+    )
 }
 
 #[inline(always)]
@@ -83,7 +111,9 @@ fn gather(packet: &Packet, positions: &[Vector3<f64>], edges: &mut [[Row; 3]; 3]
         let origin = positions[packet.vertices[0][lane] as usize];
         for corner in 0..3 {
             let edge = positions[packet.vertices[corner + 1][lane] as usize] - origin;
-            (0..3).for_each(|axis| edges[corner][axis][lane] = edge[axis]);
+            for axis in 0..3 {
+                edges[corner][axis][lane] = edge[axis];
+            }
         }
     }
 }
@@ -139,20 +169,14 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
         s[0][2] + s[2][0],
     ];
     let volume = V::load(simd, &packet.volume, part);
-    let stress = [0, 1, 2, 3, 4, 5].map(|i| {
-        let mut sum = V::splat(simd, 0.0);
-        for j in 0..6 {
-            sum = sum.plus(V::load(simd, &packet.elasticity[packed(i, j)], part), strain[j]);
-        }
-        sum * volume
-    });
-    let [xx, yy, zz, xy, yz, zx] = stress;
+    let [xx, yy, zz, xy, yz, zx] = stress_of(simd, packet, &strain, volume, part);
     let scaled = product(&r, &[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]);
     let mut sum = [V::splat(simd, 0.0); 3];
     let mut squares = V::splat(simd, 0.0);
     for corner in 0..3 {
         let gradient = load3(simd, &packet.gradients[corner], part);
-        let force = [0, 1, 2].map(|axis| dot(&scaled[axis], &gradient));
+        let force =
+            [dot(&scaled[0], &gradient), dot(&scaled[1], &gradient), dot(&scaled[2], &gradient)];
         squares = squares + dot(&force, &force);
         for axis in 0..3 {
             sum[axis] = sum[axis] + force[axis];
@@ -160,6 +184,26 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
         }
     }
     (squares + dot(&sum, &sum)).store(&mut buffers.squares, part);
+}
+
+/// V D ε.
+#[inline(always)]
+fn stress_of<S: Simd>(
+    simd: S,
+    packet: &Packet,
+    strain: &[V<S>; 6],
+    volume: V<S>,
+    part: usize,
+) -> [V<S>; 6] {
+    let mut stress = *strain;
+    for i in 0..6 {
+        let mut sum = V::load(simd, &packet.elasticity[packed(i, 0)], part) * strain[0];
+        for j in 1..6 {
+            sum = sum.plus(V::load(simd, &packet.elasticity[packed(i, j)], part), strain[j]);
+        }
+        stress[i] = sum * volume;
+    }
+    stress
 }
 
 #[inline(always)]
@@ -171,7 +215,8 @@ fn scatter(
 ) {
     let mut first = Vector3::zeros();
     for corner in 0..3 {
-        let force = Vector3::from([0, 1, 2].map(|axis| corner_forces[corner][axis][lane]));
+        let [x, y, z] = &corner_forces[corner];
+        let force = Vector3::new(x[lane], y[lane], z[lane]);
         forces[packet.vertices[corner + 1][lane] as usize] += force;
         first -= force;
     }
@@ -191,33 +236,27 @@ fn rotated_stiffness<S: Simd>(simd: S, packet: &Packet, blocks: &mut StiffnessPa
     let r = load33(simd, &packet.rotation, part);
     let volume = V::load(simd, &packet.volume, part);
     let zero = V::splat(simd, 0.0);
-    let strain_of = [0, 1, 2].map(|corner| {
+    let mut strain_of = [[[zero; 6]; 3]; 3];
+    for corner in 0..3 {
         let g = load3(simd, &packet.gradients[corner], part);
         // Row of B times Rᵀ: column k of C is the strain of moving along world axis k.
-        [0, 1, 2].map(|k| {
+        for k in 0..3 {
             let e = r[k];
-            [
+            strain_of[corner][k] = [
                 g[0] * e[0],
                 g[1] * e[1],
                 g[2] * e[2],
                 (g[1] * e[0]).plus(g[0], e[1]),
                 (g[2] * e[1]).plus(g[1], e[2]),
                 (g[2] * e[0]).plus(g[0], e[2]),
-            ]
-        })
-    });
+            ];
+        }
+    }
     let mut first = [[zero; 3]; 3];
     let mut columns = [[[zero; 3]; 3]; 3];
     for b in 0..3 {
         for k in 0..3 {
-            let stress = [0, 1, 2, 3, 4, 5].map(|i| {
-                let mut sum = zero;
-                for j in 0..6 {
-                    let d = V::load(simd, &packet.elasticity[packed(i, j)], part);
-                    sum = sum.plus(d, strain_of[b][k][j]);
-                }
-                sum * volume
-            });
+            let stress = stress_of(simd, packet, &strain_of[b][k], volume, part);
             let mut sums = [zero; 3];
             for a in 0..3 {
                 for axis in 0..3 {

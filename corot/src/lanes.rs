@@ -1,4 +1,7 @@
 //! Vectors, matrices and rotations of several elements at once, one per vector lane.
+//!
+//! Loops and functions that are always inlined, no iterators and no closures handed on: a function
+//! that is compiled by itself knows nothing of the vector unit that its caller was chosen for.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -99,34 +102,39 @@ pub(crate) fn dot<S: Simd>(a: &V3<S>, b: &V3<S>) -> V<S> {
     (a[0] * b[0]).plus(a[1], b[1]).plus(a[2], b[2])
 }
 
-#[inline(always)]
-pub(crate) fn column<S: Simd>(a: &M3<S>, j: usize) -> V3<S> {
-    [a[0][j], a[1][j], a[2][j]]
-}
-
 /// A B.
 #[inline(always)]
 pub(crate) fn product<S: Simd>(a: &M3<S>, b: &M3<S>) -> M3<S> {
-    let columns = [column(b, 0), column(b, 1), column(b, 2)];
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(&a[i], &columns[j])))
+    let mut c = *a;
+    for i in 0..3 {
+        for j in 0..3 {
+            c[i][j] = (a[i][0] * b[0][j]).plus(a[i][1], b[1][j]).plus(a[i][2], b[2][j]);
+        }
+    }
+    c
 }
 
 /// Aᵀ B.
 #[inline(always)]
 pub(crate) fn transposed_product<S: Simd>(a: &M3<S>, b: &M3<S>) -> M3<S> {
-    let (left, right) = ([0, 1, 2].map(|i| column(a, i)), [0, 1, 2].map(|j| column(b, j)));
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(&left[i], &right[j])))
+    let mut c = *a;
+    for i in 0..3 {
+        for j in 0..3 {
+            c[i][j] = (a[0][i] * b[0][j]).plus(a[1][i], b[1][j]).plus(a[2][i], b[2][j]);
+        }
+    }
+    c
 }
 
 /// Three rows of a packet's matrix or the like.
 #[inline(always)]
 pub(crate) fn load3<S: Simd>(simd: S, rows: &[Row; 3], part: usize) -> V3<S> {
-    [0, 1, 2].map(|i| V::load(simd, &rows[i], part))
+    [V::load(simd, &rows[0], part), V::load(simd, &rows[1], part), V::load(simd, &rows[2], part)]
 }
 
 #[inline(always)]
 pub(crate) fn load33<S: Simd>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> M3<S> {
-    [0, 1, 2].map(|i| load3(simd, &rows[i], part))
+    [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
 }
 
 #[inline(always)]

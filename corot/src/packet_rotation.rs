@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use crate::lanes::{M3, V, dot, product, transposed_product};
+use crate::lanes::{M3, V, V3, dot, product, transposed_product};
 
 /// Steps before a lane is left to the scalar code.
 const STEPS: usize = 4;
@@ -23,14 +23,13 @@ const DEFINITE: f64 = 1e-3;
 #[inline(always)]
 pub(crate) fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>) {
     let mut r = *start;
-    let constant = |value| V::splat(simd, value);
-    let mut verdict = constant(f64::INFINITY);
+    let mut verdict = V::splat(simd, f64::INFINITY);
     for _ in 0..STEPS {
         let (omega, definite) = newton_step(simd, f, &r);
         let squared = dot(&omega, &omega);
         turn(simd, &mut r, &omega, squared);
         // 0 where H is definite, infinity or NaN where it is not.
-        verdict = (squared * constant(0.5 / DONE)) + definite;
+        verdict = definite.plus(squared, V::splat(simd, 0.5 / DONE));
         if verdict.largest() < 1.0 {
             break;
         }
@@ -40,53 +39,70 @@ pub(crate) fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>)
 
 /// ω = (tr(S)I − S)⁻¹ skew(RᵀF) by cofactors; and 0 where that matrix is definite, ∞ elsewhere.
 #[inline(always)]
-fn newton_step<S: Simd>(simd: S, f: &M3<S>, r: &M3<S>) -> ([V<S>; 3], V<S>) {
-    let constant = |value| V::splat(simd, value);
+fn newton_step<S: Simd>(simd: S, f: &M3<S>, r: &M3<S>) -> (V3<S>, V<S>) {
     let m = transposed_product(r, f);
     let skew = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
-    let half = constant(-0.5);
+    let half = V::splat(simd, -0.5);
     let h = [m[1][1] + m[2][2], m[0][0] + m[2][2], m[0][0] + m[1][1]];
-    let [xy, yz, zx] =
-        [(m[0][1] + m[1][0]) * half, (m[1][2] + m[2][1]) * half, (m[2][0] + m[0][2]) * half];
-    let cofactors = [
-        [h[1] * h[2] - yz * yz, zx * yz - xy * h[2], xy * yz - zx * h[1]],
-        [zx * yz - xy * h[2], h[0] * h[2] - zx * zx, xy * zx - h[0] * yz],
-        [xy * yz - zx * h[1], xy * zx - h[0] * yz, h[0] * h[1] - xy * xy],
+    let xy = (m[0][1] + m[1][0]) * half;
+    let yz = (m[1][2] + m[2][1]) * half;
+    let zx = (m[2][0] + m[0][2]) * half;
+    let c00 = h[1] * h[2] - yz * yz;
+    let c11 = h[0] * h[2] - zx * zx;
+    let c22 = h[0] * h[1] - xy * xy;
+    let c01 = zx * yz - xy * h[2];
+    let c02 = xy * yz - zx * h[1];
+    let c12 = xy * zx - h[0] * yz;
+    let determinant = (h[0] * c00).plus(xy, c01).plus(zx, c02);
+    let inverse = V::splat(simd, 1.0).over(determinant);
+    let omega = [
+        dot(&[c00, c01, c02], &skew) * inverse,
+        dot(&[c01, c11, c12], &skew) * inverse,
+        dot(&[c02, c12, c22], &skew) * inverse,
     ];
-    let determinant = dot(&[h[0], xy, zx], &[cofactors[0][0], cofactors[1][0], cofactors[2][0]]);
-    let inverse = constant(1.0).over(determinant);
-    let omega = [0, 1, 2].map(|i| dot(&cofactors[i], &skew) * inverse);
     // Definite iff the minors h₀, h₀h₁ − xy² and the determinant are positive.
-    let half_trace = (h[0] + h[1] + h[2]) * constant(0.5);
-    let bar = constant(DEFINITE) * half_trace * half_trace * half_trace;
-    let simd_infinite = |value: V<S>| {
-        let positive = simd.greater_than_f64s(value.1, constant(0.0).1);
-        V(simd, simd.select_f64s(positive, constant(0.0).1, constant(f64::INFINITY).1))
-    };
-    let definite =
-        simd_infinite(h[0]) + simd_infinite(cofactors[2][2]) + simd_infinite(determinant - bar);
+    let half_trace = (h[0] + h[1] + h[2]) * V::splat(simd, 0.5);
+    let bar = V::splat(simd, DEFINITE) * half_trace * half_trace * half_trace;
+    let definite = infinite_unless_positive(simd, h[0])
+        + infinite_unless_positive(simd, c22)
+        + infinite_unless_positive(simd, determinant - bar);
     (omega, definite)
+}
+
+/// 0 where the value is positive, ∞ elsewhere.
+#[inline(always)]
+fn infinite_unless_positive<S: Simd>(simd: S, value: V<S>) -> V<S> {
+    let zero = simd.splat_f64s(0.0);
+    let positive = simd.greater_than_f64s(value.1, zero);
+    V(simd, simd.select_f64s(positive, zero, simd.splat_f64s(f64::INFINITY)))
 }
 
 /// R ← R cay(ω).
 #[inline(always)]
-fn turn<S: Simd>(simd: S, r: &mut M3<S>, omega: &[V<S>; 3], squared: V<S>) {
-    let constant = |value| V::splat(simd, value);
-    let a = omega.map(|w| w * constant(0.5));
-    let scale = constant(2.0).over(constant(1.0) + squared * constant(0.25));
-    let zero = constant(0.0);
-    let cross = [[zero, -a[2], a[1]], [a[2], zero, -a[0]], [-a[1], a[0], zero]];
-    let square = product(&cross, &cross);
-    let mut map = [0, 1, 2].map(|i| [0, 1, 2].map(|j| (cross[i][j] + square[i][j]) * scale));
-    (0..3).for_each(|i| map[i][i] = map[i][i] + constant(1.0));
+fn turn<S: Simd>(simd: S, r: &mut M3<S>, omega: &V3<S>, squared: V<S>) {
+    let one = V::splat(simd, 1.0);
+    let half = V::splat(simd, 0.5);
+    let [x, y, z] = [omega[0] * half, omega[1] * half, omega[2] * half];
+    // 2/(1 + |a|²)
+    let scale = V::splat(simd, 2.0).over(one.plus(squared, V::splat(simd, 0.25)));
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let map = [
+        [one - scale * (yy + zz), scale * (x * y - z), scale * (x * z + y)],
+        [scale * (x * y + z), one - scale * (zz + xx), scale * (y * z - x)],
+        [scale * (x * z - y), scale * (y * z + x), one - scale * (xx + yy)],
+    ];
     *r = product(r, &map);
 }
 
 /// R(3I − RᵀR)/2.
 #[inline(always)]
 fn renormalised<S: Simd>(simd: S, r: &M3<S>) -> M3<S> {
-    let constant = |value| V::splat(simd, value);
-    let mut correction = transposed_product(r, r).map(|row| row.map(|v| v * constant(-0.5)));
-    (0..3).for_each(|i| correction[i][i] = correction[i][i] + constant(1.5));
+    let mut correction = transposed_product(r, r);
+    for i in 0..3 {
+        for j in 0..3 {
+            correction[i][j] = correction[i][j] * V::splat(simd, -0.5);
+        }
+        correction[i][i] = correction[i][i] + V::splat(simd, 1.5);
+    }
     product(r, &correction)
 }

@@ -223,7 +223,7 @@ fn solve_linear(
     statics: &mut Statics,
     load: &[Vector3<f64>],
 ) -> Result<(), BenchError> {
-    solve(case, statics, &NoCorotation, &mut Direct, load, 1e-11)
+    solve(case, statics, &NoCorotation, &mut Direct, load, 1e-10)
 }
 
 fn solve(
