@@ -69,3 +69,76 @@ pub(crate) fn convex_part(tangent: &ElementTangent) -> ElementTangent {
     eigen.eigenvalues.iter_mut().for_each(|value| *value = value.max(0.0));
     eigen.recompose()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Body, Corotation, ElementReference};
+    use nalgebra::Matrix6;
+    use proptest::prelude::*;
+    use yawara_embed::{LinearTet, isotropic};
+    use yawara_mesh::TetId;
+
+    const CORNERS: [[f64; 3]; 4] =
+        [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
+
+    fn body(elasticity: Matrix6<f64>) -> Body {
+        let mut body = Body::new();
+        body.insert(Element {
+            tet: TetId(0),
+            vertices: [0, 1, 2, 3],
+            geometry: LinearTet::new(&CORNERS.map(Vector3::from)),
+            elasticity,
+            rotation: Matrix3::identity(),
+        });
+        body
+    }
+
+    fn forces(body: &mut Body, x: &[Vector3<f64>]) -> [f64; 12] {
+        let mut forces = vec![Vector3::zeros(); 4];
+        ElementReference.internal_forces(body, x, &mut forces);
+        std::array::from_fn(|i| forces[i / 3][i % 3])
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_derivative_of_the_forces(
+            shake in proptest::array::uniform12(-0.3..0.3f64),
+            turn in proptest::array::uniform3(-2.0..2.0f64),
+            fibres in proptest::array::uniform32(-1.0..1.0f64),
+        ) {
+            let m = Matrix6::from_fn(|i, j| fibres[(6 * i + j) % 32]);
+            for elasticity in [isotropic(1.0, 0.3), isotropic(1.0, 0.3) + m * m.transpose()] {
+                let mut body = body(elasticity);
+                let r = nalgebra::Rotation3::from_scaled_axis(Vector3::from(turn));
+                let mut x: Vec<_> = (0..4)
+                    .map(|i| r * (Vector3::from(CORNERS[i]) + Vector3::from_fn(|k, _| shake[3 * i + k])))
+                    .collect();
+                forces(&mut body, &x);
+                // Away from where rotations jump.
+                let s = body.elements()[0].deformation_gradient(&x);
+                prop_assume!(s.determinant() > 0.05);
+                let tangent = element_tangent(&body.elements()[0], &x);
+                let h = 1e-5;
+                for column in 0..12 {
+                    let at = x[column / 3][column % 3];
+                    x[column / 3][column % 3] = at + h;
+                    let up = forces(&mut body, &x);
+                    x[column / 3][column % 3] = at - h;
+                    let down = forces(&mut body, &x);
+                    x[column / 3][column % 3] = at;
+                    for row in 0..12 {
+                        let slope = (up[row] - down[row]) / (2.0 * h);
+                        // Third derivatives grow with the curvature of the rotation.
+                        let bar = 1e-5 * tangent.amax();
+                        prop_assert!((slope - tangent[(row, column)]).abs() < bar);
+                    }
+                }
+                let asymmetry = (tangent - tangent.transpose()).amax();
+                if elasticity == isotropic(1.0, 0.3) {
+                    prop_assert!(asymmetry < 1e-12 * tangent.amax());
+                }
+            }
+        }
+    }
+}
