@@ -115,3 +115,22 @@ fn newton_is_refused_where_there_is_no_tangent() {
     }
     assert!(check_pair(&NoCorotation, &Wrecker).is_ok());
 }
+
+#[test]
+fn the_paper_s_iteration_finds_no_equilibrium_of_a_bent_beam() {
+    let bend = |degrees: f64, corotation: &str, equilibrium: &str| {
+        let mut beam = Beam::new(BeamLoad::Bend, 0.3).unwrap();
+        let stage = corotation_by_name(corotation).unwrap();
+        let mut solver = equilibrium_by_name(equilibrium).unwrap();
+        let tolerance = Tolerance { residual: 1e-6, max_iterations: 300 };
+        beam.step(degrees / 90.0, stage.as_ref(), solver.as_mut(), &tolerance).outcome
+    };
+    // To first order already its forces are not those of linear elasticity: at no angle is it well.
+    for degrees in [0.1, 9.0, 45.0] {
+        let paper = bend(degrees, "paper", "direct");
+        println!("{degrees}°: {paper:?}");
+        assert!(!paper.converged, "{degrees}°: {paper:?}");
+        let element = bend(degrees, "element", "anderson");
+        assert!(element.converged, "{degrees}°: {element:?}");
+    }
+}

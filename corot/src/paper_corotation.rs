@@ -7,10 +7,11 @@ use crate::body::Body;
 use crate::stress::scaled_stress;
 
 /// f = T K (T⁻¹x − X) literally, T the block diagonal of the vertices' rotations:
-/// f_i = R_i Σ_j K_ij (R_jᵀ x_j − X_j). Neighbours turn about the origin by different rotations,
-/// so that the forces change when the body is moved: by ten to twenty times when it is moved by
-/// its own length. With the paper's iteration ([`Direct`](crate::Direct)) it is lost from a
-/// rotation of some 9° on. It is here to show that.
+/// f_i = R_i Σ_j K_ij (R_jᵀ x_j − X_j). Neighbours turn about the origin by different rotations, so
+/// that the forces change when the body is moved: by ten to twenty times when by its own length.
+/// To first order it takes ω_i × x_i from each displacement u_i, which for a bent body is as large
+/// as u_i: with the paper's iteration ([`Direct`](crate::Direct)) a bent beam is lost at any angle.
+/// It is here to show that.
 ///
 /// Source: Oishi et al., eq. (2).
 #[derive(Clone, Copy, Debug, Default)]

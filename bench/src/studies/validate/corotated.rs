@@ -104,8 +104,11 @@ struct Change {
     modulus: f64,
 }
 
+/// Positions by vertex number.
+type Places = Vec<Vector3<f64>>;
+
 /// Rest and deformed positions of the body after a change.
-fn deformed(change: &Change) -> Result<(Vec<Vector3<f64>>, Vec<Vector3<f64>>), BenchError> {
+fn deformed(change: &Change) -> Result<(Places, Places), BenchError> {
     let mut solid = Solid::block([12, 4, 4], [3.0, 1.0, 1.0], isotropic(1e4, 0.3));
     let ends: Vec<bool> = solid.points.iter().map(|x| x.x < 1e-9).collect();
     let load = solid.traction(|x| x.x > 3.0 - 1e-9, |_| Vector3::new(0.0, 60.0, 40.0));

@@ -1,4 +1,4 @@
-//! From which rotation on the paper's eq. (2) finds no equilibrium.
+//! Which co-rotation and solver find the equilibrium of a bent beam, and up to which rotation.
 
 use std::fmt::Write;
 
