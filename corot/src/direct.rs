@@ -8,13 +8,13 @@ use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
 /// x = T(X + C T⁻¹f). One iteration is exact without co-rotation, a second one takes out its
 /// rounding; with it the iteration diverges as soon as rotations differ by some degrees.
 ///
-/// Ends when the residual is not finite or [`GROWTH`] times the least. Cost: one solve and one
+/// Ends when the residual is not finite or a thousand times the least. Cost: one solve and one
 /// force evaluation an iteration. Source: Oishi et al., eq. (2).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Direct;
 
 /// Residuals this far above the least one do not come back.
-pub const GROWTH: f64 = 1e3;
+const GROWTH: f64 = 1e3;
 
 impl Equilibrium for Direct {
     fn name(&self) -> &'static str {

@@ -18,7 +18,7 @@ const DEFINITE: f64 = 1e-3;
 /// iteration ended well; anywhere else (NaN included) the lane means nothing.
 ///
 /// The step is that of the scalar code, applied by Cayley's map, which differs from the exponential
-/// in third order and needs no sine: R ← R (I + 2(A + A²)/(1+|a|²)), a = ω/2, A = [a]. With
+/// in third order and needs no sine: R ← R (I + 2(A + A²)/(1+|a|²)), a = ω/2, A = a×. With
 /// H = tr(S)I − S positive definite the end is the one maximum of tr(RᵀF).
 #[inline(always)]
 pub(crate) fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>) {

@@ -16,8 +16,8 @@ const FLOOR: f64 = 1e-6;
 /// be that of F.
 ///
 /// With x_b moving along the local axis e_k: M = e_k ∇λ_bᵀ,
-/// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂) turns R, S = RᵀF changes by N = M − [ω]S,
-/// and f_a by V R ([ω]σ + σ(N)) ∇λ_a. Symmetric for isotropic D. N/m.
+/// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂) turns R, S = RᵀF changes by N = M − ω×S,
+/// and f_a by V R (ω×σ + σ(N)) ∇λ_a. Symmetric for isotropic D. N/m.
 pub fn element_tangent(element: &Element, positions: &[Vector3<f64>]) -> ElementTangent {
     let (r, gradients) = (&element.rotation, &element.geometry.gradients);
     let s = r.transpose() * element.deformation_gradient(positions);
