@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use thiserror::Error;
+use yawara_corot::CorotError;
 use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
 use yawara_mesh::MeshError;
@@ -17,6 +18,21 @@ pub enum BenchError {
     /// The embedding stage refused.
     #[error(transparent)]
     Embed(#[from] EmbedError),
+    /// The co-rotation stage refused.
+    #[error(transparent)]
+    Corot(#[from] CorotError),
+    /// An equilibrium that was not found.
+    #[error("`{case}`: `{method}` ended at a relative residual of {reached:e}, want {limit:e}")]
+    NotConverged {
+        /// The case.
+        case: &'static str,
+        /// The method that ran last.
+        method: &'static str,
+        /// The relative residual.
+        reached: f64,
+        /// The limit.
+        limit: f64,
+    },
     /// The inverse stage refused.
     #[error(transparent)]
     Inverse(#[from] InverseError),

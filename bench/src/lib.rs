@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod accuracy;
+mod beams;
 mod block;
 mod direct;
 mod error;
@@ -20,11 +21,14 @@ mod progress;
 mod random;
 mod reference;
 mod slots;
+mod solid;
+mod statics;
 mod statistics;
 mod stream;
 pub mod studies;
 
 pub use accuracy::inverse_error;
+pub use beams::{BEAM_LOADS, Beam, BeamLoad, StepCount, mean_iterations};
 pub use direct::{DIRECT, Direct};
 pub use error::BenchError;
 pub use history::{History, Update};
@@ -33,5 +37,7 @@ pub use material_edits::MaterialEdits;
 pub use organ::{Organ, Size};
 pub use output::Output;
 pub use slots::Slots;
+pub use solid::Solid;
+pub use statics::Statics;
 pub use statistics::{median, percentile, ratios};
 pub use stream::Stream;

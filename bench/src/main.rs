@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
-use yawara_bench::studies::{Arguments, drift, elements, homogenisation, mesh, scaling, table1};
+use yawara_bench::studies::{
+    Arguments, drift, elements, homogenisation, mesh, scaling, table1, validate,
+};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
@@ -30,6 +32,8 @@ enum Study {
     Homogenisation(homogenisation::Arguments),
     /// Linear tetrahedra towards incompressibility, with and without a pressure.
     Elements(elements::Arguments),
+    /// Cases with a known solution: beams, spheres, rotation; errors and their slopes.
+    Validate(validate::Arguments),
 }
 
 impl Study {
@@ -40,7 +44,9 @@ impl Study {
             Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
-            Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) => Ok(()),
+            Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) | Self::Validate(_) => {
+                Ok(())
+            }
         }
     }
 }
@@ -53,6 +59,7 @@ fn run(study: &Study) -> Result<String, BenchError> {
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
+        Study::Validate(arguments) => validate::run(arguments),
     }
 }
 

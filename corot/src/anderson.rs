@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
+use crate::vectors::{axpy, dot};
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)) with Anderson mixing over the last `depth` iterates: the
 /// combination of past steps whose preconditioned residual is least.
@@ -44,12 +45,12 @@ impl Equilibrium for Anderson {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
-        let n = 3 * positions.len();
+        let n = problem.rows();
         let mut residual = vec![0.0; n];
         let (mut scratch, mut step) = (vec![0.0; n], vec![0.0; n]);
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
-        let mut iterations = 0;
+        let (mut iterations, mut evaluations) = (0, 1);
         let mut best =
             (problem.evaluate(positions, internal, &mut residual, tolerance), positions.to_vec());
         let mut size = best.0;
@@ -61,15 +62,15 @@ impl Equilibrium for Anderson {
                 }
                 positions.copy_from_slice(&best.1);
                 problem.evaluate(positions, internal, &mut residual, tolerance);
+                evaluations += 1;
                 memory.clear();
             }
             problem.precondition(&residual, &mut scratch, &mut step);
             iterations += 1;
             memory.mix(&mut step, damping);
-            for (x, d) in positions.iter_mut().zip(step.chunks_exact(3)) {
-                *x += Vector3::from_column_slice(d);
-            }
+            problem.advance(positions, &step, 1.0);
             size = problem.evaluate(positions, internal, &mut residual, tolerance);
+            evaluations += 1;
             if size < best.0 {
                 best.0 = size;
                 best.1.copy_from_slice(positions);
@@ -78,8 +79,16 @@ impl Equilibrium for Anderson {
         if !(size <= best.0) {
             positions.copy_from_slice(&best.1);
             size = problem.evaluate(positions, internal, &mut residual, tolerance);
+            evaluations += 1;
         }
-        Outcome { iterations, residual: size, converged: size <= tolerance.residual }
+        Outcome {
+            iterations,
+            evaluations,
+            residual: size,
+            converged: size <= tolerance.residual,
+            method: self.name(),
+            fallbacks: 0,
+        }
     }
 }
 
@@ -158,15 +167,5 @@ impl Memory {
             gamma[kept[j]] = (rhs[j] - known) / r[j][j];
         }
         gamma
-    }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += alpha * x;
     }
 }

@@ -1,10 +1,10 @@
 //! `element`: one rotation per element.
 
-use nalgebra::{Matrix3, Vector3};
-use yawara_embed::{Strain, strain_from_gradient};
+use nalgebra::Vector3;
 
 use crate::Corotation;
-use crate::body::Body;
+use crate::body::{Body, Element};
+use crate::tangent::{ElementTangent, element_tangent};
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
 /// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
@@ -28,25 +28,10 @@ impl Corotation for ElementCorotation {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        forces.fill(Vector3::zeros());
-        let mut squares = 0.0;
-        body.renew_elements(positions, |element, f| {
-            let r = &element.rotation;
-            let strain = strain_from_gradient(&(r.transpose() * f - Matrix3::identity()));
-            let stress = stress_matrix(&(element.elasticity * strain));
-            let scaled = r * stress * element.geometry.volume;
-            for (v, g) in element.vertices.iter().zip(&element.geometry.gradients) {
-                let force = scaled * g;
-                squares += force.norm_squared();
-                forces[*v] += force;
-            }
-        });
-        body.renew_vertices();
-        squares.sqrt()
+        body.forces_and_stiffness(positions, forces, &mut [])
     }
-}
 
-/// The symmetric matrix of a stress in Voigt order xx yy zz xy yz zx.
-fn stress_matrix(s: &Strain) -> Matrix3<f64> {
-    Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2])
+    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
+        Some(element_tangent(element, positions))
+    }
 }

@@ -6,6 +6,10 @@ use crate::Corotation;
 use crate::body::Body;
 
 /// Find x with f_int(x) = f_ext on the free vertices.
+///
+/// Solvers mix residuals and steps as plain vectors of [`rows`](Self::rows) entries, vertex-major,
+/// and touch positions through the methods here alone: an element with further unknowns per vertex
+/// changes this type, no solver.
 pub struct Problem<'a> {
     /// Elements and rotations, renewed with every force evaluation.
     pub body: &'a mut Body,
@@ -26,25 +30,36 @@ pub struct Tolerance {
     /// Relative residual τ: ‖f_ext − f_int‖ over the free vertices must not exceed
     /// τ · max(‖f_ext‖, √Σ‖f_e‖²), nor need it fall below rounding, ε ‖K‖‖x‖.
     pub residual: f64,
-    /// Force evaluations at most.
+    /// Iterations at most, of each method.
     pub max_iterations: usize,
 }
 
 /// How a solve ended. Positions and rotations are those of the smallest residual seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Applications of the inverse.
+    /// Applications of the inverse (of a tangent's factor for `newton`), by all methods together.
     pub iterations: usize,
+    /// Evaluations of the internal forces, by all methods together.
+    pub evaluations: usize,
     /// The relative residual reached.
     pub residual: f64,
     /// Whether the tolerance was reached.
     pub converged: bool,
+    /// Scene name of the method that ran last: of the one that converged, if any did.
+    pub method: &'static str,
+    /// Methods that had given up before it.
+    pub fallbacks: usize,
 }
 
 /// Finds equilibrium positions.
 pub trait Equilibrium: Send {
     /// The scene name.
     fn name(&self) -> &'static str;
+
+    /// Whether it needs [`Corotation::tangent`]; without it it then ends where it begins.
+    fn needs_tangent(&self) -> bool {
+        false
+    }
 
     /// Moves the free vertices of `positions` (m, by vertex number) into equilibrium. On return
     /// `internal` holds the internal forces there (N): at vertices that are not free,
@@ -59,6 +74,11 @@ pub trait Equilibrium: Send {
 }
 
 impl Problem<'_> {
+    /// Entries of a residual or a step: unknowns per vertex times vertex numbers.
+    pub fn rows(&self) -> usize {
+        self.corotation.unknowns_per_vertex() * self.free.len()
+    }
+
     /// Evaluates internal forces and writes f_ext − f_int of the free vertices to `residual`
     /// (3 entries a vertex, 0 elsewhere). Returns its relative size,
     /// ‖f_ext − f_int‖ / max(‖f_ext‖, √Σ‖f_e‖², ε ‖K‖‖x‖ / τ): the last term lets a body that has
@@ -102,6 +122,13 @@ impl Problem<'_> {
             let at = 3 * v..3 * v + 3;
             let world = r * Vector3::from_column_slice(&step[at.clone()]);
             step[at].copy_from_slice(world.as_slice());
+        }
+    }
+
+    /// x ← x + `length` · `step`.
+    pub fn advance(&mut self, positions: &mut [Vector3<f64>], step: &[f64], length: f64) {
+        for (x, d) in positions.iter_mut().zip(step.chunks_exact(3)) {
+            *x += length * Vector3::from_column_slice(d);
         }
     }
 }

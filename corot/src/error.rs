@@ -14,4 +14,15 @@ pub enum CorotError {
         /// What there is.
         choices: &'static [&'static str],
     },
+    /// A solver that needs a tangent and a co-rotation without one.
+    #[error(
+        "`{equilibrium}` needs the tangent of the forces, which co-rotation `{corotation}` does not \
+         have; want co-rotation element or none, or another equilibrium solver"
+    )]
+    NoTangent {
+        /// Scene name of the co-rotation.
+        corotation: &'static str,
+        /// Scene name of the solver.
+        equilibrium: &'static str,
+    },
 }

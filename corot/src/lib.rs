@@ -9,21 +9,48 @@
 
 mod anderson;
 mod body;
+mod direct;
 mod element_corotation;
+mod element_kernel;
+mod element_reference;
 mod equilibrium;
 mod error;
+mod fallback;
+mod lanes;
+mod lbfgs;
+mod line_search;
+mod newton;
+mod no_corotation;
+mod packet_rotation;
+mod packets;
+mod paper_corotation;
 pub mod rotation;
+mod row_corotation;
+mod stress;
+mod tangent;
+mod vectors;
 
 pub use anderson::Anderson;
 pub use body::{Body, Element};
+pub use direct::Direct;
 pub use element_corotation::ElementCorotation;
+pub use element_kernel::StiffnessPacket;
+pub use element_reference::ElementReference;
 pub use equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
 pub use error::CorotError;
+pub use fallback::Fallback;
+pub use lbfgs::Lbfgs;
+pub use newton::Newton;
+pub use no_corotation::NoCorotation;
+pub use paper_corotation::PaperCorotation;
+pub use row_corotation::RowCorotation;
+pub use tangent::{ElementTangent, element_tangent};
 
 use nalgebra::Vector3;
+use yawara_embed::LinearTet;
 
 /// How internal forces follow from positions.
-pub trait Corotation: Send {
+pub trait Corotation: Send + Sync {
     /// The scene name.
     fn name(&self) -> &'static str;
 
@@ -37,13 +64,25 @@ pub trait Corotation: Send {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64;
+
+    /// ∂f_int/∂x of one element at its stored rotation, if there is such a thing. N/m.
+    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
+        let _ = (element, positions);
+        None
+    }
+
+    /// Entries of a residual and of a step per vertex: 3 for displacements alone.
+    fn unknowns_per_vertex(&self) -> usize {
+        3
+    }
 }
 
 /// Scene names of the built-in co-rotations.
-pub const COROTATIONS: &[&str] = &["element"];
+pub const COROTATIONS: &[&str] = &["element", "element_reference", "row", "paper", "none"];
 
 /// Scene names of the built-in equilibrium solvers.
-pub const EQUILIBRIA: &[&str] = &["anderson"];
+pub const EQUILIBRIA: &[&str] =
+    &["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"];
 
 /// A built-in co-rotation.
 ///
@@ -52,6 +91,10 @@ pub const EQUILIBRIA: &[&str] = &["anderson"];
 pub fn corotation_by_name(name: &str) -> Result<Box<dyn Corotation>, CorotError> {
     match name {
         "element" => Ok(Box::new(ElementCorotation)),
+        "element_reference" => Ok(Box::new(ElementReference)),
+        "row" => Ok(Box::new(RowCorotation)),
+        "paper" => Ok(Box::new(PaperCorotation)),
+        "none" => Ok(Box::new(NoCorotation)),
         _ => Err(CorotError::Unknown {
             what: "co-rotation",
             name: name.into(),
@@ -67,10 +110,45 @@ pub fn corotation_by_name(name: &str) -> Result<Box<dyn Corotation>, CorotError>
 pub fn equilibrium_by_name(name: &str) -> Result<Box<dyn Equilibrium>, CorotError> {
     match name {
         "anderson" => Ok(Box::new(Anderson::default())),
+        "lbfgs" => Ok(Box::new(Lbfgs::default())),
+        "direct" => Ok(Box::new(Direct)),
+        "newton" => Ok(Box::new(Newton)),
+        "fallback" => Ok(Box::new(Fallback::new(
+            "fallback",
+            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default())],
+        ))),
+        "fallback_newton" => Ok(Box::new(Fallback::new(
+            "fallback_newton",
+            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
+        ))),
         _ => Err(CorotError::Unknown {
             what: "equilibrium solver",
             name: name.into(),
             choices: EQUILIBRIA,
         }),
     }
+}
+
+/// Whether these two work together.
+///
+/// # Errors
+/// [`CorotError::NoTangent`] if the solver needs the tangent of a co-rotation that has none.
+pub fn check_pair(
+    corotation: &dyn Corotation,
+    equilibrium: &dyn Equilibrium,
+) -> Result<(), CorotError> {
+    let geometry = LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 };
+    let element = Element {
+        tet: yawara_mesh::TetId(0),
+        vertices: [0; 4],
+        geometry,
+        elasticity: nalgebra::Matrix6::zeros(),
+        rotation: nalgebra::Matrix3::identity(),
+    };
+    let has_tangent = corotation.tangent(&element, &[Vector3::zeros()]).is_some();
+    if equilibrium.needs_tangent() && !has_tangent {
+        let (corotation, equilibrium) = (corotation.name(), equilibrium.name());
+        return Err(CorotError::NoTangent { corotation, equilibrium });
+    }
+    Ok(())
 }

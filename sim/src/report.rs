@@ -1,5 +1,7 @@
 //! What a simulation reports: the plan, a row per step, frames and the summary.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -55,6 +57,8 @@ pub struct StepReport {
     pub iterations: usize,
     /// Parts into which the step had to be cut (1 = whole).
     pub substeps: usize,
+    /// Methods of the solver that gave up in its parts, so that the next one ran.
+    pub fallbacks: usize,
     /// Relative residual at its end.
     pub residual: f64,
     /// Whether the residual reached the tolerance in every part.
@@ -174,12 +178,17 @@ pub struct MeshSummary {
 }
 
 /// The steps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StepSummary {
     /// How many were made.
     pub count: usize,
     /// How many of them converged.
     pub converged: usize,
+    /// Attempts that each method of the solver brought to its tolerance, methods after the first
+    /// by falling back.
+    pub converged_by: BTreeMap<&'static str, usize>,
+    /// How often a step or a part of one was cut in two.
+    pub halvings: usize,
     /// The largest relative residual at a step's end.
     pub residual_max: f64,
     /// Wall-clock time per step, ms.

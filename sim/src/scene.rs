@@ -342,7 +342,7 @@ impl Default for StageNames {
             element: crate::stages::AUTO.into(),
             homogenisation: "laminate".into(),
             corotation: "element".into(),
-            equilibrium: "anderson".into(),
+            equilibrium: "fallback".into(),
             indicator: "energy".into(),
             inverse: crate::stages::AUTO.into(),
         }

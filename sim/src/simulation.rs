@@ -159,6 +159,7 @@ impl Simulation {
             merges: remeshed.merges,
             iterations: outcome.iterations,
             substeps: outcome.substeps,
+            fallbacks: outcome.fallbacks,
             residual: outcome.residual,
             converged: outcome.converged,
             force_n: self.axes.to_ras_direction(&force).into(),

@@ -27,8 +27,24 @@ pub(crate) struct Span {
 pub(crate) struct StepOutcome {
     pub iterations: usize,
     pub substeps: usize,
+    pub fallbacks: usize,
     pub residual: f64,
     pub converged: bool,
+}
+
+impl Default for StepOutcome {
+    /// Nothing done yet, nothing gone wrong.
+    fn default() -> Self {
+        Self { iterations: 0, substeps: 0, fallbacks: 0, residual: 0.0, converged: true }
+    }
+}
+
+impl StepOutcome {
+    /// Adds the work of one attempt.
+    fn take(&mut self, attempt: &yawara_corot::Outcome) {
+        self.iterations += attempt.iterations;
+        self.fallbacks += attempt.fallbacks;
+    }
 }
 
 /// The tools' side of a step: who is held, and the inverse with them fixed.
@@ -91,19 +107,19 @@ impl Simulation {
         step: Span,
         times: &mut StageTimes,
     ) -> Result<StepOutcome, SimError> {
-        let mut total = StepOutcome { iterations: 0, substeps: 0, residual: 0.0, converged: true };
+        let mut total = StepOutcome::default();
         let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {
             let before = self.state.positions.clone();
             let mut outcome = self.attempt(step, span, times)?;
-            total.iterations += outcome.iterations;
+            total.take(&outcome);
             if !outcome.converged && !self.fading.is_empty() && span.to == step.to {
                 // Under a dead load the pulled shape may be unstable where the tool's hold made it
                 // stable: there is no path to follow, but the released shape may be near rest.
                 self.state.positions.clone_from(&self.state.rest);
                 outcome = self.attempt(step, span, times)?;
-                total.iterations += outcome.iterations;
+                total.take(&outcome);
             }
             if outcome.converged {
                 total.substeps += 1;
@@ -113,6 +129,7 @@ impl Simulation {
             }
             self.state.positions = before;
             if span.to - span.from > 1.5 * smallest {
+                self.tally.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
                 waiting.push(Span { from: middle, to: span.to });
                 waiting.push(Span { from: span.from, to: middle });
@@ -186,6 +203,7 @@ impl Simulation {
             &tolerance,
         );
         times.solve_ms += milliseconds(begin);
+        self.tally.count(&outcome);
         let (solve_ms, error) = timing.into_inner();
         self.tally.solve_ms.extend(solve_ms);
         match error {

@@ -40,10 +40,13 @@ impl Stages {
             AUTO => choose(k.vertices(), 0).to_owned(),
             name => name.to_owned(),
         };
+        let corotation = corotation_by_name(&names.corotation)?;
+        let equilibrium = equilibrium_by_name(&names.equilibrium)?;
+        yawara_corot::check_pair(corotation.as_ref(), equilibrium.as_ref())?;
         Ok(Self {
             homogenisation: yawara_embed::by_name(&names.homogenisation)?,
-            corotation: corotation_by_name(&names.corotation)?,
-            equilibrium: equilibrium_by_name(&names.equilibrium)?,
+            corotation,
+            equilibrium,
             indicator: indicator::by_name(&names.indicator)?,
             inverse: Box::new(move |k| yawara_inverse_update::build(&name(&k), k)),
         })

@@ -1,7 +1,9 @@
 //! What a run adds up for its summary.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
+use yawara_corot::Outcome;
 use yawara_mesh::Quality;
 
 use crate::inverse_link::InverseLink;
@@ -24,6 +26,9 @@ pub(crate) struct Tally {
     worst: Quality,
     steps: usize,
     converged: usize,
+    converged_by: BTreeMap<&'static str, usize>,
+    /// How often a step or a part of one was cut in two.
+    pub halvings: usize,
     residual_max: f64,
     step_ms: Vec<f64>,
     /// Time of each application of the inverse.
@@ -44,6 +49,8 @@ impl Tally {
             worst: worst_quality(state),
             steps: 0,
             converged: 0,
+            converged_by: BTreeMap::new(),
+            halvings: 0,
             residual_max: 0.0,
             step_ms: Vec::new(),
             solve_ms: Vec::new(),
@@ -54,6 +61,13 @@ impl Tally {
 
     pub fn steps(&self) -> usize {
         self.steps
+    }
+
+    /// Counts which method solved an attempt.
+    pub fn count(&mut self, attempt: &Outcome) {
+        if attempt.converged {
+            *self.converged_by.entry(attempt.method).or_default() += 1;
+        }
     }
 
     pub fn add(&mut self, report: &StepReport, state: &State, step_ms: f64) {
@@ -104,6 +118,8 @@ impl Tally {
             steps: StepSummary {
                 count: self.steps,
                 converged: self.converged,
+                converged_by: self.converged_by.clone(),
+                halvings: self.halvings,
                 residual_max: self.residual_max,
                 time_ms: Percentiles::of(&self.step_ms),
             },

@@ -15,6 +15,7 @@ mod race;
 mod race_tables;
 pub mod scaling;
 pub mod table1;
+pub mod validate;
 
 pub use arguments::Arguments;
 

@@ -4,7 +4,7 @@ use crate::report::StepReport;
 
 /// The first line: column names.
 pub(super) const HEADER: &str = "step,time_s,vertices,tets,splits,merges,iterations,substeps,\
-    residual,converged,force_x_n,force_y_n,force_z_n,\
+    fallbacks,residual,converged,force_x_n,force_y_n,force_z_n,\
     tool_ms,solve_ms,indicator_ms,remesh_ms,inverse_ms\n";
 
 /// The line of a step; floats in the shortest form that reads back to the same number.
@@ -23,11 +23,12 @@ pub(super) fn line(step: &StepReport) -> String {
         times.inverse_ms,
     ];
     format!(
-        "{},{:?},{},{},{:?},{},{}\n",
+        "{},{:?},{},{},{},{:?},{},{}\n",
         step.step,
         step.time_s,
         counts.map(|count| count.to_string()).join(","),
         step.substeps,
+        step.fallbacks,
         step.residual,
         step.converged,
         tail.map(|value| format!("{value:?}")).join(",")
@@ -50,6 +51,7 @@ mod tests {
             merges: 5,
             iterations: 6,
             substeps: 2,
+            fallbacks: 3,
             residual: 1e-7,
             converged: true,
             force_n: [-1.5, 0.0, 1e300],
@@ -70,7 +72,8 @@ mod tests {
         assert_eq!(value("residual"), "1e-7");
         assert_eq!((value("vertices"), value("tets")), ("728", "3000"));
         assert_eq!((value("splits"), value("merges")), ("4", "5"));
-        assert_eq!((value("iterations"), value("substeps")), ("6", "2"));
+        let counts = ["iterations", "substeps", "fallbacks"].map(value);
+        assert_eq!(counts, ["6", "2", "3"]);
         assert_eq!((value("converged"), value("force_x_n")), ("true", "-1.5"));
         assert_eq!(value("force_z_n"), "1e300");
         assert_eq!((value("tool_ms"), value("inverse_ms")), ("1.0", "5.0"));

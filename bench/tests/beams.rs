@@ -1,0 +1,49 @@
+//! Iterations of the equilibrium solvers on beams that turn far, against counts of an independent
+//! prototype on the same beams.
+
+use yawara_bench::{BEAM_LOADS, Beam, BeamLoad, StepCount, mean_iterations};
+use yawara_corot::{ElementCorotation, Outcome, equilibrium_by_name};
+
+/// Iterations to 10⁻³ and 10⁻⁶ of the prototype: bend, twist, tip force.
+const ANDERSON: [[f64; 2]; 3] = [[4.3, 8.2], [6.9, 14.6], [4.7, 8.0]];
+const LBFGS: [[f64; 2]; 3] = [[5.1, 9.1], [7.0, 15.7], [4.0, 7.5]];
+
+fn course(load: BeamLoad, poisson_ratio: f64, steps: usize, solver: &str) -> Vec<StepCount> {
+    let mut equilibrium = equilibrium_by_name(solver).unwrap();
+    Beam::course(load, poisson_ratio, steps, &ElementCorotation, equilibrium.as_mut()).unwrap()
+}
+
+#[test]
+fn as_few_iterations_as_the_prototype() {
+    for (solver, prototype) in [("anderson", ANDERSON), ("lbfgs", LBFGS)] {
+        for (load, want) in BEAM_LOADS.into_iter().zip(prototype) {
+            let steps = course(load, 0.3, 20, solver);
+            let got = mean_iterations(&steps);
+            println!("{solver:9} {:9} {got:5.2?}, prototype {want:?}", load.name());
+            assert!(steps.iter().all(|s| s.outcome.residual < 1e-9), "{solver} {load:?}");
+            assert!(got[1] <= 1.3 * want[1], "{solver} {load:?}: {got:?}, prototype {want:?}");
+        }
+    }
+}
+
+#[test]
+fn a_right_angle_in_one_jump_and_a_half_turn_in_few() {
+    for (load, jumps) in [(BeamLoad::Bend, 1), (BeamLoad::Twist, 20), (BeamLoad::Twist, 6)] {
+        for step in course(load, 0.3, jumps, "fallback") {
+            let Outcome { iterations, residual, converged, method, .. } = step.outcome;
+            println!("{} in {jumps}: {method}, {iterations} iterations", load.name());
+            assert!(converged, "{load:?} in {jumps}: residual {residual:e} by {method}");
+        }
+    }
+}
+
+#[test]
+fn newton_needs_no_more_than_a_handful() {
+    for load in BEAM_LOADS {
+        let steps = course(load, 0.3, 20, "newton");
+        let counts: Vec<usize> = steps.iter().map(|s| s.outcome.iterations).collect();
+        println!("newton, {}: {counts:?}", load.name());
+        assert!(steps.iter().all(|s| s.outcome.residual < 1e-10), "{load:?}");
+        assert!(counts.iter().all(|&n| n <= 6), "{load:?}: {counts:?}");
+    }
+}
