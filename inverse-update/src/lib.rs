@@ -40,7 +40,8 @@ pub use sparse::{RebaseOptions, Sparse, elimination_order};
 pub use stiffness::SparseStiffness;
 pub use woodbury::{PackedInverse, Woodbury, WoodburyF32};
 
-use faer::Mat;
+use change::check_matrix;
+use faer::{Mat, MatRef};
 
 /// The scene names that [`build`] knows, the default first.
 pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "sparse", "paper", "lu"];
@@ -159,6 +160,22 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
 
+    /// U = C F for several loads, one per column of the `block · vertices()` rows of F.
+    ///
+    /// As [`solve`](Self::solve) for each; a maintainer may read what it keeps once for several.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        check_loads(self.stiffness(), loads)?;
+        let mut solutions = Mat::zeros(loads.nrows(), loads.ncols());
+        for (j, load) in loads.col_iter().enumerate() {
+            let load: Vec<f64> = load.iter().copied().collect();
+            self.solve(&load, solutions.col_as_slice_mut(j))?;
+        }
+        Ok(solutions)
+    }
+
     /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
     ///
     /// # Errors
@@ -206,6 +223,11 @@ pub trait InverseMaintainer: Send {
 
     /// The safeguards that took effect so far.
     fn counts(&self) -> Counts;
+}
+
+/// As many rows as the matrix has, all of them finite.
+fn check_loads(k: &SparseStiffness, loads: MatRef<'_, f64>) -> Result<(), InverseError> {
+    check_matrix("loads", loads, (k.dofs(), loads.ncols()))
 }
 
 #[cfg(test)]

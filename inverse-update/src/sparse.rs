@@ -19,7 +19,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 use crate::change::{check_length, check_range, check_vector};
 use crate::counts::Tally;
@@ -27,6 +27,7 @@ use crate::drift::{DRIFT_LIMIT, is_too_far, kept_drift};
 use crate::residual::refine_once;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    check_loads,
 };
 use bennett::Scratch;
 use edit::Edit;
@@ -360,25 +361,33 @@ impl InverseMaintainer for Sparse {
         Ok(())
     }
 
-    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        check_range(slots, self.vertices())?;
-        let (rows, block) = (self.stiffness.dofs(), self.stiffness.block());
-        let mut columns = Mat::<f64>::zeros(rows, block * slots.len());
-        let all: Vec<usize> = (0..columns.ncols()).collect();
-        for group in all.chunks(TOGETHER) {
-            let mut loads = vec![vec![0.0; rows]; group.len()];
-            for (&j, load) in group.iter().zip(&mut loads) {
-                load[block * slots[j / block] + j % block] = 1.0;
-            }
-            let mut solutions = loads.clone();
-            let loads: Vec<&[f64]> = loads.iter().map(Vec::as_slice).collect();
-            let mut sides: Vec<&mut [f64]> = solutions.iter_mut().map(Vec::as_mut_slice).collect();
-            self.solve_together(&loads, &mut sides)?;
-            for (&j, solution) in group.iter().zip(&solutions) {
-                columns.col_as_slice_mut(j).copy_from_slice(solution);
+    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        check_loads(&self.stiffness, loads)?;
+        let (rows, count) = loads.shape();
+        let mut solutions = Mat::<f64>::zeros(rows, count);
+        for first in (0..count).step_by(TOGETHER) {
+            let group = first..(first + TOGETHER).min(count);
+            let given: Vec<Vec<f64>> =
+                group.clone().map(|j| loads.col(j).iter().copied().collect()).collect();
+            let mut found = given.clone();
+            let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+            let mut sides: Vec<&mut [f64]> = found.iter_mut().map(Vec::as_mut_slice).collect();
+            self.solve_together(&given, &mut sides)?;
+            for (j, solution) in group.zip(&found) {
+                solutions.col_as_slice_mut(j).copy_from_slice(solution);
             }
         }
-        Ok(columns)
+        Ok(solutions)
+    }
+
+    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        check_range(slots, self.vertices())?;
+        let block = self.stiffness.block();
+        let row = |j: usize| block * slots[j / block] + j % block;
+        let units = Mat::from_fn(self.stiffness.dofs(), block * slots.len(), |i, j| {
+            if i == row(j) { 1.0 } else { 0.0 }
+        });
+        self.solve_many(units.as_ref())
     }
 
     fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {

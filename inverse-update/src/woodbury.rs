@@ -20,6 +20,7 @@ use crate::tiles::{SignedPanel, Tiles};
 use crate::update::{LowRank, SignedRoot};
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    check_loads,
 };
 
 /// The dense inverse in f64: scene name `woodbury`.
@@ -238,6 +239,16 @@ impl<E: Stored> PackedInverse<E> {
         Ok(residual)
     }
 
+    /// One step of refinement, if the residual asks for it.
+    fn refine(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        let refined = refine_once(&self.stiffness, f, u, |x| {
+            self.tiles().multiply(&Panel::from_columns(f.len(), &[x])).copy_column(0, x);
+            Ok(())
+        })?;
+        self.tally.refined(usize::from(refined));
+        Ok(())
+    }
+
     fn prepare_split(&self, change: &RingChange) -> Result<Prepared, InverseError> {
         let negative = self.stiffness.negative();
         let rows = self.rows(&change.slots);
@@ -424,13 +435,31 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         }
         let mut solution = vec![0.0; rows];
         self.tiles().multiply(&load).copy_column(0, &mut solution);
-        let refined = refine_once(&self.stiffness, f, &mut solution, |x| {
-            self.tiles().multiply(&Panel::from_columns(rows, &[x])).copy_column(0, x);
-            Ok(())
-        })?;
-        self.tally.refined(usize::from(refined));
+        self.refine(f, &mut solution)?;
         u.copy_from_slice(&solution);
         Ok(())
+    }
+
+    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        check_loads(&self.stiffness, loads)?;
+        let (rows, count) = loads.shape();
+        let given: Vec<Vec<f64>> = loads.col_iter().map(|f| f.iter().copied().collect()).collect();
+        let columns: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
+        let panel = Panel::from_columns(rows, &columns);
+        let product = if E::REFINED {
+            self.refined(&panel, |tiles| tiles.multiply(&panel))?
+        } else {
+            self.tiles().multiply(&panel)
+        };
+        let mut solutions = Mat::zeros(rows, count);
+        for (j, f) in given.iter().enumerate() {
+            let solution = solutions.col_as_slice_mut(j);
+            product.copy_column(j, solution);
+            if !E::REFINED {
+                self.refine(f, solution)?;
+            }
+        }
+        Ok(solutions)
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {

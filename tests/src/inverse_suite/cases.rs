@@ -501,6 +501,15 @@ pub fn solve_checks_its_vectors(name: &str) {
     maintainer.solve(&[1.0, 1.0], &mut [0.0; 3]).unwrap_err();
     maintainer.solve(&[0.0, 1.0], &mut u).unwrap();
     close(name, &mat![[u[0]], [u[1]]], &mat![[1.0], [2.0]]);
+    for loads in [mat![[1.0]], mat![[1.0, f64::NAN], [0.0, 1.0]]] {
+        maintainer.solve_many(loads.as_ref()).unwrap_err();
+    }
+    assert_eq!(maintainer.solve_many(Mat::<f64>::zeros(2, 0).as_ref()).unwrap().shape(), (2, 0));
+    // A spring to the wall and one behind it: u = (f_0 + f_1, f_0 + 2 f_1). More loads than any
+    // maintainer takes at a time.
+    let loads = Mat::from_fn(2, 21, |i, j| (i + 1) as f64 + j as f64);
+    let want = Mat::from_fn(2, 21, |i, j| loads[(0, j)] + (i + 1) as f64 * loads[(1, j)]);
+    close(name, &maintainer.solve_many(loads.as_ref()).unwrap(), &want);
 }
 
 /// After `rebuild` the maintainer is as good as a new one of the same K.
