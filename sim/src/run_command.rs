@@ -27,7 +27,12 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     };
     // Before the work, so that a wrong place is known at once.
     let directory = RunDirectory::create(&target, arguments.force)?;
-    let simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+    let stages = Stages::by_name(&scene.stages)?;
+    let bar = bar(PERMILLE, "homogenising {percent} % {wide_bar} {eta}");
+    let simulation = Simulation::with_progress(&scene, stages, &mut |done| {
+        bar.set_position((done * PERMILLE as f64) as u64);
+    })?;
+    bar.finish_and_clear();
     out.print(&text::plan(simulation.plan()))?;
     let (summary, written) = run_scene(&scene, simulation, directory)?;
     out.print(&text::summary(&summary))?;
@@ -46,7 +51,7 @@ fn run_scene(
     if every > 0 {
         write_frame(scene, &simulation, &mut directory, 0)?;
     }
-    let bar = progress(simulation.steps_left());
+    let bar = bar(simulation.steps_left() as u64, "step {pos}/{len} {wide_bar} {msg} {eta}");
     while simulation.steps_left() > 0 {
         let report = simulation.step()?;
         directory.write_step(&report)?;
@@ -82,13 +87,16 @@ fn write_frame(
     Ok(())
 }
 
+/// The length of a bar that shows a fraction.
+const PERMILLE: u64 = 1000;
+
 /// A bar on stderr if people watch it.
-fn progress(steps: usize) -> ProgressBar {
+fn bar(length: u64, template: &str) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::new(steps as u64);
-    if let Ok(style) = ProgressStyle::with_template("step {pos}/{len} {wide_bar} {msg} {eta}") {
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar

@@ -61,6 +61,19 @@ impl Simulation {
     /// # Errors
     /// [`SimError`] for a scene that can't be simulated; nothing is written.
     pub fn new(scene: &Scene, stages: Stages) -> Result<Self, SimError> {
+        Self::with_progress(scene, stages, &mut |_| ())
+    }
+
+    /// As [`new`](Self::new); a homogenisation that solves the whole fine body tells `progress` the
+    /// fraction done.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_progress(
+        scene: &Scene,
+        stages: Stages,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Self, SimError> {
         let begin = Instant::now();
         scene.validate(&scene.name)?;
         let start = Start::new(scene)?;
@@ -73,7 +86,9 @@ impl Simulation {
             Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials);
-                let embedding = Embedding::new(Arc::clone(&setup.tree), materials, homogenisation)?;
+                let tree = Arc::clone(&setup.tree);
+                let embedding =
+                    Embedding::with_materials(tree, materials.into(), homogenisation, progress)?;
                 plan::homogenised(&mut plan, &embedding);
                 let surfaces = Surfaces::new(scene, &setup, &embedding)?;
                 let regions = scene.fixed.clone();
