@@ -8,7 +8,7 @@ use crate::stress::scaled_stress;
 
 /// f_i = R_i Σ_j K_ij (R_iᵀ x_j − X_j), R_i the rotation of vertex i. Invariant to rotation and
 /// translation, but the two ends of an edge see different rotations: forces do not balance (ghost
-/// forces), by about 9·10⁻⁴ of the force and 9·10⁻³ of the torque in a beam bent by 90°.
+/// forces).
 ///
 /// Within an element, corner i has the displacement gradient R_iᵀF − I, so that no rest position
 /// is needed. Source: Müller, Dorsey, McMillan, Jagnow, Cutler, Stable Real-Time Deformations,
