@@ -115,6 +115,11 @@ impl Body {
         self.pressures.iter().flat_map(|p| &p.vertices).map(|vertex| vertex.q).collect()
     }
 
+    /// P q − G u at a vertex at the last evaluation of forces, N m; 0 without pressures.
+    pub fn volume_residual(&self, vertex: usize) -> f64 {
+        self.lack(vertex).0
+    }
+
     /// (P q − G u, 1/h) of a vertex at the last evaluation of forces: N m, and 1/m.
     pub(crate) fn lack(&self, vertex: usize) -> (f64, f64) {
         let pressed = self.pressures.as_ref().and_then(|p| p.vertices.get(vertex));
