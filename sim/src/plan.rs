@@ -193,7 +193,7 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
     }
     if scene.stages.inverse == AUTO {
         let vertices = inverse.maintainer().vertices();
-        why += &format!("; {name} is the fastest for {vertices} free vertices");
+        why += &format!("; {name} is the fastest for {vertices} vertices with unknowns");
     }
     row("inverse update", name, scene.mesh.refines(), why)
 }

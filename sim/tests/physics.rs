@@ -96,17 +96,19 @@ fn pressures_come_and_go_with_the_mesh_and_leave_nothing_behind() {
 
 #[test]
 fn a_nearly_incompressible_beam_is_pulled_let_go_and_sags_without_locking() {
+    let (reports, _) = beam(&["materials.0.poisson_ratio=0.499"]);
+    assert!(reports.iter().all(|r| r.converged));
     let run = |element: &str, ratio: &str| {
         let element = format!("stages.element={element}");
         let ratio = format!("materials.0.poisson_ratio={ratio}");
-        let (reports, frame) = beam(&[&element, &ratio]);
+        let (reports, frame) = beam(&["mesh.max_level=0", &element, &ratio]);
         let converged = reports.iter().all(|r| r.converged);
         (converged, largest_displacement_mm(&frame))
     };
     let (converged, sag) = run("auto", "0.499");
     assert!(converged);
-    // Bending stiffness goes with E alone, but for the clamp.
+    // Bending stiffness goes with E alone, but for the clamp, on one and the same mesh.
     let (converged, of_compressible) = run("p1p1", "0.3");
     assert!(converged);
-    assert!((sag / of_compressible - 1.0).abs() < 0.15, "{sag} mm, {of_compressible} mm");
+    assert!((sag / of_compressible - 1.0).abs() < 0.3, "{sag} mm, {of_compressible} mm");
 }
