@@ -88,10 +88,26 @@ impl Beam {
     /// # Errors
     /// [`BenchError::Inverse`] for a Poisson ratio that leaves no definite stiffness.
     pub fn new(load: BeamLoad, poisson_ratio: f64) -> Result<Self, BenchError> {
+        Self::of(load, poisson_ratio, |solid, held| Statics::new(solid, held))
+    }
+
+    /// The same with pressures beside displacements.
+    ///
+    /// # Errors
+    /// As [`Beam::new`].
+    pub fn mixed(load: BeamLoad, poisson_ratio: f64) -> Result<Self, BenchError> {
+        Self::of(load, poisson_ratio, |solid, held| Statics::mixed(solid, held))
+    }
+
+    fn of(
+        load: BeamLoad,
+        poisson_ratio: f64,
+        statics: impl Fn(&Solid, &dyn Fn(&Vector3<f64>) -> bool) -> Result<Statics, BenchError>,
+    ) -> Result<Self, BenchError> {
         let solid = Solid::block(CELLS, [LENGTH, 1.0, 1.0], isotropic(1.0, poisson_ratio));
         let near = |x: f64, to: f64| (x - to).abs() < 1e-9;
         let pulled = load == BeamLoad::TipForce;
-        let statics = Statics::new(&solid, |x| near(x.x, 0.0) || (!pulled && near(x.x, LENGTH)))?;
+        let statics = statics(&solid, &|x| near(x.x, 0.0) || (!pulled && near(x.x, LENGTH)))?;
         let total = 3.0 / (12.0 * LENGTH * LENGTH);
         let traction = Vector3::new(0.0, 0.0, if pulled { total } else { 0.0 });
         let force = solid.traction(|x| near(x.x, LENGTH), |_| traction);
@@ -140,12 +156,19 @@ impl Beam {
         corotation: &dyn Corotation,
         equilibrium: &mut dyn Equilibrium,
     ) -> Result<Vec<StepCount>, BenchError> {
-        let mut beam = Self::new(load, poisson_ratio)?;
+        Ok(Self::new(load, poisson_ratio)?.all(steps, corotation, equilibrium))
+    }
+
+    /// All of the load in equal steps, each solved to a residual of 10⁻¹².
+    pub fn all(
+        mut self,
+        steps: usize,
+        corotation: &dyn Corotation,
+        equilibrium: &mut dyn Equilibrium,
+    ) -> Vec<StepCount> {
         let tolerance = Tolerance { residual: 1e-12, max_iterations: 200 };
         let part = |step: usize| step as f64 / steps as f64;
-        Ok((1..=steps)
-            .map(|step| beam.step(part(step), corotation, equilibrium, &tolerance))
-            .collect())
+        (1..=steps).map(|step| self.step(part(step), corotation, equilibrium, &tolerance)).collect()
     }
 }
 

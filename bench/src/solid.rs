@@ -96,7 +96,11 @@ impl Solid {
 
     /// The elements, unrotated, by the numbers of the tetrahedra.
     pub fn body(&self) -> Body {
-        let mut body = Body::new();
+        self.fill(Body::new())
+    }
+
+    /// The same in an empty `body` of either kind of element.
+    pub fn fill(&self, mut body: Body) -> Body {
         for (tet, &vertices) in self.tets.iter().enumerate() {
             body.insert(Element {
                 tet: TetId(tet as u32),

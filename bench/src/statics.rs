@@ -3,6 +3,7 @@
 use faer::Mat;
 use nalgebra::Vector3;
 use yawara_corot::{Body, Corotation, Equilibrium, Outcome, Problem, Tolerance};
+use yawara_embed::{ElementFormulation, P1, P1P1, clamp};
 use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build};
 use yawara_mesh::Lattice;
 
@@ -22,6 +23,7 @@ pub struct Statics {
     /// Which vertices are not held.
     pub free: Vec<bool>,
     link: Link,
+    element: Box<dyn ElementFormulation>,
 }
 
 /// The inverse, and which vertex has which slot in it.
@@ -29,6 +31,8 @@ struct Link {
     slots: Vec<usize>,
     vertices: Vec<usize>,
     inverse: Box<dyn InverseMaintainer>,
+    /// Unknowns per vertex.
+    block: usize,
 }
 
 const NO_SLOT: usize = usize::MAX;
@@ -39,16 +43,36 @@ impl Statics {
     /// # Errors
     /// [`BenchError::Inverse`] if it is not held well enough.
     pub fn new(solid: &Solid, held: impl Fn(&Vector3<f64>) -> bool) -> Result<Self, BenchError> {
+        Self::of(solid, held, Box::new(P1), solid.body())
+    }
+
+    /// The same with pressures beside displacements.
+    ///
+    /// # Errors
+    /// [`BenchError::Inverse`] if it is not held well enough.
+    pub fn mixed(solid: &Solid, held: impl Fn(&Vector3<f64>) -> bool) -> Result<Self, BenchError> {
+        let element = P1P1::default();
+        Self::of(solid, held, Box::new(element), solid.fill(Body::mixed(element)))
+    }
+
+    fn of(
+        solid: &Solid,
+        held: impl Fn(&Vector3<f64>) -> bool,
+        element: Box<dyn ElementFormulation>,
+        body: Body,
+    ) -> Result<Self, BenchError> {
         let free: Vec<bool> = solid.points.iter().map(|x| !held(x)).collect();
-        let vertices: Vec<usize> = (0..free.len()).filter(|&v| free[v]).collect();
+        // A held vertex keeps its pressure, if it has one.
+        let vertices: Vec<usize> =
+            (0..free.len()).filter(|&v| free[v] || body.is_mixed()).collect();
         let mut slots = vec![NO_SLOT; free.len()];
         vertices.iter().enumerate().for_each(|(slot, &v)| slots[v] = slot);
-        let body = solid.body();
-        let inverse = build("sparse", stiffness(solid, &body, &slots, &vertices)?)?;
-        let link = Link { slots, vertices, inverse };
+        let stiffness = stiffness(solid, &body, element.as_ref(), &free, &slots)?;
+        let block = element.unknowns();
+        let link = Link { slots, vertices, inverse: build("sparse", stiffness)?, block };
         let positions = solid.points.clone();
         let internal = vec![Vector3::zeros(); free.len()];
-        Ok(Self { body, rest: positions.clone(), positions, internal, free, link })
+        Ok(Self { body, rest: positions.clone(), positions, internal, free, link, element })
     }
 
     /// Solves for the free vertices from where they are.
@@ -81,17 +105,19 @@ impl Statics {
             moves[v] = rotations[v].transpose() * (target(v) - self.positions[v]);
         }
         // −K_fc u_c, the load that the moved vertices put on the others.
-        let mut load = vec![0.0; 3 * self.rest.len()];
+        let m = self.element.unknowns();
+        let mut load = vec![0.0; m * self.rest.len()];
         for element in self.body.elements() {
             let u = element.vertices.map(|v| moves[v]);
             if u.iter().all(|u| *u == Vector3::zeros()) {
                 continue;
             }
-            let k = element.geometry.stiffness(&element.elasticity);
-            for (i, &v) in element.vertices.iter().enumerate() {
-                for (j, u) in u.iter().enumerate() {
-                    let force = k.fixed_view::<3, 3>(3 * i, 3 * j) * u;
-                    (0..3).for_each(|axis| load[3 * v + axis] -= force[axis]);
+            let k = self.element.stiffness(&element.geometry, &element.elasticity);
+            for (row, column) in (0..4 * m).flat_map(|i| (0..4 * m).map(move |j| (i, j))) {
+                let v = element.vertices[row / m];
+                let moved = column % m < 3 && (row % m == 3 || self.free[v]);
+                if moved {
+                    load[m * v + row % m] -= k[(row, column)] * u[column / m][column % m];
                 }
             }
         }
@@ -100,14 +126,17 @@ impl Statics {
         for v in 0..self.rest.len() {
             if self.free[v] {
                 self.positions[v] +=
-                    rotations[v] * Vector3::from_column_slice(&drag[3 * v..3 * v + 3]);
+                    rotations[v] * Vector3::from_column_slice(&drag[m * v..m * v + 3]);
             } else {
                 self.positions[v] = target(v);
+            }
+            if m > 3 {
+                self.body.set_pressure(v, self.body.pressure(v) + drag[m * v + 3]);
             }
         }
     }
 
-    /// The slot of a vertex in the inverse; none if it is held.
+    /// The slot of a vertex in the inverse; none if it is held and has no pressure.
     pub fn slot(&self, vertex: usize) -> Option<usize> {
         Some(self.link.slots[vertex]).filter(|&slot| slot != NO_SLOT)
     }
@@ -116,9 +145,10 @@ impl Statics {
 impl Link {
     /// u = C f by vertex number; NaN where f is not finite.
     fn apply(&self, f: &[f64], u: &mut [f64]) {
-        let mut load = vec![0.0; 3 * self.vertices.len()];
+        let m = self.block;
+        let mut load = vec![0.0; m * self.vertices.len()];
         for (slot, &v) in self.vertices.iter().enumerate() {
-            load[3 * slot..3 * slot + 3].copy_from_slice(&f[3 * v..3 * v + 3]);
+            load[m * slot..m * slot + m].copy_from_slice(&f[m * v..m * v + m]);
         }
         let mut solution = vec![0.0; load.len()];
         if self.inverse.solve(&load, &mut solution).is_err() {
@@ -126,29 +156,38 @@ impl Link {
         }
         u.fill(0.0);
         for (slot, &v) in self.vertices.iter().enumerate() {
-            u[3 * v..3 * v + 3].copy_from_slice(&solution[3 * slot..3 * slot + 3]);
+            u[m * v..m * v + m].copy_from_slice(&solution[m * slot..m * slot + m]);
         }
     }
 }
 
+/// Displacements of held vertices that have slots are held by the unit stiffness.
 fn stiffness(
     solid: &Solid,
     body: &Body,
+    element: &dyn ElementFormulation,
+    free: &[bool],
     slots: &[usize],
-    vertices: &[usize],
 ) -> Result<SparseStiffness, BenchError> {
-    let mut k = SparseStiffness::zeros(vertices.len(), 3)?;
-    k.set_order_keys(&order_keys(solid, vertices))?;
-    for element in body.elements() {
-        let kept: Vec<usize> = (0..4).filter(|&i| slots[element.vertices[i]] != NO_SLOT).collect();
-        let ke = element.geometry.stiffness(&element.elasticity);
-        let rows = 3 * kept.len();
+    let m = element.unknowns();
+    let vertices: Vec<usize> = (0..free.len()).filter(|&v| slots[v] != NO_SLOT).collect();
+    let mut k = SparseStiffness::quasi_definite(vertices.len(), m, element.negative())?;
+    k.set_order_keys(&order_keys(solid, &vertices))?;
+    for tet in body.elements() {
+        let kept: Vec<usize> = (0..4).filter(|&i| slots[tet.vertices[i]] != NO_SLOT).collect();
+        let mut ke = element.stiffness(&tet.geometry, &tet.elasticity);
+        clamp(&mut ke, &tet.vertices.map(|v| !free[v]));
+        let rows = m * kept.len();
         let dense = Mat::from_fn(rows, rows, |i, j| {
-            let at = |i: usize| 3 * kept[i / 3] + i % 3;
+            let at = |i: usize| m * kept[i / m] + i % m;
             0.5 * (ke[(at(i), at(j))] + ke[(at(j), at(i))])
         });
-        let kept: Vec<usize> = kept.iter().map(|&i| slots[element.vertices[i]]).collect();
+        let kept: Vec<usize> = kept.iter().map(|&i| slots[tet.vertices[i]]).collect();
         k.add(&kept, dense.as_ref())?;
+    }
+    let anchor = Mat::from_fn(m, m, |i, j| if i == j && i < 3 { 1.0 } else { 0.0 });
+    for v in vertices.into_iter().filter(|&v| !free[v]) {
+        k.add(&[slots[v]], anchor.as_ref())?;
     }
     Ok(k)
 }

@@ -47,3 +47,25 @@ fn newton_needs_no_more_than_a_handful() {
         assert!(counts.iter().all(|&n| n <= 6), "{load:?}: {counts:?}");
     }
 }
+
+#[test]
+fn pressures_make_the_count_the_same_at_every_poisson_ratio() {
+    for load in BEAM_LOADS {
+        let counts = [0.3, 0.49, 0.4999].map(|poisson_ratio| {
+            let mut anderson = equilibrium_by_name("anderson").unwrap();
+            let beam = Beam::mixed(load, poisson_ratio).unwrap();
+            let steps = beam.all(20, &ElementCorotation, anderson.as_mut());
+            let worst = steps.iter().map(|s| s.outcome.residual).fold(0.0, f64::max);
+            println!(
+                "{}, {poisson_ratio}: {:.2?}, {worst:.1e}",
+                load.name(),
+                mean_iterations(&steps)
+            );
+            assert!(worst < 1e-9, "{load:?}, {poisson_ratio}: {worst:e}");
+            mean_iterations(&steps)
+        });
+        for count in counts {
+            assert!(count[1] <= 1.3 * counts[0][1], "{load:?}: {counts:?}");
+        }
+    }
+}

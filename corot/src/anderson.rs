@@ -51,16 +51,15 @@ impl Equilibrium for Anderson {
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
         let (mut iterations, mut evaluations) = (0, 1);
-        let mut best =
-            (problem.evaluate(positions, internal, &mut residual, tolerance), positions.to_vec());
-        let mut size = best.0;
+        let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
+        let mut best = (size, problem.iterate(positions));
         while !(size <= tolerance.residual) && iterations < tolerance.max_iterations {
             if !(size <= self.growth * best.0) {
                 damping *= 0.5;
                 if damping < MIN_DAMPING {
                     break;
                 }
-                positions.copy_from_slice(&best.1);
+                problem.return_to(&best.1, positions);
                 problem.evaluate(positions, internal, &mut residual, tolerance);
                 evaluations += 1;
                 memory.clear();
@@ -73,11 +72,11 @@ impl Equilibrium for Anderson {
             evaluations += 1;
             if size < best.0 {
                 best.0 = size;
-                best.1.copy_from_slice(positions);
+                best.1 = problem.iterate(positions);
             }
         }
         if !(size <= best.0) {
-            positions.copy_from_slice(&best.1);
+            problem.return_to(&best.1, positions);
             size = problem.evaluate(positions, internal, &mut residual, tolerance);
             evaluations += 1;
         }

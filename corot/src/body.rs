@@ -1,13 +1,15 @@
 //! The elements of the current mesh with their rest geometry, material and rotation.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
-use yawara_embed::{LinearTet, Strain, strain_from_gradient};
+use yawara_embed::{LinearTet, P1P1, Strain, strain_from_gradient};
 use yawara_mesh::TetId;
 
 use crate::element_kernel::{Pass, StiffnessPacket};
 use crate::lanes::LANES;
+use crate::mixed::Pressures;
 use crate::packets::Packets;
 use crate::rotation::polar_warm;
+use crate::stress::{add_forces, scaled_stress};
 
 /// A linear tetrahedron in a [`Body`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +42,9 @@ impl Element {
 const ABSENT: u32 = u32::MAX;
 
 /// All elements of the current mesh, dense, with rotations that warm-start each other.
+///
+/// Its elements are linear in displacements alone ([`new`](Self::new)) or carry pressures beside
+/// them ([`mixed`](Self::mixed)), all alike.
 #[derive(Clone, Debug, Default)]
 pub struct Body {
     elements: Vec<Element>,
@@ -49,12 +54,76 @@ pub struct Body {
     vertex_rotations: Vec<Matrix3<f64>>,
     /// Σ V_e F_e and Σ V_e around each vertex: scratch of the renewals below.
     gradient_sums: Vec<(Matrix3<f64>, f64)>,
+    /// None for displacements alone.
+    pressures: Option<Pressures>,
 }
 
 impl Body {
     /// A body without elements.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// A body without elements, of mixed ones: with u = Rᵀx − X and q = p/μ linear in every
+    /// tetrahedron, f = R(K'u + Gᵀq) and r = P q − G u, K', G and P those of `element`.
+    ///
+    /// The pressures q, one per vertex number, stay with the body: an evaluation of forces reads
+    /// them, a solver moves them, the next solve starts from them. An elasticity that is not
+    /// positive definite gives NaN.
+    pub fn mixed(element: P1P1) -> Self {
+        Self { pressures: Some(Pressures::new(element)), ..Self::default() }
+    }
+
+    /// Whether its elements carry pressures.
+    pub fn is_mixed(&self) -> bool {
+        self.pressures.is_some()
+    }
+
+    /// 3 displacements, and q if the body is [`mixed`](Self::mixed).
+    pub fn unknowns_per_vertex(&self) -> usize {
+        if self.is_mixed() { 4 } else { 3 }
+    }
+
+    /// q = p/μ at a vertex, positive in tension; 0 where nothing set it, or without pressures.
+    pub fn pressure(&self, vertex: usize) -> f64 {
+        let vertices = self.pressures.as_ref().map_or(&[][..], |p| &p.vertices);
+        vertices.get(vertex).map_or(0.0, |vertex| vertex.q)
+    }
+
+    /// Sets q at a vertex; nothing without pressures.
+    pub fn set_pressure(&mut self, vertex: usize, q: f64) {
+        if let Some(Pressures { vertices, .. }) = &mut self.pressures {
+            if vertices.len() <= vertex {
+                vertices.resize(vertex + 1, Default::default());
+            }
+            vertices[vertex].q = q;
+        }
+    }
+
+    /// Sets q everywhere: by vertex number, 0 behind the end of `q`; nothing without pressures.
+    pub fn set_pressures(&mut self, q: &[f64]) {
+        if let Some(last) = q.len().checked_sub(1) {
+            self.set_pressure(last, q[last]);
+        }
+        for (v, vertex) in self.pressures.iter_mut().flat_map(|p| &mut p.vertices).enumerate() {
+            vertex.q = q.get(v).copied().unwrap_or(0.0);
+        }
+    }
+
+    /// q by vertex number; empty without pressures.
+    pub fn pressures(&self) -> Vec<f64> {
+        self.pressures.iter().flat_map(|p| &p.vertices).map(|vertex| vertex.q).collect()
+    }
+
+    /// P q − G u at a vertex at the last evaluation of forces, N m; 0 without pressures.
+    pub fn volume_residual(&self, vertex: usize) -> f64 {
+        self.lack(vertex).0
+    }
+
+    /// (P q − G u, 1/h) of a vertex at the last evaluation of forces: N m, and 1/m.
+    pub(crate) fn lack(&self, vertex: usize) -> (f64, f64) {
+        let pressed = self.pressures.as_ref().and_then(|p| p.vertices.get(vertex));
+        pressed.map_or((0.0, 0.0), |vertex| (vertex.lack, vertex.weight))
     }
 
     /// The elements, in no particular but a reproducible order.
@@ -76,7 +145,8 @@ impl Body {
             self.of_tet.resize(index + 1, ABSENT);
         }
         self.of_tet[index] = self.elements.len() as u32;
-        self.packets.push(&element);
+        let pressed = self.pressures.as_mut().map(|p| p.push(&element));
+        self.packets.push(pressed.as_ref().unwrap_or(&element));
         self.elements.push(element);
     }
 
@@ -88,7 +158,8 @@ impl Body {
         }
         let element = self.elements.swap_remove(at as usize);
         let moved = self.elements.get(at as usize);
-        self.packets.swap_remove(at as usize, moved);
+        let pressed = self.pressures.as_mut().and_then(|p| p.swap_remove(at as usize, moved));
+        self.packets.swap_remove(at as usize, pressed.as_ref().or(moved));
         if let Some(moved) = moved {
             self.of_tet[moved.tet.index()] = at;
         }
@@ -100,12 +171,8 @@ impl Body {
         &self.vertex_rotations
     }
 
-    /// Calls `visit` for each element after renewing its rotation from `positions`.
-    pub(crate) fn renew_elements(
-        &mut self,
-        positions: &[Vector3<f64>],
-        mut visit: impl FnMut(&Element, &Matrix3<f64>),
-    ) {
+    /// Renews the rotation of each element from `positions`.
+    pub(crate) fn renew_elements(&mut self, positions: &[Vector3<f64>]) {
         self.gradient_sums.clear();
         self.gradient_sums.resize(positions.len(), (Matrix3::zeros(), 0.0));
         for (number, element) in self.elements.iter_mut().enumerate() {
@@ -118,7 +185,6 @@ impl Body {
                 *sum += f * element.geometry.volume;
                 *volume += element.geometry.volume;
             }
-            visit(element, &f);
         }
     }
 
@@ -127,7 +193,8 @@ impl Body {
     /// `stiffness`, one entry per eight [`elements`](Self::elements). Returns √Σ_e ‖f_e‖².
     ///
     /// The same figures as those of [`ElementReference`](crate::ElementReference) and
-    /// [`LinearTet::stiffness`] up to rounding. Cost: O(elements), in one thread.
+    /// [`LinearTet::stiffness`] up to rounding; that of a [`mixed`](Self::mixed) body's K'.
+    /// Cost: O(elements), in one thread.
     ///
     /// # Panics
     /// If a vertex number of an element is not below the lengths of `positions` and `forces`.
@@ -140,10 +207,47 @@ impl Body {
         forces.fill(Vector3::zeros());
         self.gradient_sums.clear();
         self.gradient_sums.resize(positions.len(), (Matrix3::zeros(), 0.0));
-        let Self { elements, packets, gradient_sums: sums, .. } = self;
-        let pass = Pass { packets, positions, forces, elements, sums, stiffness };
+        let Self { elements, packets, gradient_sums: sums, pressures, .. } = self;
+        if let Some(pressures) = pressures {
+            pressures.begin(positions.len(), elements);
+        }
+        let pressures = pressures.as_mut();
+        let pass = Pass { packets, positions, forces, elements, sums, stiffness, pressures };
         let squares = pulp::Arch::new().dispatch(pass);
         self.renew_vertices();
+        squares.sqrt()
+    }
+
+    /// Σ_e of the elements' forces into `forces` (overwritten), each in the frame `frame` gives it,
+    /// one element after the other; with pressures also what vertices lack. Returns √Σ_e ‖f_e‖².
+    pub(crate) fn forces_in(
+        &mut self,
+        frame: impl Fn(&Element) -> Matrix3<f64>,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        forces.fill(Vector3::zeros());
+        let Self { elements, pressures, .. } = self;
+        if let Some(pressures) = pressures {
+            pressures.begin(positions.len(), elements);
+        }
+        let mut squares = 0.0;
+        for (number, element) in elements.iter().enumerate() {
+            let r = frame(element);
+            let gradient =
+                r.transpose() * element.deformation_gradient(positions) - Matrix3::identity();
+            let scaled = match pressures {
+                None => scaled_stress(element, &r, &gradient),
+                Some(pressures) => {
+                    pressures.add_lack(number, element.vertices, gradient.trace());
+                    let pressed = pressures.element(number);
+                    let element = Element { elasticity: pressed.deviatoric, ..*element };
+                    let pull = pressures.pull(number, element.vertices);
+                    scaled_stress(&element, &r, &gradient) + r * pull
+                }
+            };
+            squares += add_forces(element, &scaled, forces);
+        }
         squares.sqrt()
     }
 
@@ -169,13 +273,19 @@ impl Body {
         self.vertex_rotations.resize(vertices, Matrix3::identity());
     }
 
-    /// A bound on the entries of the stiffness matrix, N/m: the largest V |∇λ|² max|D|.
+    /// A bound on the entries of the stiffness matrix on displacements, N/m: the largest
+    /// V |∇λ|² max|D|, with max(|D'|, μ) for D where there are pressures.
     pub fn stiffness_scale(&self) -> f64 {
         self.elements
             .iter()
-            .map(|e| {
+            .enumerate()
+            .map(|(number, e)| {
                 let g2 = e.geometry.gradients.iter().map(Vector3::norm_squared).fold(0.0, f64::max);
-                e.geometry.volume * g2 * e.elasticity.amax()
+                let modulus = match &self.pressures {
+                    None => e.elasticity.amax(),
+                    Some(pressures) => pressures.element(number).modulus(),
+                };
+                e.geometry.volume * g2 * modulus
             })
             .fold(0.0, f64::max)
     }

@@ -31,7 +31,7 @@ impl Equilibrium for Direct {
         let n = problem.rows();
         let (mut residual, mut scratch, mut step) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, positions.to_vec());
+        let mut best = (size, problem.iterate(positions));
         let (mut iterations, mut evaluations) = (0, 1);
         while !(size <= tolerance.residual)
             && iterations < tolerance.max_iterations
@@ -44,11 +44,11 @@ impl Equilibrium for Direct {
             evaluations += 1;
             if size < best.0 {
                 best.0 = size;
-                best.1.copy_from_slice(positions);
+                best.1 = problem.iterate(positions);
             }
         }
         if !(size <= best.0) {
-            positions.copy_from_slice(&best.1);
+            problem.return_to(&best.1, positions);
             size = problem.evaluate(positions, internal, &mut residual, tolerance);
             evaluations += 1;
         }

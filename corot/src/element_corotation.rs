@@ -31,6 +31,10 @@ impl Corotation for ElementCorotation {
         body.forces_and_stiffness(positions, forces, &mut [])
     }
 
+    fn carries_pressures(&self) -> bool {
+        true
+    }
+
     fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
         Some(element_tangent(element, positions))
     }

@@ -5,6 +5,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::body::Element;
 use crate::lanes::{LANES, M3, Row, V, dot, load3, load33, product, store33, transposed_product};
+use crate::mixed::Pressures;
 use crate::packet_rotation::polar;
 use crate::packets::{Packet, Packets};
 use crate::rotation::polar_warm;
@@ -25,6 +26,8 @@ pub(crate) struct Pass<'a> {
     pub sums: &'a mut [(Matrix3<f64>, f64)],
     /// One per packet, or none.
     pub stiffness: &'a mut [StiffnessPacket],
+    /// Of mixed elements.
+    pub pressures: Option<&'a mut Pressures>,
 }
 
 /// What passes between the steps of one packet.
@@ -36,6 +39,10 @@ struct Buffers {
     rotation: [[Row; 3]; 3],
     verdict: Row,
     squares: Row,
+    /// V μ q̄, which pressures add to the scaled normal stresses; 0 without.
+    pull: Row,
+    /// tr(RᵀF) − 3.
+    dilation: Row,
 }
 
 impl WithSimd for Pass<'_> {
@@ -44,7 +51,7 @@ impl WithSimd for Pass<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Pass { packets, positions, forces, elements, sums, stiffness } = self;
+        let Pass { packets, positions, forces, elements, sums, stiffness, mut pressures } = self;
         let zero = [0.0; LANES];
         let mut buffers = Buffers {
             edges: [[zero; 3]; 3],
@@ -52,6 +59,8 @@ impl WithSimd for Pass<'_> {
             rotation: [[zero; 3]; 3],
             verdict: zero,
             squares: zero,
+            pull: zero,
+            dilation: zero,
         };
         let mut squares = 0.0;
         for number in 0..packets.packets.len() {
@@ -62,6 +71,12 @@ impl WithSimd for Pass<'_> {
                 rotate(simd, packet, &mut buffers, part);
             }
             settle(packet, &buffers);
+            if let Some(pressures) = &pressures {
+                for lane in 0..lanes {
+                    let corners = corners(packet, lane);
+                    buffers.pull[lane] = pressures.pull(number * LANES + lane, corners);
+                }
+            }
             for part in 0..LANES / S::F64_LANES {
                 element_forces(simd, packet, &mut buffers, part);
                 if let Some(blocks) = stiffness.get_mut(number) {
@@ -71,6 +86,10 @@ impl WithSimd for Pass<'_> {
             for lane in 0..lanes {
                 squares += buffers.squares[lane];
                 scatter(packet, &buffers.edges, lane, forces);
+                if let Some(pressures) = &mut pressures {
+                    let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
+                    pressures.add_lack(number * LANES + lane, corners, dilation);
+                }
                 add_gradient(packet, &buffers.gradient, lane, sums);
                 elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
             }
@@ -94,6 +113,12 @@ fn add_gradient(
         *sum += weighted;
         *total += volume;
     }
+}
+
+#[inline(always)]
+fn corners(packet: &Packet, lane: usize) -> [usize; 4] {
+    let [a, b, c, d] = &packet.vertices;
+    [a[lane] as usize, b[lane] as usize, c[lane] as usize, d[lane] as usize]
 }
 
 #[inline(always)]
@@ -153,7 +178,7 @@ fn settle_in_doubt(packet: &mut Packet, buffers: &Buffers) {
     }
 }
 
-/// V R σ ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of corner 0.
+/// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of corner 0.
 #[inline(always)]
 fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
     let f = load33(simd, &buffers.gradient, part);
@@ -170,6 +195,9 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
     ];
     let volume = V::load(simd, &packet.volume, part);
     let [xx, yy, zz, xy, yz, zx] = stress_of(simd, packet, &strain, volume, part);
+    let pull = V::load(simd, &buffers.pull, part);
+    let (xx, yy, zz) = (xx + pull, yy + pull, zz + pull);
+    (strain[0] + strain[1] + strain[2]).store(&mut buffers.dilation, part);
     let scaled = product(&r, &[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]);
     let mut sum = [V::splat(simd, 0.0); 3];
     let mut squares = V::splat(simd, 0.0);

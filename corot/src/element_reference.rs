@@ -1,10 +1,9 @@
 //! Element co-rotation, one element after the other.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::Corotation;
 use crate::body::{Body, Element};
-use crate::stress::{add_forces, scaled_stress};
 use crate::tangent::{ElementTangent, element_tangent};
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
@@ -23,15 +22,13 @@ impl Corotation for ElementReference {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        forces.fill(Vector3::zeros());
-        let mut squares = 0.0;
-        body.renew_elements(positions, |element, f| {
-            let r = &element.rotation;
-            let scaled = scaled_stress(element, r, &(r.transpose() * f - Matrix3::identity()));
-            squares += add_forces(element, &scaled, forces);
-        });
+        body.renew_elements(positions);
         body.renew_vertices();
-        squares.sqrt()
+        body.forces_in(|element| element.rotation, positions, forces)
+    }
+
+    fn carries_pressures(&self) -> bool {
+        true
     }
 
     fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {

@@ -25,4 +25,17 @@ pub enum CorotError {
         /// Scene name of the solver.
         equilibrium: &'static str,
     },
+    /// A stage that knows displacements alone, and elements with pressures.
+    #[error(
+        "{stage} `{name}` can't be used with element `p1p1`, whose pressures make the stiffness \
+         indefinite; want {stage} {choices}, or element p1"
+    )]
+    NoPressures {
+        /// Which stage.
+        stage: &'static str,
+        /// Scene name of its implementation.
+        name: &'static str,
+        /// What would do.
+        choices: &'static str,
+    },
 }

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
 
 /// Tries its methods in turn until one converges, each from where the solve began unless the
-/// methods before have come closer.
+/// methods before have come closer. In a [mixed](crate::Body::mixed) body those are left out that
+/// [need an energy](Equilibrium::needs_definite).
 ///
 /// What is left to the caller when none does is a smaller step. [`Outcome`] tells which method
 /// ended it; iterations are those of all. With each method the budget of iterations begins anew.
@@ -34,6 +35,10 @@ impl Equilibrium for Fallback {
         self.methods.iter().any(|method| method.needs_tangent())
     }
 
+    fn needs_definite(&self) -> bool {
+        self.methods.iter().all(|method| method.needs_definite())
+    }
+
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
@@ -41,7 +46,7 @@ impl Equilibrium for Fallback {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
-        let start = positions.to_vec();
+        let start = problem.iterate(positions);
         let mut residual = vec![0.0; problem.rows()];
         let first = problem.evaluate(positions, internal, &mut residual, tolerance);
         let mut total = Outcome {
@@ -52,12 +57,14 @@ impl Equilibrium for Fallback {
             method: self.name,
             fallbacks: 0,
         };
-        for (number, method) in self.methods.iter_mut().enumerate() {
+        let mixed = problem.body.is_mixed();
+        let able = self.methods.iter_mut().filter(|method| !(mixed && method.needs_definite()));
+        for (number, method) in able.enumerate() {
             if total.converged {
                 break;
             }
             if !(total.residual <= CLOSER * first) {
-                positions.copy_from_slice(&start);
+                problem.return_to(&start, positions);
             }
             let outcome = method.solve(problem, positions, internal, tolerance);
             total = Outcome {

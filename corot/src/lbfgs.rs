@@ -36,6 +36,10 @@ impl Equilibrium for Lbfgs {
         "lbfgs"
     }
 
+    fn needs_definite(&self) -> bool {
+        true
+    }
+
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
@@ -43,11 +47,14 @@ impl Equilibrium for Lbfgs {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
+        if problem.body.is_mixed() {
+            return problem.untouched(self.name(), positions, internal, tolerance);
+        }
         let n = problem.rows();
         let mut residual = vec![0.0; n];
         let (mut direction, mut scratch, mut before) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, positions.to_vec());
+        let mut best = (size, problem.iterate(positions));
         let mut point =
             Point { positions, internal, residual: &mut residual, size, evaluations: 1 };
         let mut memory = Pairs { depth: self.depth, pairs: VecDeque::new() };
@@ -67,11 +74,11 @@ impl Equilibrium for Lbfgs {
             memory.push(&direction, length, &before, point.residual);
             if point.size < best.0 {
                 best.0 = point.size;
-                best.1.copy_from_slice(point.positions);
+                best.1 = problem.iterate(point.positions);
             }
         }
         if !(point.size <= best.0) {
-            point.positions.copy_from_slice(&best.1);
+            problem.return_to(&best.1, point.positions);
             point.evaluate(problem, tolerance);
         }
         Outcome {

@@ -19,6 +19,7 @@ mod fallback;
 mod lanes;
 mod lbfgs;
 mod line_search;
+mod mixed;
 mod newton;
 mod no_corotation;
 mod packet_rotation;
@@ -36,7 +37,7 @@ pub use direct::Direct;
 pub use element_corotation::ElementCorotation;
 pub use element_kernel::StiffnessPacket;
 pub use element_reference::ElementReference;
-pub use equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
+pub use equilibrium::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 pub use error::CorotError;
 pub use fallback::Fallback;
 pub use lbfgs::Lbfgs;
@@ -71,9 +72,10 @@ pub trait Corotation: Send + Sync {
         None
     }
 
-    /// Entries of a residual and of a step per vertex: 3 for displacements alone.
-    fn unknowns_per_vertex(&self) -> usize {
-        3
+    /// Whether it reads the pressures of a [mixed](Body::mixed) body; without it they stay out of
+    /// its forces.
+    fn carries_pressures(&self) -> bool {
+        false
     }
 }
 
@@ -149,6 +151,24 @@ pub fn check_pair(
     if equilibrium.needs_tangent() && !has_tangent {
         let (corotation, equilibrium) = (corotation.name(), equilibrium.name());
         return Err(CorotError::NoTangent { corotation, equilibrium });
+    }
+    Ok(())
+}
+
+/// Whether these two work on a [mixed](Body::mixed) body.
+///
+/// # Errors
+/// [`CorotError::NoPressures`] naming the stage that does not.
+pub fn check_mixed(
+    corotation: &dyn Corotation,
+    equilibrium: &dyn Equilibrium,
+) -> Result<(), CorotError> {
+    let refused = |stage, name, choices| Err(CorotError::NoPressures { stage, name, choices });
+    if !corotation.carries_pressures() {
+        return refused("corotation", corotation.name(), "element, none");
+    }
+    if equilibrium.needs_definite() {
+        return refused("equilibrium", equilibrium.name(), "fallback, anderson, direct");
     }
     Ok(())
 }

@@ -34,6 +34,10 @@ impl Equilibrium for Newton {
         true
     }
 
+    fn needs_definite(&self) -> bool {
+        true
+    }
+
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
@@ -41,9 +45,12 @@ impl Equilibrium for Newton {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
+        if problem.body.is_mixed() {
+            return problem.untouched(self.name(), positions, internal, tolerance);
+        }
         let mut residual = vec![0.0; problem.rows()];
         let size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, positions.to_vec());
+        let mut best = (size, problem.iterate(positions));
         let mut point =
             Point { positions, internal, residual: &mut residual, size, evaluations: 1 };
         let mut iterations = 0;
@@ -56,11 +63,11 @@ impl Equilibrium for Newton {
             }
             if point.size < best.0 {
                 best.0 = point.size;
-                best.1.copy_from_slice(point.positions);
+                best.1 = problem.iterate(point.positions);
             }
         }
         if !(point.size <= best.0) {
-            point.positions.copy_from_slice(&best.1);
+            problem.return_to(&best.1, point.positions);
             point.evaluate(problem, tolerance);
         }
         Outcome {

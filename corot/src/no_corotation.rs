@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::Corotation;
 use crate::body::{Body, Element};
-use crate::stress::{add_forces, scaled_stress};
 use crate::tangent::ElementTangent;
 
 /// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
@@ -23,16 +22,12 @@ impl Corotation for NoCorotation {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        forces.fill(Vector3::zeros());
         body.unrotate(positions.len());
-        let mut squares = 0.0;
-        for element in body.elements() {
-            let f = element.deformation_gradient(positions);
-            let identity = Matrix3::identity();
-            squares +=
-                add_forces(element, &scaled_stress(element, &identity, &(f - identity)), forces);
-        }
-        squares.sqrt()
+        body.forces_in(|_| Matrix3::identity(), positions, forces)
+    }
+
+    fn carries_pressures(&self) -> bool {
+        true
     }
 
     fn tangent(&self, element: &Element, _: &[Vector3<f64>]) -> Option<ElementTangent> {

@@ -28,7 +28,7 @@ impl Corotation for RowCorotation {
         forces: &mut [Vector3<f64>],
     ) -> f64 {
         forces.fill(Vector3::zeros());
-        body.renew_elements(positions, |_, _| ());
+        body.renew_elements(positions);
         body.renew_vertices();
         let rotations = body.vertex_rotations();
         let mut squares = 0.0;

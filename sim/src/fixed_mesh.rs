@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::Element;
+use yawara_corot::{Body, Element};
 use yawara_embed::{LinearTet, Material};
 use yawara_mesh::plain_mesh::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
@@ -74,9 +74,9 @@ impl FixedMesh {
         self.mesh.points()
     }
 
-    /// The mesh at rest. `holds` is by vertex number.
-    pub fn state(&self, holds: &[Hold]) -> State {
-        let mut state = State::default();
+    /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
+    pub fn state(&self, holds: &[Hold], body: Body) -> State {
+        let mut state = State::new(body);
         for (i, &x) in self.points().iter().enumerate() {
             state.add_vertex(VertexId(i as u32), x, x, holds[i]);
         }

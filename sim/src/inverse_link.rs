@@ -7,7 +7,7 @@ use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 use nalgebra::Vector3;
 use yawara_corot::Body;
-use yawara_embed::RingStiffness;
+use yawara_embed::{ElementFormulation, RingStiffness, clamp};
 use yawara_inverse_update::{
     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
@@ -21,9 +21,16 @@ pub type InverseFactory =
 
 const NO_SLOT: usize = usize::MAX;
 
-/// The inverse with the map from vertices to its slots; fixed vertices have none.
+/// Displacements of a vertex, the first of its unknowns.
+const DISPLACEMENTS: usize = 3;
+
+/// The inverse with the map from vertices to its slots. Fixed vertices have none, unless their
+/// element has more unknowns than displacements: those stay, and the displacements are clamped.
 pub struct InverseLink {
     maintainer: Box<dyn InverseMaintainer>,
+    element: Box<dyn ElementFormulation>,
+    /// What holds clamped displacements, N/m.
+    anchor: f64,
     slot_of: Vec<usize>,
     vertex_of: Vec<VertexId>,
     tools: Mutex<Option<Arc<Held>>>,
@@ -33,41 +40,59 @@ pub struct InverseLink {
 }
 
 impl InverseLink {
-    /// Assembles the stiffness of `body` on the vertices that are not fixed and inverts it.
+    /// Assembles the stiffness of `body` in the unknowns of `element` on `vertices` and inverts it.
     ///
+    /// `is_fixed` tells by vertex number whose displacements are fixed.
     /// `order_key` tells where a vertex lies, see [`SparseStiffness::set_order_keys`].
     ///
     /// # Errors
-    /// [`SimError::Inverse`] if that stiffness is not positive definite.
+    /// [`SimError::Inverse`] if that stiffness is not (quasi-)definite.
     pub fn new(
         body: &Body,
-        free_vertices: Vec<VertexId>,
-        vertex_capacity: usize,
+        element: Box<dyn ElementFormulation>,
+        vertices: impl Iterator<Item = VertexId>,
+        is_fixed: impl Fn(usize) -> bool,
         order_key: impl Fn(VertexId) -> u64,
         factory: &InverseFactory,
     ) -> Result<Self, SimError> {
-        let mut slot_of = vec![NO_SLOT; vertex_capacity];
-        for (slot, v) in free_vertices.iter().enumerate() {
+        let vertex_of: Vec<VertexId> =
+            vertices.filter(|v| needs_slot(element.as_ref(), is_fixed(v.index()))).collect();
+        let capacity = body.elements().iter().flat_map(|e| e.vertices).max().map_or(0, |v| v + 1);
+        let mut slot_of = vec![NO_SLOT; capacity];
+        for (slot, v) in vertex_of.iter().enumerate() {
+            if slot_of.len() <= v.index() {
+                slot_of.resize(v.index() + 1, NO_SLOT);
+            }
             slot_of[v.index()] = slot;
         }
-        let mut stiffness = SparseStiffness::zeros(free_vertices.len(), 3)?;
-        let keys: Vec<u64> = free_vertices.iter().map(|&v| order_key(v)).collect();
+        let m = element.unknowns();
+        let mut stiffness =
+            SparseStiffness::quasi_definite(vertex_of.len(), m, element.negative())?;
+        let keys: Vec<u64> = vertex_of.iter().map(|&v| order_key(v)).collect();
         stiffness.set_order_keys(&keys)?;
-        for element in body.elements() {
-            let slots = element.vertices.map(|v| slot_of[v]);
+        for tet in body.elements() {
+            let slots = tet.vertices.map(|v| slot_of[v]);
             let kept: Vec<usize> = (0..4).filter(|&i| slots[i] != NO_SLOT).collect();
-            let k = element.geometry.stiffness(&element.elasticity);
-            let rows = 3 * kept.len();
-            let dense = Mat::from_fn(rows, rows, |i, j| {
-                k[(3 * kept[i / 3] + i % 3, 3 * kept[j / 3] + j % 3)]
-            });
+            let mut k = element.stiffness(&tet.geometry, &tet.elasticity);
+            clamp(&mut k, &tet.vertices.map(&is_fixed));
+            let row = |i: usize| m * kept[i / m] + i % m;
+            let rows = m * kept.len();
+            let dense = Mat::from_fn(rows, rows, |i, j| k[(row(i), row(j))]);
             let slots: Vec<usize> = kept.iter().map(|&i| slots[i]).collect();
             stiffness.add(&slots, dense.as_ref())?;
         }
+        let anchor = body.stiffness_scale();
+        let held =
+            Mat::from_fn(m, m, |i, j| if i == j && i < DISPLACEMENTS { anchor } else { 0.0 });
+        for (slot, _) in vertex_of.iter().enumerate().filter(|(_, v)| is_fixed(v.index())) {
+            stiffness.add(&[slot], held.as_ref())?;
+        }
         Ok(Self {
             maintainer: factory(stiffness)?,
+            element,
+            anchor,
             slot_of,
-            vertex_of: free_vertices,
+            vertex_of,
             tools: Mutex::new(None),
             update_ms: Vec::new(),
             updates: 0,
@@ -80,13 +105,19 @@ impl InverseLink {
         self.maintainer.as_ref()
     }
 
-    /// Slot of a vertex, if it is not fixed.
+    /// The unknowns of a tetrahedron.
+    pub fn element(&self) -> &dyn ElementFormulation {
+        self.element.as_ref()
+    }
+
+    /// Slot of a vertex, if it has one.
     pub fn slot(&self, vertex: usize) -> Option<usize> {
         self.slot_of.get(vertex).copied().filter(|&s| s != NO_SLOT)
     }
 
-    /// Takes a split or merge; `vertex_is_fixed` tells whether the vertex has no slot, `order_key`
-    /// where it lies.
+    /// Takes a split or merge with the hand-over of [`element`](Self::element); `is_fixed` tells
+    /// whose displacements are fixed (that of the new vertex only if both ends of its edge are),
+    /// `order_key` where the vertex lies.
     ///
     /// # Errors
     /// [`SimError::Inverse`] if the maintainer refuses the change.
@@ -94,17 +125,26 @@ impl InverseLink {
         &mut self,
         change: Change,
         vertex: VertexId,
-        vertex_is_fixed: bool,
+        is_fixed: impl Fn(VertexId) -> bool,
         order_key: u64,
-        ring: &RingStiffness,
+        ring: RingStiffness,
     ) -> Result<(), SimError> {
         let begin = Instant::now();
-        let reduced = ReducedRing::new(ring, order_key, |v| self.slot(v.index()));
-        match (vertex_is_fixed, change) {
-            (true, Change::Split) => self.change(&reduced, &reduced.positive, &reduced.negative)?,
-            (true, Change::Merge) => self.change(&reduced, &reduced.negative, &reduced.positive)?,
-            (false, Change::Split) => self.split(vertex, reduced)?,
-            (false, Change::Merge) => self.merge(vertex, reduced)?,
+        let has_slot = needs_slot(self.element.as_ref(), is_fixed(vertex));
+        let ring = match self.element.unknowns() {
+            DISPLACEMENTS => ring,
+            _ => ring.clamp(&is_fixed, is_fixed(vertex), self.anchor),
+        };
+        let reduced = ReducedRing::new(&ring, order_key, |v| self.slot(v.index()));
+        match (has_slot, change) {
+            (false, Change::Split) => {
+                self.change(&reduced, &reduced.positive, &reduced.negative)?
+            }
+            (false, Change::Merge) => {
+                self.change(&reduced, &reduced.negative, &reduced.positive)?
+            }
+            (true, Change::Split) => self.split(vertex, reduced)?,
+            (true, Change::Merge) => self.merge(vertex, reduced)?,
         }
         self.updates += 1;
         self.update_ms.push(begin.elapsed().as_secs_f64() * 1e3);
@@ -201,23 +241,31 @@ impl InverseLink {
 struct Held {
     updates: usize,
     slots: Vec<usize>,
-    /// C_:p, where the maintainer has it at hand.
+    /// C_:p for the displacements p, where the maintainer has it at hand.
     columns: Option<Mat<f64>>,
-    /// Of C_pp.
+    /// Of C_pp for the displacements p, positive definite even where pressures make C indefinite.
     factor: Llt<f64>,
 }
 
 impl Held {
     fn new(link: &InverseLink, slots: Vec<usize>) -> Result<Self, SimError> {
         let maintainer = link.maintainer.as_ref();
+        let m = link.element.unknowns();
+        let n = DISPLACEMENTS * slots.len();
+        // Of a slot's unknowns the displacements.
+        let of = |i: usize| m * (i / DISPLACEMENTS) + i % DISPLACEMENTS;
         let (columns, block) = if maintainer.holds_columns() {
-            let columns = maintainer.columns(&slots)?;
-            let row = |i: usize| 3 * slots[i / 3] + i % 3;
-            let n = columns.ncols();
-            let block = Mat::from_fn(n, n, |i, j| columns[(row(i), j)]);
+            let all = maintainer.columns(&slots)?;
+            let row = |i: usize| m * slots[i / DISPLACEMENTS] + i % DISPLACEMENTS;
+            let block = Mat::from_fn(n, n, |i, j| all[(row(i), of(j))]);
+            let columns = match m {
+                DISPLACEMENTS => all,
+                _ => Mat::from_fn(all.nrows(), n, |i, j| all[(i, of(j))]),
+            };
             (Some(columns), block)
         } else {
-            (None, maintainer.compliance(&slots)?)
+            let all = maintainer.compliance(&slots)?;
+            (None, Mat::from_fn(n, n, |i, j| all[(of(i), of(j))]))
         };
         let factor = Llt::new(block.as_ref(), faer::Side::Lower)
             .map_err(|_| SimError::ComplianceNotPositive { vertices: slots.len() })?;
@@ -232,33 +280,40 @@ pub(crate) struct Constrained<'a> {
 }
 
 impl Constrained<'_> {
-    /// y = C f by vertex number (3 entries each), zero on held and fixed vertices.
+    fn unknowns(&self) -> usize {
+        self.link.element.unknowns()
+    }
+
+    /// y = C f by vertex number (the element's unknowns each), displacements zero on held and fixed
+    /// vertices.
     pub fn apply(&self, f: &[f64], y: &mut [f64]) -> Result<(), SimError> {
-        let n = 3 * self.link.vertex_of.len();
+        let m = self.unknowns();
+        let n = m * self.link.vertex_of.len();
         let mut local = vec![0.0; n];
         for (slot, v) in self.link.vertex_of.iter().enumerate() {
-            local[3 * slot..3 * slot + 3].copy_from_slice(&f[3 * v.index()..3 * v.index() + 3]);
+            let at = m * v.index();
+            local[m * slot..m * slot + m].copy_from_slice(&f[at..at + m]);
         }
         let mut solution = vec![0.0; n];
         self.link.maintainer.solve(&local, &mut solution)?;
         let slots = &self.tools.slots;
         if !slots.is_empty() {
             let at_held =
-                Mat::from_fn(3 * slots.len(), 1, |i, _| solution[3 * slots[i / 3] + i % 3]);
+                Mat::from_fn(3 * slots.len(), 1, |i, _| solution[m * slots[i / 3] + i % 3]);
             self.subtract_columns(&self.tools.factor.solve(&at_held), &mut solution)?;
             for &slot in slots {
-                solution[3 * slot..3 * slot + 3].fill(0.0);
+                solution[m * slot..m * slot + DISPLACEMENTS].fill(0.0);
             }
         }
         self.scatter(&solution, y);
         Ok(())
     }
 
-    /// The displacements that moving the held vertices by `moves` (in the order of `held`)
+    /// The unknowns that moving the held vertices by `moves` (in the order of `held`)
     /// drags along in the unrotated linear body: C_:p C_pp⁻¹ moves, by vertex number.
     pub fn drag(&self, moves: &[Vector3<f64>], y: &mut [f64]) -> Result<(), SimError> {
         let rhs = Mat::from_fn(3 * self.tools.slots.len(), 1, |i, _| moves[i / 3][i % 3]);
-        let mut solution = vec![0.0; 3 * self.link.vertex_of.len()];
+        let mut solution = vec![0.0; self.unknowns() * self.link.vertex_of.len()];
         self.subtract_columns(&(-self.tools.factor.solve(&rhs)), &mut solution)?;
         self.scatter(&solution, y);
         Ok(())
@@ -275,10 +330,11 @@ impl Constrained<'_> {
             }
             return Ok(());
         }
+        let m = self.unknowns();
         let mut load = vec![0.0; target.len()];
         for (i, &slot) in self.tools.slots.iter().enumerate() {
             for a in 0..3 {
-                load[3 * slot + a] = weights[(3 * i + a, 0)];
+                load[m * slot + a] = weights[(3 * i + a, 0)];
             }
         }
         let mut product = vec![0.0; target.len()];
@@ -290,11 +346,18 @@ impl Constrained<'_> {
     }
 
     fn scatter(&self, local: &[f64], y: &mut [f64]) {
+        let m = self.unknowns();
         y.fill(0.0);
         for (slot, v) in self.link.vertex_of.iter().enumerate() {
-            y[3 * v.index()..3 * v.index() + 3].copy_from_slice(&local[3 * slot..3 * slot + 3]);
+            let at = m * v.index();
+            y[at..at + m].copy_from_slice(&local[m * slot..m * slot + m]);
         }
     }
+}
+
+/// Whether a vertex has unknowns: a fixed one that has displacements alone has none.
+fn needs_slot(element: &dyn ElementFormulation, is_fixed: bool) -> bool {
+    !is_fixed || element.unknowns() > DISPLACEMENTS
 }
 
 /// A [`RingStiffness`] on the vertices that have slots.
@@ -316,8 +379,9 @@ impl ReducedRing {
     fn new(ring: &RingStiffness, order_key: u64, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
         let kept: Vec<usize> =
             (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
-        let row = |i: usize| 3 * kept[i / 3] + i % 3;
-        let n = 3 * kept.len();
+        let block = ring.a22.nrows();
+        let row = |i: usize| block * kept[i / block] + i % block;
+        let n = block * kept.len();
         let rows = |m: &Mat<f64>| Mat::from_fn(n, m.ncols(), |i, j| m[(row(i), j)]);
         let square = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(row(i), row(j))]);
         Self {

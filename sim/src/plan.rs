@@ -13,7 +13,7 @@ use crate::start::{Origin, Start};
 use crate::surfaces::surface_level;
 
 /// The plan of a scene, in the order of the pipeline.
-pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow> {
+pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, element: &str) -> Vec<PlanRow> {
     let mut rows = match &start.origin {
         Origin::Image(setup) => {
             vec![image(setup), mesh(scene, setup), domain(setup), homogenisation(setup, stages)]
@@ -21,7 +21,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages) -> Vec<PlanRow
         Origin::MeshFile(mesh) => mesh_file(mesh, stages),
     };
     rows.extend([
-        row("element", element_choice::RUNS, true, element_choice::reason(scene)),
+        row("element", element, true, element_choice::reason(scene, stages, element)),
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         refinement(scene, stages),
@@ -193,7 +193,7 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
     }
     if scene.stages.inverse == AUTO {
         let vertices = inverse.maintainer().vertices();
-        why += &format!("; {name} is the fastest for {vertices} free vertices");
+        why += &format!("; {name} is the fastest for {vertices} vertices with unknowns");
     }
     row("inverse update", name, scene.mesh.refines(), why)
 }

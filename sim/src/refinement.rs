@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-use nalgebra::{Matrix3, Vector3};
-use yawara_corot::Element;
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_corot::rotation::polar_warm;
-use yawara_embed::{Embedding, LinearTet, RingStiffness};
+use yawara_corot::{Body, Element};
+use yawara_embed::{Embedding, LinearTet, MixedModuli};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId};
 
@@ -52,7 +52,8 @@ pub(crate) struct Demand<'a> {
 }
 
 impl Refiner {
-    /// Takes a start mesh over; the state it starts in comes with it. `holds` is by vertex number.
+    /// Takes a start mesh over; the state it starts in comes with it, made of the elements of an
+    /// empty `body`. `holds` is by vertex number.
     pub fn new(
         forest: BisectionForest,
         embedding: Embedding,
@@ -60,6 +61,7 @@ impl Refiner {
         label_values: Vec<i64>,
         holds: &[Hold],
         is_fixed: RestTest,
+        body: Body,
     ) -> (Self, State) {
         let refiner = Self {
             born: vec![0; forest.vertex_capacity()],
@@ -73,7 +75,7 @@ impl Refiner {
             ring: Vec::new(),
             members: Vec::new(),
         };
-        let mut state = State::default();
+        let mut state = State::new(body);
         for v in refiner.forest.vertices() {
             let rest = refiner.placement.position(refiner.forest.point(v));
             state.add_vertex(v, rest, rest, holds[v.index()]);
@@ -207,6 +209,7 @@ impl Refiner {
                 polar_warm(&f, &state.body.vertex_rotations()[tet.vertices[0].index()])
             }),
             geometry,
+            pressed_dilation: pressed_dilation(state, tet, &parent.elasticity),
             is_void: self.embedding.tree().labels(tet.node).as_slice() == [0],
         }
     }
@@ -242,6 +245,8 @@ impl Refiner {
         // Between two fixed regions that face each other the body is free.
         let held = ends[0] == ends[1] && (ends[0] != Hold::Fixed || (self.is_fixed)(&rest));
         state.add_vertex(vertex, rest, position, if held { ends[0] } else { Hold::Free });
+        let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
+        state.body.set_pressure(vertex.index(), 0.5 * (a + b));
         self.born.resize(state.vertex_capacity(), 0);
         self.born[vertex.index()] = step;
         for ring_tet in &delta.ring {
@@ -285,11 +290,18 @@ impl Refiner {
         delta: &MeshDelta,
         inverse: &mut InverseLink,
     ) -> Result<(), SimError> {
-        let ring = RingStiffness::new(delta, &self.embedding, |v| state.rest[v.index()]);
-        let fixed = state.holds[delta.vertex.index()] == Hold::Fixed;
+        let ring = inverse.element().ring(delta, &self.embedding, &|v| state.rest[v.index()]);
+        let is_fixed = |v: VertexId| state.holds[v.index()] == Hold::Fixed;
         let key = Lattice::key(self.forest.point(delta.vertex));
-        inverse.apply(delta.change, delta.vertex, fixed, key, &ring)
+        inverse.apply(delta.change, delta.vertex, is_fixed, key, ring)
     }
+}
+
+/// μ q̄/κ where there are pressures.
+fn pressed_dilation(state: &State, tet: &Tet, elasticity: &Matrix6<f64>) -> Option<f64> {
+    let moduli = state.body.is_mixed().then(|| MixedModuli::new(elasticity).ok())??;
+    let sum: f64 = tet.vertices.iter().map(|v| state.body.pressure(v.index())).sum();
+    Some(0.25 * sum * moduli.shear / moduli.bulk)
 }
 
 fn rest_geometry(state: &State, tet: &Tet) -> LinearTet {

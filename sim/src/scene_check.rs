@@ -5,7 +5,6 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::SimError;
-use crate::element_choice;
 use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
 use crate::stages::AUTO;
 
@@ -211,8 +210,6 @@ impl Check<'_> {
         let want = format!("one of {}", elements.join(", "));
         let known = elements.contains(&&stages.element[..]);
         self.that(known, "stages.element", &stages.element, &want)?;
-        let runs = [AUTO, element_choice::RUNS].contains(&&stages.element[..]);
-        self.that(runs, "stages.element", &stages.element, element_choice::WANTED)?;
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::COROTATIONS),

@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
-use yawara_embed::Embedding;
+use yawara_embed::{Embedding, formulation_by_name};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, TetId, VertexId};
 
+use crate::element_choice::{self, empty_body};
 use crate::error::SimError;
 use crate::frame;
 use crate::indicator::Indicator;
@@ -76,14 +77,15 @@ impl Simulation {
     ) -> Result<Self, SimError> {
         let begin = Instant::now();
         scene.validate(&scene.name)?;
+        let element = element_choice::of_scene(scene, &stages)?;
         let start = Start::new(scene)?;
         let (tools, holds) = Grab::all(scene, &start)?;
-        let mut plan = plan::rows(scene, &start, &stages);
+        let mut plan = plan::rows(scene, &start, &stages, element);
         let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
         let (mut body_summary, mut volume) = (None, None);
         let (state, refiner, surfaces) = match origin {
-            Origin::MeshFile(mesh) => (mesh.state(&holds), None, None),
+            Origin::MeshFile(mesh) => (mesh.state(&holds, empty_body(element)), None, None),
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials);
                 let tree = Arc::clone(&setup.tree);
@@ -99,19 +101,27 @@ impl Simulation {
                 let label_values = setup.volume.values().to_vec();
                 body_summary = Some(setup.summary);
                 volume = scene.output.field.then_some(setup.volume);
-                let (refiner, state) =
-                    Refiner::new(forest, embedding, placement, label_values, &holds, is_fixed);
+                let (refiner, state) = Refiner::new(
+                    forest,
+                    embedding,
+                    placement,
+                    label_values,
+                    &holds,
+                    is_fixed,
+                    empty_body(element),
+                );
                 (state, Some(refiner), surfaces)
             }
         };
-        let free: Vec<VertexId> =
-            state.vertices().filter(|v| state.holds[v.index()] != Hold::Fixed).collect();
-        let capacity = state.vertex_capacity();
+        let is_fixed = |v: usize| state.holds[v] == Hold::Fixed;
         let key = |v: VertexId| match &refiner {
             Some(refiner) => Lattice::key(refiner.forest.point(v)),
             None => organ.grid_key(&state.rest[v.index()]),
         };
-        let inverse = InverseLink::new(&state.body, free, capacity, key, &inverse)?;
+        let formulation = formulation_by_name(element)?;
+        let vertices = state.vertices();
+        let inverse =
+            InverseLink::new(&state.body, formulation, vertices, is_fixed, key, &inverse)?;
         plan.push(plan::inverse(scene, &inverse));
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
@@ -124,7 +134,7 @@ impl Simulation {
             body_summary,
             volume,
             tools,
-            internal: vec![Vector3::zeros(); capacity],
+            internal: vec![Vector3::zeros(); state.vertex_capacity()],
             tally: Tally::new(begin, &state),
             state,
             refiner,

@@ -55,6 +55,12 @@ struct Held<'a> {
     free: Vec<bool>,
 }
 
+/// A first iterate.
+struct Moved {
+    positions: Vec<Vector3<f64>>,
+    pressures: Vec<f64>,
+}
+
 impl<'a> Held<'a> {
     fn new(state: &State, inverse: &'a InverseLink) -> Result<Self, SimError> {
         let mut free = vec![false; state.positions.len()];
@@ -70,12 +76,13 @@ impl<'a> Held<'a> {
         Ok(Held { constrained: inverse.constrained(&numbers)?, vertices, free })
     }
 
-    /// Positions with the held vertices at their targets and the others dragged along as in the
+    /// Positions, and pressures, with the held vertices at their targets and the others dragged along as in the
     /// warped linear body: the first iterate.
-    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Result<Vec<Vector3<f64>>, SimError> {
+    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Result<Moved, SimError> {
         let mut positions = state.positions.clone();
+        let mut pressures = state.body.pressures();
         if self.vertices.is_empty() {
-            return Ok(positions);
+            return Ok(Moved { positions, pressures });
         }
         let rotations = state.body.vertex_rotations();
         let targets: Vec<Vector3<f64>> =
@@ -86,15 +93,20 @@ impl<'a> Held<'a> {
             .zip(&targets)
             .map(|(&(v, _), target)| rotations[v].transpose() * (target - positions[v]))
             .collect();
-        let mut drag = vec![0.0; 3 * positions.len()];
+        let m = state.body.unknowns_per_vertex();
+        let mut drag = vec![0.0; m * positions.len()];
         self.constrained.drag(&moves, &mut drag)?;
-        for (v, d) in drag.chunks_exact(3).enumerate() {
-            positions[v] += rotations[v] * Vector3::from_column_slice(d);
+        for (v, d) in drag.chunks_exact(m).enumerate() {
+            positions[v] += rotations[v] * Vector3::from_column_slice(&d[..3]);
+        }
+        // Shorter by those that have come in without a pressure since; none without pressures.
+        for (q, d) in pressures.iter_mut().zip(drag.chunks_exact(m)) {
+            *q += d[m - 1];
         }
         for (&(v, _), target) in self.vertices.iter().zip(&targets) {
             positions[v] = *target;
         }
-        Ok(positions)
+        Ok(Moved { positions, pressures })
     }
 }
 
@@ -111,13 +123,13 @@ impl Simulation {
         let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {
-            let before = self.state.positions.clone();
+            let before = self.state.standing();
             let mut outcome = self.attempt(step, span, times)?;
             total.take(&outcome);
             if !outcome.converged && !self.fading.is_empty() && span.to == step.to {
                 // Under a dead load the pulled shape may be unstable where the tool's hold made it
                 // stable: there is no path to follow, but the released shape may be near rest.
-                self.state.positions.clone_from(&self.state.rest);
+                self.state.rest();
                 outcome = self.attempt(step, span, times)?;
                 total.take(&outcome);
             }
@@ -127,7 +139,7 @@ impl Simulation {
                 self.reached_s = span.to;
                 continue;
             }
-            self.state.positions = before;
+            self.state.return_to(before);
             if span.to - span.from > 1.5 * smallest {
                 self.tally.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
@@ -184,7 +196,8 @@ impl Simulation {
                 timing.1 = Some(error);
             }
         };
-        self.state.positions = moved;
+        self.state.positions = moved.positions;
+        self.state.body.set_pressures(&moved.pressures);
         let mut problem = Problem {
             body: &mut self.state.body,
             corotation: self.corotation.as_ref(),

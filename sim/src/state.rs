@@ -29,7 +29,35 @@ pub(crate) struct State {
     cells: Vec<Cell>,
 }
 
+/// Where the body stands, to come back to: positions, and pressures if it has any.
+pub(crate) struct Standing {
+    positions: Vec<Vector3<f64>>,
+    pressures: Vec<f64>,
+}
+
 impl State {
+    /// Nothing yet, of the elements of an empty `body`.
+    pub fn new(body: Body) -> Self {
+        Self { body, ..Self::default() }
+    }
+
+    /// Where the body stands.
+    pub fn standing(&self) -> Standing {
+        Standing { positions: self.positions.clone(), pressures: self.body.pressures() }
+    }
+
+    /// Moves the body back to where it stood.
+    pub fn return_to(&mut self, standing: Standing) {
+        self.positions = standing.positions;
+        self.body.set_pressures(&standing.pressures);
+    }
+
+    /// Moves the body to rest.
+    pub fn rest(&mut self) {
+        self.positions.clone_from(&self.rest);
+        self.body.set_pressures(&[]);
+    }
+
     /// Active vertices, ascending numbers.
     pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
         (0..self.is_active.len()).filter(|&i| self.is_active[i]).map(|i| VertexId(i as u32))

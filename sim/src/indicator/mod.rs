@@ -24,15 +24,23 @@ pub struct RingMember {
     pub deformation_gradient: Matrix3<f64>,
     /// Rotation nearest to it.
     pub rotation: Matrix3<f64>,
+    /// The dilation that its pressure stands for, μ q̄/κ; none without pressures.
+    pub pressed_dilation: Option<f64>,
     /// True where it holds void only.
     pub is_void: bool,
 }
 
 impl RingMember {
-    /// Strain of the co-rotated displacement.
+    /// Strain of the co-rotated displacement; where there are pressures, with their dilation for its
+    /// own, which is no part of their stress and near incompressibility is all noise.
     pub fn strain(&self) -> Strain {
         let local = self.rotation.transpose() * self.deformation_gradient;
-        strain_from_gradient(&(local - Matrix3::identity()))
+        let mut strain = strain_from_gradient(&(local - Matrix3::identity()));
+        if let Some(dilation) = self.pressed_dilation {
+            let off = (dilation - strain.fixed_rows::<3>(0).sum()) / 3.0;
+            strain.fixed_rows_mut::<3>(0).add_scalar_mut(off);
+        }
+        strain
     }
 
     /// Where the homogenisation puts the midpoint, off the middle of its edge: R X ε, m.

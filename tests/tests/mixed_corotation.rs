@@ -1,0 +1,263 @@
+//! Co-rotation of mixed elements against their matrix, written out, and against linear statics.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use proptest::prelude::*;
+use yawara_corot::{
+    Anderson, Body, COROTATIONS, Element, Equilibrium, Problem, Tolerance, check_mixed,
+    corotation_by_name, equilibrium_by_name,
+};
+use yawara_embed::{ElementFormulation, LinearTet, P1P1};
+use yawara_mesh::{BisectionForest, Placement, VertexId};
+use yawara_tests::mixed_body::MixedBody;
+use yawara_tests::organ::{Organ, organs};
+
+const CARRYING: [&str; 3] = ["element", "element_reference", "none"];
+
+fn body(organ: &Organ, forest: &BisectionForest, placement: &Placement, alpha: f64) -> Body {
+    let embedding = organ.embedding("laminate");
+    let mut body = Body::mixed(P1P1::new(alpha).unwrap());
+    for tet in forest.leaves() {
+        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
+        body.insert(Element {
+            tet: tet.id,
+            vertices: tet.vertices.map(VertexId::index),
+            geometry: LinearTet::new(&corners),
+            elasticity: embedding.elasticity(tet.node),
+            rotation: Matrix3::identity(),
+        });
+    }
+    body
+}
+
+fn setting(organ: &Organ, alpha: f64) -> (Body, Vec<Vector3<f64>>) {
+    let (forest, placement) = (organ.forest(3, 4), organ.placement(4));
+    let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+    for v in forest.vertices() {
+        rest[v.index()] = placement.position(forest.point(v));
+    }
+    (body(organ, &forest, &placement, alpha), rest)
+}
+
+/// Forces, volume residuals and √Σ‖f_e‖².
+fn evaluate(name: &str, body: &mut Body, x: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<f64>, f64) {
+    let mut forces = vec![Vector3::repeat(f64::NAN); x.len()];
+    let scale = corotation_by_name(name).unwrap().internal_forces(body, x, &mut forces);
+    let volumes = (0..x.len()).map(|v| body.volume_residual(v)).collect();
+    (forces, volumes, scale)
+}
+
+fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| if *value <= most { most } else { value.abs() })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, ..ProptestConfig::default() })]
+
+    #[test]
+    fn forces_and_volumes_are_those_of_the_element_s_matrix(
+        organ in organs([2, 1, 1], 3, 2.0..5.0, 0.0..0.4999),
+        noise in proptest::collection::vec(proptest::array::uniform4(-1.0..1.0f64), 61),
+        turn in proptest::array::uniform3(-2.0..2.0f64),
+        alpha in 0.5..2.0f64,
+    ) {
+        let (mut body, rest) = setting(&organ, alpha);
+        let turn = Rotation3::from_scaled_axis(Vector3::from(turn));
+        let x: Vec<_> = rest.iter().enumerate()
+            .map(|(i, x)| turn * x + Vector3::from_fn(|k, _| noise[i % 61][k]) * 5e-4)
+            .collect();
+        for v in 0..x.len() {
+            body.set_pressure(v, noise[v % 61][3]);
+        }
+        let element = P1P1::new(alpha).unwrap();
+        for name in CARRYING {
+            let (forces, volumes, scale) = evaluate(name, &mut body, &x);
+            let mut want = (vec![Vector3::zeros(); x.len()], vec![0.0; x.len()]);
+            for e in body.elements() {
+                let k = element.stiffness(&e.geometry, &e.elasticity);
+                let unknown = |row: usize| {
+                    let v = e.vertices[row / 4];
+                    let u = e.rotation.transpose() * x[v] - rest[v];
+                    if row % 4 == 3 { noise[v % 61][3] } else { u[row % 4] }
+                };
+                let product =
+                    |row: usize| (0..16).map(|j| k[(row, j)] * unknown(j)).sum::<f64>();
+                for (i, &v) in e.vertices.iter().enumerate() {
+                    want.0[v] += e.rotation * Vector3::from_fn(|axis, _| product(4 * i + axis));
+                    want.1[v] -= product(4 * i + 3);
+                }
+            }
+            // Positions of 5 cm over edges of 5 mm: rounding grows tenfold at most.
+            let bar = 1e-12 * scale.max(body.stiffness_scale() * 0.05);
+            prop_assert!(distance(&forces, &want.0) <= bar, "{name}");
+            let off: Vec<f64> = volumes.iter().zip(&want.1).map(|(a, b)| a - b).collect();
+            // Volumes come with a quarter of an edge of 5 mm or less.
+            prop_assert!(largest(&off) <= 5e-3 * bar, "{name}: {:e}", largest(&off));
+        }
+    }
+
+    #[test]
+    fn rigid_motion_costs_nothing_and_turns_what_there_is(
+        organ in organs([2, 1, 1], 3, 2.0..5.0, 0.0..0.4999),
+        noise in proptest::collection::vec(proptest::array::uniform4(-1.0..1.0f64), 61),
+        axis in proptest::array::uniform3(0.1..1.0f64),
+        shift in proptest::array::uniform3(-0.1..0.1f64),
+    ) {
+        let (mut body, rest) = setting(&organ, 1.0);
+        let axis = nalgebra::Unit::new_normalize(Vector3::from(axis));
+        let turn = Rotation3::from_axis_angle(&axis, 170f64.to_radians());
+        let moved = |x: &Vector3<f64>| turn * x + Vector3::from(shift);
+        for name in ["element", "element_reference"] {
+            body.set_pressures(&[]);
+            let x: Vec<_> = rest.iter().map(moved).collect();
+            let bar = 1e-12 * body.stiffness_scale() * 0.2;
+            let (forces, volumes, _) = evaluate(name, &mut body, &x);
+            prop_assert!(forces.iter().all(|f| f.norm() <= bar), "{name}");
+            prop_assert!(largest(&volumes) <= 5e-3 * bar, "{name}");
+
+            for v in 0..x.len() {
+                body.set_pressure(v, 1e-2 * noise[v % 61][3]);
+            }
+            let x: Vec<_> = rest.iter().enumerate()
+                .map(|(i, x)| x + Vector3::from_fn(|k, _| noise[i % 61][k]) * 2e-4)
+                .collect();
+            let (here, volumes, scale) = evaluate(name, &mut body, &x);
+            let there: Vec<_> = x.iter().map(moved).collect();
+            let (got, same, _) = evaluate(name, &mut body, &there);
+            let here: Vec<_> = here.iter().map(|f| turn * f).collect();
+            prop_assert!(distance(&here, &got) <= 1e-10 * scale, "{name}");
+            let off: Vec<f64> = volumes.iter().zip(&same).map(|(a, b)| a - b).collect();
+            prop_assert!(largest(&off) <= 1e-10 * 5e-3 * scale, "{name}");
+        }
+    }
+}
+
+#[test]
+fn isotropic_forces_balance_in_sum_and_in_torque() {
+    let (mut body, rest) = setting(&Organ::homogeneous([6, 1, 1], 1e4, 0.49), 1.0);
+    let x: Vec<_> = rest
+        .iter()
+        .map(|x| x + Vector3::new(0.02 * (60.0 * x.y).sin(), 3.0 * x.x * x.x, -8.0 * x.x * x.y))
+        .collect();
+    for v in 0..x.len() {
+        body.set_pressure(v, 0.3 * (v as f64).sin());
+    }
+    for name in ["element", "element_reference"] {
+        let (forces, _, scale) = evaluate(name, &mut body, &x);
+        let size = x.iter().map(Vector3::norm).fold(0.0, f64::max);
+        let torque: Vector3<f64> = x.iter().zip(&forces).map(|(x, f)| x.cross(f)).sum();
+        assert!(forces.iter().sum::<Vector3<f64>>().norm() < 1e-13 * scale, "{name}");
+        assert!(torque.norm() < 1e-13 * scale * size, "{name}: {torque:e}");
+    }
+}
+
+#[test]
+fn a_small_load_gives_what_linear_statics_gives() {
+    for poisson_ratio in [0.3, 0.499] {
+        let organ = Organ::homogeneous([3, 1, 1], 1e4, poisson_ratio);
+        let mut linear = MixedBody::new(&organ, "laminate", "sparse", 6).unwrap();
+        for pick in 0..12 {
+            linear.split(|count| 7 * pick % count).unwrap();
+        }
+        let (forest, placement) = (&linear.forest, organ.placement(6));
+        let n = forest.vertex_capacity();
+        let mut rest = vec![Vector3::zeros(); n];
+        let (mut free, mut external) = (vec![false; n], vec![Vector3::zeros(); n]);
+        for &v in linear.vertices() {
+            rest[v.index()] = placement.position(forest.point(v));
+            free[v.index()] = !linear.is_held(v);
+            if free[v.index()] {
+                external[v.index()] = Vector3::new(1e-9, 0.0, -2e-9);
+            }
+        }
+        let select = |f: &[f64], y: &mut [f64]| {
+            let at = |slot: usize| 4 * linear.vertices()[slot].index();
+            let load: Vec<f64> =
+                (0..4 * linear.vertices().len()).map(|i| f[at(i / 4) + i % 4]).collect();
+            let mut u = vec![0.0; load.len()];
+            linear.maintainer.solve(&load, &mut u).unwrap();
+            u.iter().enumerate().for_each(|(i, u)| y[at(i / 4) + i % 4] = *u);
+        };
+        let load: Vec<f64> = external.iter().flat_map(|f| [f.x, f.y, f.z, 0.0]).collect();
+        let mut want = vec![0.0; 4 * n];
+        select(&load, &mut want);
+
+        for name in CARRYING {
+            let mut body = body(&organ, forest, &placement, 1.0);
+            let (mut x, mut internal) = (rest.clone(), external.clone());
+            let corotation = corotation_by_name(name).unwrap();
+            let mut problem = Problem {
+                body: &mut body,
+                corotation: corotation.as_ref(),
+                external: &external,
+                free: &free,
+                inverse: &select,
+            };
+            let tolerance = Tolerance { residual: 1e-7, max_iterations: 20 };
+            let outcome =
+                Anderson::default().solve(&mut problem, &mut x, &mut internal, &tolerance);
+            assert!(outcome.converged && outcome.iterations <= 3, "{name}: {outcome:?}");
+            let sizes = [0, 3].map(|part| {
+                let pick = |i: &usize| (i % 4 == 3) == (part == 3);
+                let got = |i: usize| match i % 4 {
+                    3 => body.pressure(i / 4),
+                    axis => x[i / 4][axis] - rest[i / 4][axis],
+                };
+                let square = |f: &dyn Fn(usize) -> f64| {
+                    (0..4 * n).filter(pick).map(|i| f(i).powi(2)).sum::<f64>().sqrt()
+                };
+                (square(&|i| got(i) - want[i]), square(&|i| want[i]))
+            });
+            // Strains of 10⁻⁷, so that turning changes the seventh digit, as the residual does.
+            for (error, size) in sizes {
+                assert!(error < 1e-5 * size, "{name}, {poisson_ratio}: {error:e} of {size:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_can_t_take_pressures_says_so() {
+    let fallback = equilibrium_by_name("fallback").unwrap();
+    for name in COROTATIONS {
+        let corotation = corotation_by_name(name).unwrap();
+        let answer = check_mixed(corotation.as_ref(), fallback.as_ref());
+        assert_eq!(answer.is_ok(), CARRYING.contains(name), "{name}");
+    }
+    let element = corotation_by_name("element").unwrap();
+    for name in ["lbfgs", "newton"] {
+        let mut solver = equilibrium_by_name(name).unwrap();
+        let answer = check_mixed(element.as_ref(), solver.as_ref());
+        assert!(answer.unwrap_err().to_string().contains(name));
+
+        let (mut body, mut x) = setting(&Organ::homogeneous([1, 1, 1], 1e4, 0.45), 1.0);
+        x.iter_mut().for_each(|x| x.y *= 1.1);
+        let (start, n) = (x.clone(), x.len());
+        let (external, free) = (vec![Vector3::zeros(); n], vec![true; n]);
+        let mut problem = Problem {
+            body: &mut body,
+            corotation: element.as_ref(),
+            external: &external,
+            free: &free,
+            inverse: &|_, y| y.fill(f64::NAN),
+        };
+        let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };
+        let mut internal = external.clone();
+        let outcome = solver.solve(&mut problem, &mut x, &mut internal, &tolerance);
+        assert!(!outcome.converged && outcome.iterations == 0 && x == start, "{name}");
+    }
+}
+
+#[test]
+fn what_is_no_elasticity_gives_forces_that_are_no_numbers() {
+    let (mut body, rest) = setting(&Organ::homogeneous([1, 1, 1], 1e4, 0.3), 1.0);
+    let element = Element { elasticity: -body.elements()[0].elasticity, ..body.elements()[0] };
+    body.insert(element);
+    for name in CARRYING {
+        let (_, _, scale) = evaluate(name, &mut body, &rest);
+        assert!(scale.is_nan(), "{name}: {scale}");
+    }
+}
