@@ -1,31 +1,16 @@
 //! The suite that every inverse maintainer has to pass: one line per implementation.
 
 mod cases;
+mod choice;
 mod fixing;
 mod history;
 mod model;
 
 pub use cases::*;
+pub use choice::{build, method, residual, solves_by_columns, updates_inverse};
 pub use fixing::*;
 pub use history::{Op, Replay, ops, replay};
 pub use model::Model;
-
-/// The scaled residual that a maintainer may leave on purpose, on top of rounding: 0 but where it
-/// stores less than f64 and refines.
-#[must_use]
-pub fn residual(name: &str) -> f64 {
-    match name {
-        "woodbury_f32" => yawara_inverse_update::REFINED_RESIDUAL,
-        _ => 0.0,
-    }
-}
-
-/// Whether what a maintainer shows is a C that went through all updates, and not a solution with K
-/// or with its factors.
-#[must_use]
-pub fn updates_inverse(name: &str) -> bool {
-    matches!(name, "woodbury" | "paper")
-}
 
 /// Instantiates the suite for the maintainer of a scene name.
 ///
