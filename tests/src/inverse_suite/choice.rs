@@ -1,5 +1,9 @@
 //! The maintainers that the suite is instantiated for, by name.
 
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use yawara_gpu::{Device, DeviceOptions, GpuError};
 use yawara_inverse_update::{
     Delayed, HostStore, InverseError, InverseMaintainer, REFINED_RESIDUAL, SparseStiffness,
 };
@@ -10,14 +14,63 @@ pub fn method(name: &str) -> &str {
     name.split('@').next().unwrap_or(name)
 }
 
-/// Makes the maintainer of that name: `delayed@8` folds at 8 columns.
+/// Devices opened so far, by tiles per chunk: shaders are translated once for all tests.
+static DEVICES: Mutex<Option<HashMap<Option<usize>, Arc<Device>>>> = Mutex::new(None);
+
+/// The first device of this machine, with that many tiles of C per buffer.
 ///
+/// # Errors
+/// As [`Device::open`].
+pub fn device(chunk_tiles: Option<usize>) -> Result<Arc<Device>, GpuError> {
+    let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
+    let devices = devices.get_or_insert_default();
+    if let Some(device) = devices.get(&chunk_tiles) {
+        return Ok(Arc::clone(device));
+    }
+    let device = Device::open(DeviceOptions { chunk_tiles, ..Default::default() })?;
+    devices.insert(chunk_tiles, Arc::clone(&device));
+    Ok(device)
+}
+
+/// Tiles per chunk of a name such as `gpu@2`; `None` for other maintainers.
+fn chunk_tiles(name: &str) -> Option<Option<usize>> {
+    let tiles = name.split_once('@').map(|(_, tiles)| tiles.parse().expect("a number of tiles"));
+    method(name).starts_with("gpu").then_some(tiles)
+}
+
+/// Whether a maintainer can be made here; says SKIP where it takes a device and there is none.
+///
+/// # Panics
+/// If there is none and `REQUIRE_GPU=1` is set.
+#[must_use]
+pub fn is_available(name: &str) -> bool {
+    let Some(tiles) = chunk_tiles(name) else { return true };
+    match device(tiles) {
+        Ok(_) => true,
+        Err(error) if std::env::var_os("REQUIRE_GPU").is_some_and(|value| value == "1") => {
+            panic!("{name}: REQUIRE_GPU=1, but: {error}")
+        }
+        Err(error) => {
+            eprintln!("SKIP {name}: {error}");
+            false
+        }
+    }
+}
+
+/// Makes the maintainer of that name: `delayed@8` folds at 8 columns, `gpu@2` keeps 2 tiles per
+/// buffer.
+///
+
 /// # Errors
 /// As [`yawara_inverse_update::build`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,
 ) -> Result<Box<dyn InverseMaintainer>, InverseError> {
+    if let Some(tiles) = chunk_tiles(name) {
+        let device = device(tiles).expect("asked for before");
+        return yawara_gpu::build(method(name), stiffness, &device);
+    }
     match name.split_once('@') {
         Some(("delayed", most)) => {
             let most = most.parse().expect("a number of columns");
