@@ -234,7 +234,7 @@ fn partial_numbers(rows: usize) -> usize {
 }
 
 fn bytes<E: DeviceScalar>(numbers: &[E]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(numbers.len() * size_of::<E>());
+    let mut bytes = Vec::with_capacity(size_of_val(numbers));
     numbers.iter().for_each(|number| number.put(&mut bytes));
     bytes
 }

@@ -7,7 +7,7 @@ use yawara_inverse_update::{DenseStore, InverseError, Staged};
 
 use crate::device::Device;
 use crate::kernels::{Kernel, Work};
-use crate::layout::{TILE, TILE_AREA, before, tile_rows};
+use crate::layout::{TILE, TILE_AREA, before, needed_bytes, tile_rows};
 use crate::room::{Need, Room};
 use crate::scalar::DeviceScalar;
 use crate::{GpuError, upload};
@@ -389,6 +389,10 @@ impl<E: DeviceScalar> DeviceStore<E> {
     }
 }
 
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
+}
+
 /// Tiles of C in the device's order: numbers of tile `tile` of a matrix given by its lower half.
 pub(crate) fn tile_of<E: DeviceScalar>(
     lower: MatRef<'_, f64>,
@@ -409,6 +413,23 @@ impl<E: DeviceScalar> DenseStore for DeviceStore<E> {
 
     fn method(&self) -> &'static str {
         E::NAME
+    }
+
+    fn place(&self) -> Option<String> {
+        let report = self.device.report();
+        let (used, needed) = (self.device.used_bytes(), needed_bytes(self.rows, E::BYTES));
+        Some(format!(
+            "on {} ({}, {} {}), {} bits, {:.1} MiB needed and {:.1} MiB reserved there, at most {:.0} \
+             MiB per buffer",
+            report.name,
+            report.device_type,
+            report.driver,
+            report.driver_info,
+            8 * E::BYTES,
+            mebibytes(needed),
+            mebibytes(used),
+            mebibytes(report.max_buffer_bytes.min(report.max_storage_binding_bytes)),
+        ))
     }
 
     fn load(&mut self, lower: MatRef<'_, f64>) -> Result<(), InverseError> {

@@ -306,6 +306,10 @@ impl<S: DenseStore> InverseMaintainer for Delayed<S> {
         self.lock().store.method()
     }
 
+    fn place(&self) -> Option<String> {
+        self.lock().store.place()
+    }
+
     fn vertices(&self) -> usize {
         self.stiffness.vertices()
     }

@@ -33,6 +33,11 @@ pub trait DenseStore: Send {
     /// Scene name of the maintainer on this storage.
     fn method(&self) -> &'static str;
 
+    /// Where C lies, if not in the host's memory: which device and what it takes there.
+    fn place(&self) -> Option<String> {
+        None
+    }
+
     /// Takes the lower triangle of a square matrix, rounded, with nothing put off. Cost: O(n²).
     ///
     /// # Errors

@@ -100,6 +100,11 @@ pub trait InverseMaintainer: Send {
     /// The scene name of the method, e.g. `woodbury`.
     fn name(&self) -> &'static str;
 
+    /// Where the inverse lies, if not in the host's memory: which device and what it takes there.
+    fn place(&self) -> Option<String> {
+        None
+    }
+
     /// Vertices (blocks) now held.
     fn vertices(&self) -> usize;
 

@@ -177,6 +177,9 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
         let vertices = inverse.maintainer().vertices();
         why += &format!("; {name} is the fastest for {vertices} free vertices");
     }
+    if let Some(place) = inverse.maintainer().place() {
+        why += &format!("; {place}");
+    }
     row("inverse update", name, scene.mesh.refines(), why)
 }
 
