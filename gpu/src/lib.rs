@@ -14,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 mod adapters;
+mod bandwidth;
 mod device;
 mod error;
 mod inverse;

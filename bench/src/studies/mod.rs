@@ -10,6 +10,8 @@ mod race;
 mod race_tables;
 pub mod scaling;
 pub mod table1;
+#[cfg(feature = "gpu")]
+pub mod table1_gpu;
 
 pub use arguments::Arguments;
 
