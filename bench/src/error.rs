@@ -36,6 +36,16 @@ pub enum BenchError {
     /// The inverse stage refused.
     #[error(transparent)]
     Inverse(#[from] InverseError),
+    /// The device refused.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] yawara_gpu::GpuError),
+    /// A part that this program was built without.
+    #[error("{what} needs the feature `gpu`: build with --features gpu")]
+    FeatureMissing {
+        /// What was asked for.
+        what: &'static str,
+    },
     /// A homogenisation whose rings can't be handed over as one ring change.
     #[error(
         "homogenisation `{homogenisation}` makes a parent stiffer than the mean of its halves \

@@ -21,7 +21,14 @@ struct Cli {
 #[derive(Subcommand)]
 enum Study {
     /// One vertex in and out at the sizes of the paper's Table 1, by every method.
-    Table1(Arguments),
+    Table1 {
+        #[command(flatten)]
+        arguments: Arguments,
+        /// With the inverse on the first graphics device, beside the dense ones of the host (needs
+        /// the feature `gpu`).
+        #[arg(long)]
+        gpu: bool,
+    },
     /// What 10000 random updates leave of the inverse, and whether its monitor sees it.
     Drift(drift::Arguments),
     /// How the operations grow with the mesh, up to 30000 vertices.
@@ -41,7 +48,7 @@ impl Study {
     /// else beside them.
     fn set_threads(&self) -> Result<(), rayon::ThreadPoolBuildError> {
         match self {
-            Self::Table1(_) | Self::Drift(_) | Self::Scaling(_) => {
+            Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
             Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) | Self::Validate(_) => {
@@ -53,7 +60,11 @@ impl Study {
 
 fn run(study: &Study) -> Result<String, BenchError> {
     match study {
-        Study::Table1(arguments) => table1::run(arguments),
+        #[cfg(feature = "gpu")]
+        Study::Table1 { arguments, gpu: true } => yawara_bench::studies::table1_gpu::run(arguments),
+        #[cfg(not(feature = "gpu"))]
+        Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing { what: "--gpu" }),
+        Study::Table1 { arguments, gpu: false } => table1::run(arguments),
         Study::Drift(arguments) => drift::run(arguments),
         Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),

@@ -13,17 +13,26 @@ use wgpu::{Backends, Instance, InstanceDescriptor, InstanceFlags};
 /// [`GpuError::NoAdapter`] without a loader, a driver or a device; [`GpuError::NoVulkan`] where
 /// wgpu does not offer Vulkan (macOS).
 pub fn adapters() -> Result<Vec<AdapterReport>, GpuError> {
+    Ok(found()?.into_iter().map(|(_, report)| report).collect())
+}
+
+/// The adapters themselves, in the order of the list.
+pub(crate) fn found() -> Result<Vec<(wgpu::Adapter, AdapterReport)>, GpuError> {
     // wgpu panics when asked for an instance without any backend.
     if !Instance::enabled_backend_features().contains(Backends::VULKAN) {
         return Err(GpuError::NoVulkan { target_os: std::env::consts::OS });
     }
-    let found = pollster::block_on(vulkan().enumerate_adapters(Backends::VULKAN));
-    let mut reports: Vec<AdapterReport> = found.iter().map(AdapterReport::of).collect();
-    if reports.is_empty() {
+    let adapters = pollster::block_on(vulkan().enumerate_adapters(Backends::VULKAN));
+    if adapters.is_empty() {
         return Err(GpuError::NoAdapter);
     }
-    reports.sort_by(AdapterReport::order);
-    Ok(reports)
+    let report = |adapter: wgpu::Adapter| {
+        let report = AdapterReport::of(&adapter);
+        (adapter, report)
+    };
+    let mut found: Vec<_> = adapters.into_iter().map(report).collect();
+    found.sort_by(|(_, a), (_, b)| a.order(b));
+    Ok(found)
 }
 
 /// A Vulkan instance whose limits are the driver's own.

@@ -1,4 +1,6 @@
-/// Why no device can be used.
+use yawara_inverse_update::{InverseError, StorageError};
+
+/// Why no device can be used, or no longer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -12,4 +14,84 @@ pub enum GpuError {
         /// The system, as in `std::env::consts::OS`.
         target_os: &'static str,
     },
+
+    /// There are fewer adapters than asked for.
+    #[error("adapter {index} does not exist, want a number below {found} (see yawara devices)")]
+    NoSuchAdapter {
+        /// The number asked for.
+        index: usize,
+        /// Adapters on this machine.
+        found: usize,
+    },
+
+    /// The device can't compute in 64 bits.
+    #[error("{adapter} has no 64-bit floating point in shaders; choose the inverse gpu_f32")]
+    NoF64 {
+        /// Name of the adapter.
+        adapter: String,
+    },
+
+    /// A limit of the device or of the options is below what the kernels need.
+    #[error("{adapter}: {limit} is {got}, want at least {want}; choose another inverse")]
+    Limit {
+        /// Name of the adapter.
+        adapter: String,
+        /// Which limit.
+        limit: &'static str,
+        /// What it is.
+        got: u64,
+        /// What is needed.
+        want: u64,
+    },
+
+    /// The driver refused to open the device.
+    #[error("{adapter} does not open: {reason}")]
+    NotOpened {
+        /// Name of the adapter.
+        adapter: String,
+        /// The driver's words.
+        reason: String,
+    },
+
+    /// There is no room for a buffer.
+    #[error(
+        "{what} takes {bytes} bytes on the device, {left} are left: choose gpu_f32, fewer vertices \
+         or another inverse"
+    )]
+    OutOfMemory {
+        /// Which buffer.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+        /// What is left of the budget, 0 where the driver refused.
+        left: u64,
+    },
+
+    /// The device went away: it was removed, reset or destroyed. All that it held is lost.
+    #[error("the device is lost ({reason}): what it held is gone, K is kept; start again")]
+    Lost {
+        /// The driver's words.
+        reason: String,
+    },
+
+    /// The device did not answer in time.
+    #[error("the device did not answer within {seconds} s")]
+    Timeout {
+        /// How long was waited.
+        seconds: u64,
+    },
+
+    /// The interface refused a command: a bug of this crate, or of the driver.
+    #[error("the device refused a command: {reason}")]
+    Refused {
+        /// The interface's words.
+        reason: String,
+    },
+}
+
+impl GpuError {
+    /// As the error of the maintainer with that scene name.
+    pub(crate) fn of(self, method: &'static str) -> InverseError {
+        InverseError::Storage { method, cause: StorageError::new(self) }
+    }
 }

@@ -1,5 +1,8 @@
 //! What can go wrong while an inverse is built or kept.
 
+use std::fmt;
+use std::sync::Arc;
+
 use thiserror::Error;
 
 /// Everything that this crate refuses; the object that refused holds what it held before.
@@ -124,6 +127,14 @@ pub enum InverseError {
         /// What it should come down to.
         limit: f64,
     },
+    /// What holds the inverse, a device for one, refused or was lost; K is as it was.
+    #[error("{method}: {cause}")]
+    Storage {
+        /// Scene name of the maintainer.
+        method: &'static str,
+        /// The storage's own error.
+        cause: StorageError,
+    },
     /// Blocks of no rows were asked for.
     #[error("a vertex has 0 rows, want at least 1 (3 for displacements)")]
     EmptyBlock,
@@ -145,6 +156,37 @@ pub enum InverseError {
         /// The names that exist.
         choices: &'static [&'static str],
     },
+}
+
+/// The error of a foreign storage, to be told apart by downcasting [`get`](Self::get).
+#[derive(Debug, Clone)]
+pub struct StorageError(Arc<dyn std::error::Error + Send + Sync>);
+
+impl StorageError {
+    /// Takes the storage's own error.
+    pub fn new(cause: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self(Arc::new(cause))
+    }
+
+    /// The storage's own error.
+    #[must_use]
+    pub fn get(&self) -> &(dyn std::error::Error + Send + Sync + 'static) {
+        &*self.0
+    }
+}
+
+/// Prints the storage's own words.
+impl fmt::Display for StorageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Equal if they say the same.
+impl PartialEq for StorageError {
+    fn eq(&self, other: &Self) -> bool {
+        self.to_string() == other.to_string()
+    }
 }
 
 impl InverseError {

@@ -10,16 +10,20 @@
 mod capacitance;
 mod change;
 mod counts;
+mod delayed;
+mod dense_store;
 mod drift;
 mod error;
 mod fresh;
 mod full;
+mod host_store;
 mod lu;
 mod net_change;
 mod panel;
 mod paper;
 mod refine;
 mod residual;
+mod soften;
 mod sparse;
 mod stiffness;
 mod stiffness_edit;
@@ -30,21 +34,25 @@ mod woodbury;
 
 pub use change::{CONSISTENCY_LIMIT, RingChange, SYMMETRY_LIMIT, StiffnessChange};
 pub use counts::Counts;
+pub use delayed::{Delayed, MOST_DELAYED};
+pub use dense_store::{DenseStore, Staged};
 pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32, drift};
-pub use error::InverseError;
+pub use error::{InverseError, StorageError};
+pub use host_store::HostStore;
 pub use lu::Lu;
 pub use paper::Paper;
 pub use refine::{MOST_REFINEMENTS, REFINED_RESIDUAL};
 pub use residual::REFINEMENT_LIMIT;
 pub use sparse::{RebaseOptions, Sparse, elimination_order};
 pub use stiffness::SparseStiffness;
+pub use stored::Stored;
 pub use woodbury::{PackedInverse, Woodbury, WoodburyF32};
 
 use change::check_matrix;
 use faer::{Mat, MatRef};
 
 /// The scene names that [`build`] knows, the default first.
-pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "sparse", "paper", "lu"];
+pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "delayed", "sparse", "paper", "lu"];
 
 /// Free vertices from which `sparse` beats a dense inverse at everything but reading columns.
 const SPARSE_FROM: usize = 150;
@@ -77,6 +85,7 @@ pub fn build(
     match name {
         "woodbury" => Ok(Box::new(Woodbury::new(stiffness)?)),
         "woodbury_f32" => Ok(Box::new(WoodburyF32::new(stiffness)?)),
+        "delayed" => Ok(Box::new(Delayed::new(stiffness, HostStore::new())?)),
         "sparse" => Ok(Box::new(Sparse::new(stiffness)?)),
         "paper" => Ok(Box::new(Paper::new(stiffness)?)),
         "lu" => Ok(Box::new(Lu::new(stiffness)?)),
@@ -91,6 +100,11 @@ pub fn build(
 pub trait InverseMaintainer: Send {
     /// The scene name of the method, e.g. `woodbury`.
     fn name(&self) -> &'static str;
+
+    /// Where the inverse lies, if not in the host's memory: which device and what it takes there.
+    fn place(&self) -> Option<String> {
+        None
+    }
 
     /// Vertices (blocks) now held.
     fn vertices(&self) -> usize;

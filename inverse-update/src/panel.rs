@@ -27,6 +27,22 @@ impl Panel {
         panel
     }
 
+    /// A matrix's columns.
+    pub(crate) fn from_matrix(matrix: MatRef<'_, f64>) -> Self {
+        let mut panel = Self::zeros(matrix.nrows(), matrix.ncols());
+        for k in 0..matrix.ncols() {
+            for row in 0..matrix.nrows() {
+                panel.set(row, k, matrix[(row, k)]);
+            }
+        }
+        panel
+    }
+
+    /// All of it as a matrix.
+    pub(crate) fn to_matrix(&self) -> Mat<f64> {
+        Mat::from_fn(self.rows, self.columns, |row, k| self.get(row, k))
+    }
+
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }

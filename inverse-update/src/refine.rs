@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
+use crate::counts::Tally;
 use crate::panel::Panel;
 use crate::residual::{exceeds_rounding, residual};
 use crate::stored::Stored;
@@ -52,27 +53,42 @@ impl<E: Stored> PackedInverse<E> {
         start: impl Fn(&Tiles<E>) -> Panel,
     ) -> Result<Panel, InverseError> {
         let tiles = self.tiles();
-        let mut solution = start(&tiles);
-        let mut residuals = Residuals::new(load);
-        for steps in 0..=MOST_REFINEMENTS {
-            let before = residuals.relative.clone();
-            let open = residuals.renew(&self.stiffness, load, &solution);
-            if open == 0 {
-                return Ok(solution);
-            }
-            let stuck = |(now, before): (&f64, &f64)| !(*now <= PROGRESS * before);
-            let is_stuck = residuals.relative.iter().zip(&before).any(stuck);
-            if steps == MOST_REFINEMENTS || (steps > 0 && is_stuck) {
-                break;
-            }
-            let step = tiles.multiply(&residuals.panel);
-            solution.data_mut().iter_mut().zip(step.data()).for_each(|(x, step)| *x += step);
-            self.tally.refined(open);
-        }
-        let residual = residuals.relative.iter().copied().fold(0.0, f64::max);
-        let (method, steps, limit) = (E::METHOD, MOST_REFINEMENTS, REFINED_RESIDUAL);
-        Err(InverseError::NotRefined { method, steps, residual, limit })
+        let multiply = |x: &Panel| Ok(tiles.multiply(x));
+        refine_columns(E::METHOD, &self.stiffness, &self.tally, load, start(&tiles), multiply)
     }
+}
+
+/// X with K X = F, from `solution` by X ← X + C (F − K X), as long as that brings it closer.
+///
+/// # Errors
+/// [`InverseError::NotRefined`] if it does not come close enough; those of `multiply`.
+pub(crate) fn refine_columns(
+    method: &'static str,
+    stiffness: &SparseStiffness,
+    tally: &Tally,
+    load: &Panel,
+    mut solution: Panel,
+    mut multiply: impl FnMut(&Panel) -> Result<Panel, InverseError>,
+) -> Result<Panel, InverseError> {
+    let mut residuals = Residuals::new(load);
+    for steps in 0..=MOST_REFINEMENTS {
+        let before = residuals.relative.clone();
+        let open = residuals.renew(stiffness, load, &solution);
+        if open == 0 {
+            return Ok(solution);
+        }
+        let stuck = |(now, before): (&f64, &f64)| !(*now <= PROGRESS * before);
+        let is_stuck = residuals.relative.iter().zip(&before).any(stuck);
+        if steps == MOST_REFINEMENTS || (steps > 0 && is_stuck) {
+            break;
+        }
+        let step = multiply(&residuals.panel)?;
+        solution.data_mut().iter_mut().zip(step.data()).for_each(|(x, step)| *x += step);
+        tally.refined(open);
+    }
+    let residual = residuals.relative.iter().copied().fold(0.0, f64::max);
+    let (steps, limit) = (MOST_REFINEMENTS, REFINED_RESIDUAL);
+    Err(InverseError::NotRefined { method, steps, residual, limit })
 }
 
 /// F − K X, column by column.

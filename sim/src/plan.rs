@@ -195,6 +195,9 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
         let vertices = inverse.maintainer().vertices();
         why += &format!("; {name} is the fastest for {vertices} vertices with unknowns");
     }
+    if let Some(place) = inverse.maintainer().place() {
+        why += &format!("; {place}");
+    }
     row("inverse update", name, scene.mesh.refines(), why)
 }
 

@@ -8,6 +8,7 @@ use yawara::output::RunDirectory;
 use yawara::report::Summary;
 use yawara::scene::Scene;
 use yawara::{SimError, Simulation, Stages, scene_file};
+use yawara_inverse_update::InverseError;
 
 use crate::cli::RunArguments;
 use crate::printer::Printer;
@@ -40,34 +41,59 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     Ok(summary.steps.converged == summary.steps.count)
 }
 
-/// All steps, with all output.
+/// All steps, with all output. If the device that holds the inverse is lost on the way, what was
+/// computed until then is written all the same.
 fn run_scene(
     scene: &Scene,
     mut simulation: Simulation,
     mut directory: RunDirectory,
 ) -> Result<(Summary, PathBuf), SimError> {
     directory.write_scene(scene)?;
+    let outcome = run_steps(scene, &mut simulation, &mut directory);
+    let is_lost = |error: &SimError| {
+        matches!(error, SimError::Inverse(InverseError::Storage { .. }))
+            && simulation.steps_left() < scene.time.steps
+    };
+    let lost = match outcome {
+        Ok(()) => {
+            if let Some(fields) = simulation.fields()? {
+                directory.write_fields(&fields)?;
+            }
+            None
+        }
+        Err(error) if is_lost(&error) => Some(error),
+        Err(error) => return Err(error),
+    };
+    let summary = simulation.summary()?;
+    directory.write_summary(&summary)?;
+    let written = directory.finish()?;
+    let Some(error) = lost else { return Ok((summary, written)) };
+    let steps = summary.steps.count;
+    tracing::warn!("stopped after {steps} steps, kept in {}", written.display());
+    Err(error)
+}
+
+fn run_steps(
+    scene: &Scene,
+    simulation: &mut Simulation,
+    directory: &mut RunDirectory,
+) -> Result<(), SimError> {
     let every = scene.output.frames_every;
     if every > 0 {
-        write_frame(scene, &simulation, &mut directory, 0)?;
+        write_frame(scene, simulation, directory, 0)?;
     }
     let bar = bar(simulation.steps_left() as u64, "step {pos}/{len} {wide_bar} {msg} {eta}");
     while simulation.steps_left() > 0 {
         let report = simulation.step()?;
         directory.write_step(&report)?;
         if every > 0 && (report.step % every == 0 || simulation.steps_left() == 0) {
-            write_frame(scene, &simulation, &mut directory, report.step)?;
+            write_frame(scene, simulation, directory, report.step)?;
         }
         bar.set_message(format!("{} vertices", report.vertices));
         bar.inc(1);
     }
     bar.finish_and_clear();
-    if let Some(fields) = simulation.fields()? {
-        directory.write_fields(&fields)?;
-    }
-    let summary = simulation.summary()?;
-    directory.write_summary(&summary)?;
-    Ok((summary, directory.finish()?))
+    Ok(())
 }
 
 fn write_frame(

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::SimError;
 use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
-use crate::stages::AUTO;
+use crate::stages::{AUTO, ON_DEVICE};
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -205,7 +205,7 @@ impl Check<'_> {
 
     fn stages(&self, scene: &Scene) -> Result<(), SimError> {
         let stages = &scene.stages;
-        let inverses = [&[AUTO], yawara_inverse_update::CHOICES].concat();
+        let inverses = [&[AUTO], yawara_inverse_update::CHOICES, ON_DEVICE].concat();
         let elements = [&[AUTO], yawara_embed::FORMULATIONS].concat();
         let want = format!("one of {}", elements.join(", "));
         let known = elements.contains(&&stages.element[..]);

@@ -12,6 +12,9 @@ use crate::scene::StageNames;
 /// The name that leaves the choice to the plan.
 pub(crate) const AUTO: &str = "auto";
 
+/// The inverses that live on a device, and need the feature `gpu`.
+pub(crate) const ON_DEVICE: &[&str] = &["gpu", "gpu_f32"];
+
 /// One implementation of each stage. Replace any field with your own before
 /// [`crate::Simulation::new`].
 pub struct Stages {
@@ -32,8 +35,17 @@ impl Stages {
     ///
     /// # Errors
     /// The stage's own error, listing its choices. An unknown inverse is refused when the
-    /// simulation is made.
+    /// simulation is made. [`SimError::FeatureMissing`] for an inverse on a device that this program
+    /// was built without; [`SimError::Gpu`] if there is no device: nothing takes its place.
     pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
+        if ON_DEVICE.contains(&&names.inverse[..]) {
+            return Ok(Self { inverse: on_device(&names.inverse)?, ..Self::on_host(names)? });
+        }
+        Self::on_host(names)
+    }
+
+    /// With the inverse in the host's memory.
+    fn on_host(names: &StageNames) -> Result<Self, SimError> {
         let inverse = names.inverse.clone();
         // A scene's tools read compliance blocks, no full columns, where columns are not at hand.
         let name = move |k: &SparseStiffness| match &inverse[..] {
@@ -51,4 +63,18 @@ impl Stages {
             inverse: Box::new(move |k| yawara_inverse_update::build(&name(&k), k)),
         })
     }
+}
+
+/// Opens the first device of `yawara devices`.
+#[cfg(feature = "gpu")]
+fn on_device(name: &str) -> Result<InverseFactory, SimError> {
+    let device = yawara_gpu::Device::open(yawara_gpu::DeviceOptions::default())?;
+    let name = name.to_owned();
+    Ok(Box::new(move |k| yawara_gpu::build(&name, k, &device)))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn on_device(name: &str) -> Result<InverseFactory, SimError> {
+    let what = format!("stages.inverse = {name:?}");
+    Err(SimError::FeatureMissing { what, feature: "gpu" })
 }

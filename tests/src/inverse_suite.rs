@@ -1,31 +1,18 @@
 //! The suite that every inverse maintainer has to pass: one line per implementation.
 
 mod cases;
+mod choice;
 mod fixing;
 mod history;
 mod model;
 
 pub use cases::*;
+pub use choice::{
+    build, device, is_available, method, residual, solves_by_columns, updates_inverse,
+};
 pub use fixing::*;
 pub use history::{Op, Replay, ops, replay};
 pub use model::Model;
-
-/// The scaled residual that a maintainer may leave on purpose, on top of rounding: 0 but where it
-/// stores less than f64 and refines.
-#[must_use]
-pub fn residual(name: &str) -> f64 {
-    match name {
-        "woodbury_f32" => yawara_inverse_update::REFINED_RESIDUAL,
-        _ => 0.0,
-    }
-}
-
-/// Whether what a maintainer shows is a C that went through all updates, and not a solution with K
-/// or with its factors.
-#[must_use]
-pub fn updates_inverse(name: &str) -> bool {
-    matches!(name, "woodbury" | "paper")
-}
 
 /// Instantiates the suite for the maintainer of a scene name.
 ///
@@ -80,6 +67,9 @@ macro_rules! inverse_suite {
                     start in 0_usize..5,
                     ops in $crate::inverse_suite::ops(1..40),
                 ) {
+                    if !$crate::inverse_suite::is_available($name) {
+                        return Ok(());
+                    }
                     let mut replay = $crate::inverse_suite::Replay::new($name, block, start, 1);
                     for op in &ops {
                         replay.step(op);
@@ -95,6 +85,9 @@ macro_rules! inverse_suite {
                     start in 0_usize..5,
                     ops in $crate::inverse_suite::ops(1..40),
                 ) {
+                    if !$crate::inverse_suite::is_available($name) {
+                        return Ok(());
+                    }
                     let mut replay = $crate::inverse_suite::Replay::new($name, block, start, 1);
                     for op in &ops {
                         replay.step(op);
@@ -107,6 +100,11 @@ macro_rules! inverse_suite {
         }
     };
     (@case $name:expr, $($case:ident)*) => {
-        $(#[test] fn $case() { $crate::inverse_suite::$case($name); })*
+        $(#[test]
+        fn $case() {
+            if $crate::inverse_suite::is_available($name) {
+                $crate::inverse_suite::$case($name);
+            }
+        })*
     };
 }

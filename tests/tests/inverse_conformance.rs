@@ -9,6 +9,9 @@ inverse_suite!(lu, "lu");
 inverse_suite!(paper, "paper");
 inverse_suite!(woodbury, "woodbury");
 inverse_suite!(woodbury_f32, "woodbury_f32");
+inverse_suite!(delayed, "delayed");
+inverse_suite!(delayed_by_8, "delayed@8");
+inverse_suite!(delayed_not_at_all, "delayed@0");
 inverse_suite!(sparse, "sparse");
 
 #[test]
@@ -62,6 +65,8 @@ proptest! {
         for (name, block, most) in [
             ("woodbury_f32", (3, 0), ops.len() / 50),
             ("woodbury_f32", (4, 1), ops.len() / 50),
+            ("delayed", (3, 0), 0),
+            ("delayed", (4, 1), 0),
             ("woodbury", (4, 1), 0),
             ("woodbury", (3, 0), 0),
             ("sparse", (3, 0), 0),

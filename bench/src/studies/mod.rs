@@ -15,6 +15,8 @@ mod race;
 mod race_tables;
 pub mod scaling;
 pub mod table1;
+#[cfg(feature = "gpu")]
+pub mod table1_gpu;
 pub mod validate;
 
 pub use arguments::Arguments;

@@ -49,6 +49,11 @@ impl<E: Stored> Tiles<E> {
         columns
     }
 
+    /// The block of C on these rows and columns.
+    pub(crate) fn block(&self, at: &[usize]) -> Mat<f64> {
+        Mat::from_fn(at.len(), at.len(), |i, j| self.get(at[i], at[j]).value())
+    }
+
     /// Rows of block `i` of column `j`.
     #[inline(always)]
     fn read_column(&self, i: usize, j: usize, target: &mut [f64]) {

@@ -8,12 +8,10 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_inverse_update::{
-    Counts, InverseMaintainer, SparseStiffness, StiffnessChange, build, drift,
-};
+use yawara_inverse_update::{Counts, InverseMaintainer, SparseStiffness, StiffnessChange, drift};
 
 use super::model::{Model, to_faer};
-use super::{residual, updates_inverse};
+use super::{build, residual, solves_by_columns, updates_inverse};
 
 /// One step of a history; all of its randomness.
 #[derive(Debug, Clone)]
@@ -394,8 +392,8 @@ impl Replay {
     }
 
     /// `solve` is the product with the C that `columns` shows: to rounding where C itself is kept;
-    /// where every column is a solution of its own, or the solution was refined and the columns
-    /// were not, to twice what each may be off by.
+    /// where every column is a solution of its own, C a sum whose parts may cancel, or the solution
+    /// was refined and the columns were not, to twice what each may be off by.
     ///
     /// A maintainer that refines stops at residuals of ρ and of 4 ε (|K| |u| + |f|), scaled; the
     /// latter is at most 4 ε (n ‖Ĉ‖ + 1) of the load, both reach u by the factor ‖Ĉ‖, and n
@@ -409,7 +407,8 @@ impl Replay {
         self.maintainer.solve(&f, &mut u).expect("a finite load");
         // A solution that took a step of refinement is no longer the product.
         let is_refined = self.maintainer.counts().refinement_steps > steps;
-        let is_apart = self.maintainer.name() == "sparse" || (is_refined && self.residual == 0.0);
+        let is_apart =
+            !solves_by_columns(self.maintainer.name()) || (is_refined && self.residual == 0.0);
         let weight = |i: usize, j: usize| (scaled.scale[i] * c[(i, j)] * scaled.scale[j]).powi(2);
         let norm = (0..n).map(|i| (0..n).map(|j| weight(i, j)).sum::<f64>()).sum::<f64>().sqrt();
         // ‖S u‖ ≤ ‖S C S‖ ‖S⁻¹ f‖, and ‖S⁻¹ f‖ ≤ √n.

@@ -1,0 +1,63 @@
+//! The way of a whole C onto the device, in pieces.
+
+use faer::MatRef;
+
+use crate::GpuError;
+use crate::layout::{TILE_AREA, before, tile_rows};
+use crate::scalar::DeviceScalar;
+use crate::store::{DeviceStore, tile_of};
+
+/// Bytes of a piece: drivers keep a copy of what is on its way.
+const PIECE_BYTES: usize = 16 << 20;
+
+/// Clears every chunk and the panel, then writes the tiles of a matrix given by its lower half.
+/// Each piece is waited for.
+pub(crate) fn all<E: DeviceScalar>(
+    store: &DeviceStore<E>,
+    lower: MatRef<'_, f64>,
+) -> Result<(), GpuError> {
+    let (device, room) = (&store.device, &store.room);
+    let mut encoder = device.device.create_command_encoder(&Default::default());
+    for chunk in 0..room.chunks() {
+        encoder.clear_buffer(room.chunk(chunk), 0, None);
+    }
+    if let Some((panel, _, _)) = room.ways_back() {
+        encoder.clear_buffer(panel, 0, None);
+    }
+    device.submit(encoder)?;
+    let mut piece = Piece { chunk: 0, first: 0, bytes: Vec::new() };
+    let tile_bytes = TILE_AREA * E::BYTES as usize;
+    for block in 0..tile_rows(lower.nrows()) {
+        for other in 0..=block {
+            let tile = before(block) + other;
+            let chunk = tile / room.chunk_tiles();
+            if chunk != piece.chunk || piece.bytes.len() + tile_bytes > PIECE_BYTES {
+                piece.send(store)?;
+                let first = ((tile % room.chunk_tiles()) * tile_bytes) as u64;
+                piece = Piece { chunk, first, bytes: Vec::new() };
+            }
+            tile_of::<E>(lower, (block, other), &mut piece.bytes);
+        }
+    }
+    piece.send(store)
+}
+
+/// Consecutive tiles of one chunk.
+struct Piece {
+    chunk: usize,
+    /// Where they go, in bytes.
+    first: u64,
+    bytes: Vec<u8>,
+}
+
+impl Piece {
+    fn send<E: DeviceScalar>(&self, store: &DeviceStore<E>) -> Result<(), GpuError> {
+        let (device, room) = (&store.device, &store.room);
+        if !self.bytes.is_empty() {
+            device.check()?;
+            device.queue.write_buffer(room.chunk(self.chunk), self.first, &self.bytes);
+            device.queue.submit([]);
+        }
+        device.wait()
+    }
+}

@@ -1,0 +1,106 @@
+//! The maintainers that the suite is instantiated for, by name.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use yawara_gpu::{Device, DeviceOptions, GpuError};
+use yawara_inverse_update::{
+    Delayed, HostStore, InverseError, InverseMaintainer, REFINED_RESIDUAL, SparseStiffness,
+};
+
+/// The scene name: what stands before the variant, `delayed` of `delayed@1`.
+#[must_use]
+pub fn method(name: &str) -> &str {
+    name.split('@').next().unwrap_or(name)
+}
+
+/// Devices opened so far, by tiles per chunk: shaders are translated once for all tests.
+static DEVICES: Mutex<Option<HashMap<Option<usize>, Arc<Device>>>> = Mutex::new(None);
+
+/// The first device of this machine, with that many tiles of C per buffer.
+///
+/// # Errors
+/// As [`Device::open`].
+pub fn device(chunk_tiles: Option<usize>) -> Result<Arc<Device>, GpuError> {
+    let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
+    let devices = devices.get_or_insert_default();
+    if let Some(device) = devices.get(&chunk_tiles) {
+        return Ok(Arc::clone(device));
+    }
+    let device = Device::open(DeviceOptions { chunk_tiles, ..Default::default() })?;
+    devices.insert(chunk_tiles, Arc::clone(&device));
+    Ok(device)
+}
+
+/// Tiles per chunk of a name such as `gpu@2`; `None` for other maintainers.
+fn chunk_tiles(name: &str) -> Option<Option<usize>> {
+    let tiles = name.split_once('@').map(|(_, tiles)| tiles.parse().expect("a number of tiles"));
+    method(name).starts_with("gpu").then_some(tiles)
+}
+
+/// Whether a maintainer can be made here; says SKIP where it takes a device and there is none.
+///
+/// # Panics
+/// If there is none and `REQUIRE_GPU=1` is set.
+#[must_use]
+pub fn is_available(name: &str) -> bool {
+    let Some(tiles) = chunk_tiles(name) else { return true };
+    match device(tiles) {
+        Ok(_) => true,
+        Err(error) if std::env::var_os("REQUIRE_GPU").is_some_and(|value| value == "1") => {
+            panic!("{name}: REQUIRE_GPU=1, but: {error}")
+        }
+        Err(error) => {
+            eprintln!("SKIP {name}: {error}");
+            false
+        }
+    }
+}
+
+/// Makes the maintainer of that name: `delayed@8` folds at 8 columns, `gpu@2` keeps 2 tiles per
+/// buffer.
+///
+
+/// # Errors
+/// As [`yawara_inverse_update::build`].
+pub fn build(
+    name: &str,
+    stiffness: SparseStiffness,
+) -> Result<Box<dyn InverseMaintainer>, InverseError> {
+    if let Some(tiles) = chunk_tiles(name) {
+        let device = device(tiles).expect("asked for before");
+        return yawara_gpu::build(method(name), stiffness, &device);
+    }
+    match name.split_once('@') {
+        Some(("delayed", most)) => {
+            let most = most.parse().expect("a number of columns");
+            let delayed = Delayed::new(stiffness, HostStore::new())?;
+            Ok(Box::new(delayed.with_most_delayed(most)))
+        }
+        _ => yawara_inverse_update::build(name, stiffness),
+    }
+}
+
+/// The scaled residual that a maintainer may leave on purpose, on top of rounding: 0 but where it
+/// stores less than f64 and refines.
+#[must_use]
+pub fn residual(name: &str) -> f64 {
+    match method(name) {
+        "woodbury_f32" | "gpu_f32" => REFINED_RESIDUAL,
+        _ => 0.0,
+    }
+}
+
+/// Whether what a maintainer shows is a C that went through all updates, and not a solution with K
+/// or with its factors.
+#[must_use]
+pub fn updates_inverse(name: &str) -> bool {
+    matches!(method(name), "woodbury" | "delayed" | "gpu" | "paper")
+}
+
+/// Whether `solve` multiplies by what `columns` shows; not where C is a sum of parts, which may
+/// cancel, or kept in factors.
+#[must_use]
+pub fn solves_by_columns(name: &str) -> bool {
+    !matches!(method(name), "sparse" | "delayed" | "gpu")
+}
