@@ -130,7 +130,7 @@ proptest! {
             let here: Vec<_> = here.iter().map(|f| turn * f).collect();
             // Rounding of positions is that of the stiff part, however small the forces.
             let bar = bar + 1e-10 * scale;
-            prop_assert!(distance(&here, &got) <= bar, "{name}");
+            prop_assert!(distance(&here, &got) <= bar, "{name}: {:e}, want {bar:e}, forces {scale:e}", distance(&here, &got));
             let off: Vec<f64> = volumes.iter().zip(&same).map(|(a, b)| a - b).collect();
             prop_assert!(largest(&off) <= 5e-3 * bar, "{name}");
         }
