@@ -65,6 +65,8 @@ fn newton_step<S: Simd>(simd: S, f: &M3<S>, r: &M3<S>) -> (V3<S>, V<S>) {
     let bar = V::splat(simd, DEFINITE) * half_trace * half_trace * half_trace;
     let definite = infinite_unless_positive(simd, h[0])
         + infinite_unless_positive(simd, c22)
+        + infinite_unless_positive(simd, determinant)
+        // With a negative trace this alone would pass half a turn away from the maximum.
         + infinite_unless_positive(simd, determinant - bar);
     (omega, definite)
 }
