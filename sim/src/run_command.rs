@@ -49,14 +49,14 @@ fn run_scene(
         matches!(error, SimError::Inverse(InverseError::Storage { .. }))
             && simulation.steps_left() < scene.time.steps
     };
-    match &outcome {
+    match outcome {
         Ok(()) => {
             if let Some(fields) = simulation.fields()? {
                 directory.write_fields(&fields)?;
             }
         }
-        Err(error) if is_lost(error) => {}
-        Err(_) => outcome?,
+        Err(ref error) if is_lost(error) => {}
+        Err(error) => return Err(error),
     }
     let summary = simulation.summary()?;
     directory.write_summary(&summary)?;

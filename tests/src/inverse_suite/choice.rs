@@ -60,7 +60,6 @@ pub fn is_available(name: &str) -> bool {
 /// Makes the maintainer of that name: `delayed@8` folds at 8 columns, `gpu@2` keeps 2 tiles per
 /// buffer.
 ///
-
 /// # Errors
 /// As [`yawara_inverse_update::build`].
 pub fn build(
