@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
+use crate::point::Point;
 use crate::vectors::{axpy, dot};
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)) with Anderson mixing over the last `depth` iterates: the
@@ -45,49 +46,26 @@ impl Equilibrium for Anderson {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
-        let n = problem.rows();
-        let mut residual = vec![0.0; n];
-        let (mut scratch, mut step) = (vec![0.0; n], vec![0.0; n]);
+        let mut point = Point::new(problem, positions, internal, tolerance);
+        let (mut scratch, mut step) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
-        let (mut iterations, mut evaluations) = (0, 1);
-        let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, problem.iterate(positions));
-        while !(size <= tolerance.residual) && iterations < tolerance.max_iterations {
-            if !(size <= self.growth * best.0) {
+        while point.goes_on() {
+            if !point.is_within(self.growth) {
                 damping *= 0.5;
                 if damping < MIN_DAMPING {
                     break;
                 }
-                problem.return_to(&best.1, positions);
-                problem.evaluate(positions, internal, &mut residual, tolerance);
-                evaluations += 1;
+                point.return_to_best(problem);
                 memory.clear();
             }
-            problem.precondition(&residual, &mut scratch, &mut step);
-            iterations += 1;
+            problem.precondition(&point.residual, &mut scratch, &mut step);
+            point.begin_iteration();
             memory.mix(&mut step, damping);
-            problem.advance(positions, &step, 1.0);
-            size = problem.evaluate(positions, internal, &mut residual, tolerance);
-            evaluations += 1;
-            if size < best.0 {
-                best.0 = size;
-                best.1 = problem.iterate(positions);
-            }
+            point.advance(problem, &step, 1.0);
+            point.keep_if_best(problem);
         }
-        if !(size <= best.0) {
-            problem.return_to(&best.1, positions);
-            size = problem.evaluate(positions, internal, &mut residual, tolerance);
-            evaluations += 1;
-        }
-        Outcome {
-            iterations,
-            evaluations,
-            residual: size,
-            converged: size <= tolerance.residual,
-            method: self.name(),
-            fallbacks: 0,
-        }
+        point.finish(problem, self.name())
     }
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
+use crate::point::Point;
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)), nothing else: for eq. (2) of the paper that is its own
 /// x = T(X + C T⁻¹f). One iteration is exact without co-rotation, a second one takes out its
@@ -28,37 +29,14 @@ impl Equilibrium for Direct {
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
-        let n = problem.rows();
-        let (mut residual, mut scratch, mut step) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, problem.iterate(positions));
-        let (mut iterations, mut evaluations) = (0, 1);
-        while !(size <= tolerance.residual)
-            && iterations < tolerance.max_iterations
-            && size <= GROWTH * best.0
-        {
-            problem.precondition(&residual, &mut scratch, &mut step);
-            problem.advance(positions, &step, 1.0);
-            iterations += 1;
-            size = problem.evaluate(positions, internal, &mut residual, tolerance);
-            evaluations += 1;
-            if size < best.0 {
-                best.0 = size;
-                best.1 = problem.iterate(positions);
-            }
+        let mut point = Point::new(problem, positions, internal, tolerance);
+        let (mut scratch, mut step) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
+        while point.goes_on() && point.is_within(GROWTH) {
+            problem.precondition(&point.residual, &mut scratch, &mut step);
+            point.begin_iteration();
+            point.advance(problem, &step, 1.0);
+            point.keep_if_best(problem);
         }
-        if !(size <= best.0) {
-            problem.return_to(&best.1, positions);
-            size = problem.evaluate(positions, internal, &mut residual, tolerance);
-            evaluations += 1;
-        }
-        Outcome {
-            iterations,
-            evaluations,
-            residual: size,
-            converged: size <= tolerance.residual,
-            method: self.name(),
-            fallbacks: 0,
-        }
+        point.finish(problem, self.name())
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::Corotation;
 use crate::body::Body;
+use crate::point::Point;
 
 /// Find x with f_int(x) = f_ext on the free vertices; in a [mixed](Body::mixed) body x and q with
 /// f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
@@ -200,13 +201,10 @@ impl Problem<'_> {
     pub(crate) fn untouched(
         &mut self,
         method: &'static str,
-        positions: &[Vector3<f64>],
+        positions: &mut [Vector3<f64>],
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
     ) -> Outcome {
-        let mut residual = vec![0.0; self.rows()];
-        let residual = self.evaluate(positions, internal, &mut residual, tolerance);
-        let converged = residual <= tolerance.residual;
-        Outcome { iterations: 0, evaluations: 1, residual, converged, method, fallbacks: 0 }
+        Point::new(self, positions, internal, tolerance).finish(self, method)
     }
 }

@@ -5,7 +5,8 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
-use crate::line_search::{Point, search};
+use crate::line_search::search;
+use crate::point::Point;
 use crate::vectors::{axpy, dot};
 
 /// L-BFGS over the last `depth` steps, its first matrix the warped inverse T C Tᵀ of the current
@@ -51,19 +52,14 @@ impl Equilibrium for Lbfgs {
             return problem.untouched(self.name(), positions, internal, tolerance);
         }
         let n = problem.rows();
-        let mut residual = vec![0.0; n];
         let (mut direction, mut scratch, mut before) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, problem.iterate(positions));
-        let mut point =
-            Point { positions, internal, residual: &mut residual, size, evaluations: 1 };
+        let mut point = Point::new(problem, positions, internal, tolerance);
         let mut memory = Pairs { depth: self.depth, pairs: VecDeque::new() };
-        let mut iterations = 0;
-        while !(point.size <= tolerance.residual) && iterations < tolerance.max_iterations {
-            memory.direction(problem, point.residual, &mut scratch, &mut direction);
-            iterations += 1;
-            before.copy_from_slice(point.residual);
-            let length = search(problem, &mut point, &direction, tolerance);
+        while point.goes_on() {
+            memory.direction(problem, &point.residual, &mut scratch, &mut direction);
+            point.begin_iteration();
+            before.copy_from_slice(&point.residual);
+            let length = search(problem, &mut point, &direction);
             if length == 0.0 {
                 if memory.pairs.is_empty() {
                     break;
@@ -71,24 +67,10 @@ impl Equilibrium for Lbfgs {
                 memory.pairs.clear();
                 continue;
             }
-            memory.push(&direction, length, &before, point.residual);
-            if point.size < best.0 {
-                best.0 = point.size;
-                best.1 = problem.iterate(point.positions);
-            }
+            memory.push(&direction, length, &before, &point.residual);
+            point.keep_if_best(problem);
         }
-        if !(point.size <= best.0) {
-            problem.return_to(&best.1, point.positions);
-            point.evaluate(problem, tolerance);
-        }
-        Outcome {
-            iterations,
-            evaluations: point.evaluations,
-            residual: point.size,
-            converged: point.size <= tolerance.residual,
-            method: self.name(),
-            fallbacks: 0,
-        }
+        point.finish(problem, self.name())
     }
 }
 

@@ -25,6 +25,7 @@ mod no_corotation;
 mod packet_rotation;
 mod packets;
 mod paper_corotation;
+mod point;
 pub mod rotation;
 mod row_corotation;
 mod stress;

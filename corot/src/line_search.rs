@@ -1,8 +1,7 @@
 //! How far to go along a direction, by the force along it alone.
 
-use nalgebra::Vector3;
-
-use crate::equilibrium::{Problem, Tolerance};
+use crate::equilibrium::Problem;
+use crate::point::Point;
 use crate::vectors::dot;
 
 /// The slope may keep this fraction of what it was at the start, in either direction.
@@ -14,24 +13,6 @@ const TRIALS: usize = 12;
 /// The longest step tried, in units of the direction.
 const LONGEST: f64 = 8.0;
 
-/// The forces at the point where a search stands.
-pub(crate) struct Point<'a> {
-    pub positions: &'a mut [Vector3<f64>],
-    pub internal: &'a mut [Vector3<f64>],
-    pub residual: &'a mut [f64],
-    /// Relative size of the residual.
-    pub size: f64,
-    pub evaluations: usize,
-}
-
-impl Point<'_> {
-    /// Renews forces, residual and its size where the positions are.
-    pub fn evaluate(&mut self, problem: &mut Problem<'_>, tolerance: &Tolerance) {
-        self.size = problem.evaluate(self.positions, self.internal, self.residual, tolerance);
-        self.evaluations += 1;
-    }
-}
-
 /// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is small
 /// against φ'(0): the strong curvature condition. Returns α; 0 with `point` where it was if
 /// `direction` does not lead downhill or no length is found.
@@ -39,13 +20,8 @@ impl Point<'_> {
 /// There need not be an energy, nor one that is known to more digits than the solution asks for:
 /// from φ'(0) < 0 on, the first bracket in which the slope changes its sign is halved by secants.
 /// Source: the approximate Wolfe conditions of Hager and Zhang, SIAM J. Optim. 16(1), 2005.
-pub(crate) fn search(
-    problem: &mut Problem<'_>,
-    point: &mut Point<'_>,
-    direction: &[f64],
-    tolerance: &Tolerance,
-) -> f64 {
-    let start = -dot(point.residual, direction);
+pub(crate) fn search(problem: &mut Problem<'_>, point: &mut Point<'_>, direction: &[f64]) -> f64 {
+    let start = -dot(&point.residual, direction);
     if !(start < 0.0 && start.is_finite()) {
         return 0.0;
     }
@@ -54,12 +30,11 @@ pub(crate) fn search(
     let mut length = 1.0;
     for _ in 0..TRIALS {
         point.positions.copy_from_slice(&base);
-        problem.advance(point.positions, direction, length);
-        point.evaluate(problem, tolerance);
-        let slope = -dot(point.residual, direction);
+        point.advance(problem, direction, length);
+        let slope = -dot(&point.residual, direction);
         if !(slope.is_finite() && point.size.is_finite()) {
             high = Some((length, f64::INFINITY));
-        } else if point.size <= tolerance.residual || slope.abs() <= CURVATURE * -start {
+        } else if point.is_solved() || slope.abs() <= CURVATURE * -start {
             return length;
         } else if slope < 0.0 {
             low = (length, slope);
@@ -73,7 +48,7 @@ pub(crate) fn search(
         };
     }
     point.positions.copy_from_slice(&base);
-    point.evaluate(problem, tolerance);
+    point.evaluate(problem);
     0.0
 }
 

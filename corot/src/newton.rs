@@ -6,7 +6,8 @@ use faer::{Mat, Side};
 use nalgebra::Vector3;
 
 use crate::equilibrium::{Equilibrium, Outcome, Problem, Tolerance};
-use crate::line_search::{Point, search};
+use crate::line_search::search;
+use crate::point::Point;
 use crate::tangent::convex_part;
 use crate::vectors::dot;
 
@@ -48,41 +49,20 @@ impl Equilibrium for Newton {
         if problem.body.is_mixed() {
             return problem.untouched(self.name(), positions, internal, tolerance);
         }
-        let mut residual = vec![0.0; problem.rows()];
-        let size = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut best = (size, problem.iterate(positions));
-        let mut point =
-            Point { positions, internal, residual: &mut residual, size, evaluations: 1 };
-        let mut iterations = 0;
-        while !(point.size <= tolerance.residual) && iterations < tolerance.max_iterations {
-            iterations += 1;
-            if !(exact_step(problem, &mut point, tolerance)
-                || convex_step(problem, &mut point, tolerance))
-            {
+        let mut point = Point::new(problem, positions, internal, tolerance);
+        while point.goes_on() {
+            point.begin_iteration();
+            if !(exact_step(problem, &mut point) || convex_step(problem, &mut point)) {
                 break;
             }
-            if point.size < best.0 {
-                best.0 = point.size;
-                best.1 = problem.iterate(point.positions);
-            }
+            point.keep_if_best(problem);
         }
-        if !(point.size <= best.0) {
-            problem.return_to(&best.1, point.positions);
-            point.evaluate(problem, tolerance);
-        }
-        Outcome {
-            iterations,
-            evaluations: point.evaluations,
-            residual: point.size,
-            converged: point.size <= tolerance.residual,
-            method: self.name(),
-            fallbacks: 0,
-        }
+        point.finish(problem, self.name())
     }
 }
 
 /// True if the exact tangent gave a step that was taken.
-fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>, tolerance: &Tolerance) -> bool {
+fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     let rows = Rows::new(problem.free);
     let Some(matrix) = rows.assemble(problem, point.positions, false) else {
         return false;
@@ -90,23 +70,22 @@ fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>, tolerance: &Tole
     let Ok(factor) = matrix.sp_lu() else {
         return false;
     };
-    let step = rows.scatter(&factor.solve(rows.gather(point.residual)), point.residual.len());
-    if !step.iter().all(|v| v.is_finite()) || !(dot(point.residual, &step) > 0.0) {
+    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    if !step.iter().all(|v| v.is_finite()) || !(dot(&point.residual, &step) > 0.0) {
         return false;
     }
     let (before, base) = (point.size, point.positions.to_vec());
-    problem.advance(point.positions, &step, 1.0);
-    point.evaluate(problem, tolerance);
+    point.advance(problem, &step, 1.0);
     if point.size <= ENOUGH * before {
         return true;
     }
     point.positions.copy_from_slice(&base);
-    point.evaluate(problem, tolerance);
-    search(problem, point, &step, tolerance) > 0.0
+    point.evaluate(problem);
+    search(problem, point, &step) > 0.0
 }
 
 /// True if the convex part of the tangent gave a step that was taken.
-fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>, tolerance: &Tolerance) -> bool {
+fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     let rows = Rows::new(problem.free);
     let Some(matrix) = rows.assemble(problem, point.positions, true) else {
         return false;
@@ -114,8 +93,8 @@ fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>, tolerance: &Tol
     let Ok(factor) = matrix.sp_cholesky(Side::Lower) else {
         return false;
     };
-    let step = rows.scatter(&factor.solve(rows.gather(point.residual)), point.residual.len());
-    step.iter().all(|v| v.is_finite()) && search(problem, point, &step, tolerance) > 0.0
+    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    step.iter().all(|v| v.is_finite()) && search(problem, point, &step) > 0.0
 }
 
 /// The rows of the free vertices, counted through.

@@ -237,38 +237,35 @@ impl Sparse {
         }
     }
 
-    /// Solves for up to [`TOGETHER`] loads, which `solutions` hold at first, and refines once
-    /// those whose residual asks for it.
-    fn solve_together(
-        &self,
-        loads: &[&[f64]],
-        solutions: &mut [&mut [f64]],
-    ) -> Result<(), InverseError> {
-        self.based.factor.solve(solutions);
-        for (load, solution) in loads.iter().zip(solutions) {
-            let refined = refine_once(&self.stiffness, load, solution, |x| {
-                self.based.factor.solve(&mut [x]);
-                Ok(())
-            })?;
-            self.tally.refined(usize::from(refined));
+    /// K⁻¹ of the columns of `loads` as the factor gives it, [`TOGETHER`] at a time.
+    fn unrefined(&self, loads: MatRef<'_, f64>) -> Mat<f64> {
+        let mut solutions = Mat::zeros(loads.nrows(), loads.ncols());
+        for first in (0..loads.ncols()).step_by(TOGETHER) {
+            let group = first..(first + TOGETHER).min(loads.ncols());
+            let load = |j: usize| loads.col(j).iter().copied().collect();
+            let mut sides: Vec<Vec<f64>> = group.clone().map(load).collect();
+            let mut all: Vec<&mut [f64]> = sides.iter_mut().map(Vec::as_mut_slice).collect();
+            self.based.factor.solve(&mut all);
+            for (j, side) in group.zip(&sides) {
+                solutions.col_as_slice_mut(j).copy_from_slice(side);
+            }
         }
+        solutions
+    }
+
+    /// Refines a solution once if its residual asks for it.
+    fn refine(&self, load: &[f64], solution: &mut [f64]) -> Result<(), InverseError> {
+        let refined = refine_once(&self.stiffness, load, solution, |x| {
+            self.based.factor.solve(&mut [x]);
+            Ok(())
+        })?;
+        self.tally.refined(usize::from(refined));
         Ok(())
     }
 
-    /// Columns of C by row number as the factor gives them, without refinement.
-    fn kept_columns(&self, at: &[usize]) -> Mat<f64> {
-        let rows = self.stiffness.dofs();
-        let mut columns = Mat::zeros(rows, at.len());
-        for (group, first) in at.chunks(TOGETHER).zip((0..).step_by(TOGETHER)) {
-            let mut sides = vec![vec![0.0; rows]; group.len()];
-            group.iter().zip(&mut sides).for_each(|(&j, side)| side[j] = 1.0);
-            let mut all: Vec<&mut [f64]> = sides.iter_mut().map(Vec::as_mut_slice).collect();
-            self.based.factor.solve(&mut all);
-            for (side, j) in sides.iter().zip(first..) {
-                columns.col_as_slice_mut(j).copy_from_slice(side);
-            }
-        }
-        columns
+    /// Columns of the identity by row number.
+    fn units(&self, at: &[usize]) -> Mat<f64> {
+        Mat::from_fn(self.stiffness.dofs(), at.len(), |i, j| if i == at[j] { 1.0 } else { 0.0 })
     }
 
     #[cfg(test)]
@@ -356,26 +353,18 @@ impl InverseMaintainer for Sparse {
         check_vector("f", f, rows)?;
         check_length("u", u, rows)?;
         let mut solution = f.to_vec();
-        self.solve_together(&[f], &mut [&mut solution])?;
+        self.based.factor.solve(&mut [&mut solution]);
+        self.refine(f, &mut solution)?;
         u.copy_from_slice(&solution);
         Ok(())
     }
 
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         check_loads(&self.stiffness, loads)?;
-        let (rows, count) = loads.shape();
-        let mut solutions = Mat::<f64>::zeros(rows, count);
-        for first in (0..count).step_by(TOGETHER) {
-            let group = first..(first + TOGETHER).min(count);
-            let given: Vec<Vec<f64>> =
-                group.clone().map(|j| loads.col(j).iter().copied().collect()).collect();
-            let mut found = given.clone();
-            let given: Vec<&[f64]> = given.iter().map(Vec::as_slice).collect();
-            let mut sides: Vec<&mut [f64]> = found.iter_mut().map(Vec::as_mut_slice).collect();
-            self.solve_together(&given, &mut sides)?;
-            for (j, solution) in group.zip(&found) {
-                solutions.col_as_slice_mut(j).copy_from_slice(solution);
-            }
+        let mut solutions = self.unrefined(loads);
+        for (j, load) in loads.col_iter().enumerate() {
+            let load: Vec<f64> = load.iter().copied().collect();
+            self.refine(&load, solutions.col_as_slice_mut(j))?;
         }
         Ok(solutions)
     }
@@ -383,11 +372,8 @@ impl InverseMaintainer for Sparse {
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         check_range(slots, self.vertices())?;
         let block = self.stiffness.block();
-        let row = |j: usize| block * slots[j / block] + j % block;
-        let units = Mat::from_fn(self.stiffness.dofs(), block * slots.len(), |i, j| {
-            if i == row(j) { 1.0 } else { 0.0 }
-        });
-        self.solve_many(units.as_ref())
+        let rows: Vec<usize> = slots.iter().flat_map(|&s| block * s..block * (s + 1)).collect();
+        self.solve_many(self.units(&rows).as_ref())
     }
 
     fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -402,7 +388,7 @@ impl InverseMaintainer for Sparse {
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        let drift = kept_drift(&self.stiffness, seed, |at| self.kept_columns(at));
+        let drift = kept_drift(&self.stiffness, seed, |at| self.unrefined(self.units(at).as_ref()));
         if is_too_far(self.name(), drift, DRIFT_LIMIT) {
             self.rebuild()?;
             self.tally.rebuilt_for_drift();
