@@ -1,27 +1,27 @@
 //! `woodbury`, `woodbury_f32`: low-rank updates in the factors of the change, one fused pass over
 //! half of C.
 
-use std::ops::Range;
+mod prepare;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 use faer::{Mat, MatRef};
 
-use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
 use crate::counts::Tally;
 use crate::drift::{is_too_far, kept_drift};
 use crate::fresh::symmetric_inverse;
-use crate::net_change::NetChange;
 use crate::panel::Panel;
 use crate::residual::refine_once;
 use crate::stored::Stored;
 use crate::tiles::{SignedPanel, Tiles};
-use crate::update::{LowRank, SignedRoot};
+use crate::update::LowRank;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
     check_loads,
 };
+use prepare::Prepared;
 
 /// The dense inverse in f64: scene name `woodbury`.
 pub type Woodbury = PackedInverse<f64>;
@@ -64,12 +64,6 @@ pub struct PackedInverse<E: Stored> {
     pub(crate) tally: Tally,
     /// Whether nothing happened since C was computed from K.
     pub(crate) is_fresh: AtomicBool,
-}
-
-/// What an update adds to C, and the new vertex's rows of it.
-struct Prepared {
-    terms: SignedPanel,
-    border: Option<(Panel, Mat<f64>)>,
 }
 
 impl<E: Stored> PackedInverse<E> {
@@ -131,114 +125,6 @@ impl<E: Stored> PackedInverse<E> {
         Ok(())
     }
 
-    /// C S X with what is pending.
-    fn select_times(&self, rows: &[usize], x: MatRef<'_, f64>) -> Panel {
-        let mut product = self.tiles().select_times(rows, x);
-        if !self.pending.signs.is_empty() {
-            let at = self.pending.columns.at_rows(rows);
-            product.add_times(&self.pending.signed(), (at.transpose() * x).as_ref());
-        }
-        product
-    }
-
-    /// C X with what is pending.
-    fn multiply(&self, x: &Panel) -> Panel {
-        let mut product = self.tiles().multiply(x);
-        if !self.pending.signs.is_empty() {
-            let inner = self.pending.columns.inner(x);
-            product.add_times(&self.pending.signed(), inner.as_ref());
-        }
-        product
-    }
-
-    /// The terms of an update of K by U Λ Uᵀ, and C S `more` before the update.
-    fn prepare(
-        &self,
-        rows: &[usize],
-        change: &LowRank<'_>,
-        more: MatRef<'_, f64>,
-        removed: Range<usize>,
-    ) -> Result<(SignedPanel, Panel), InverseError> {
-        let k = change.columns();
-        let product = self.select_times(rows, change.beside(more).as_ref());
-        let own = product.at_rows(rows);
-        let own = own.as_ref().subcols(0, k);
-        let root = if self.stiffness.negative() == 0 {
-            SignedRoot::definite::<E>(change, own)?
-        } else {
-            SignedRoot::quasi_definite::<E>(change, own)?
-        };
-        let terms = |root: &SignedRoot| {
-            let mut coefficients = Mat::<f64>::zeros(product.columns(), k);
-            coefficients.as_mut().subrows_mut(0, k).copy_from(&root.root);
-            let signs = root.signs.iter().map(|sign| -sign).collect();
-            SignedPanel { columns: product.times(coefficients.as_ref()), signs }
-        };
-        let mut terms = terms(&root);
-        if root.softening <= E::SOFTENING {
-            self.refine_softened(rows, change, &product, &mut terms)?;
-        }
-        self.check_diagonal(&terms, removed)?;
-        let behind = product.some_columns(k..k + more.ncols());
-        Ok((terms, behind))
-    }
-
-    /// Computes the terms of what is lost again, from C'' N after one step of refinement by K:
-    /// I + NᵀC''N does not cancel.
-    fn refine_softened(
-        &self,
-        rows: &[usize],
-        change: &LowRank<'_>,
-        product: &Panel,
-        terms: &mut SignedPanel,
-    ) -> Result<(), InverseError> {
-        let (p, q) = (change.gained.ncols(), change.lost.ncols());
-        let lost = Mat::from_fn(product.columns(), q, |i, j| if i == p + j { 1.0 } else { 0.0 });
-        let mut softened = product.times(lost.as_ref());
-        let at = terms.columns.at_rows(rows);
-        softened.add_times(&terms.signed(), (at.transpose() * change.lost).as_ref());
-        let residual = self.residual(rows, change, &softened)?;
-        let step = self.multiply(&residual);
-        softened.add_times(&step, Mat::<f64>::identity(q, q).as_ref());
-        softened.add_times(&terms.signed(), terms.columns.inner(&residual).as_ref());
-        let g = Mat::<f64>::identity(q, q) + change.lost.transpose() * softened.at_rows(rows);
-        let factor = Capacitance::of(change.what, g.as_ref())?;
-        let root = factor.half_solve(Mat::<f64>::identity(q, q).as_ref());
-        let again = softened.times(root.as_ref());
-        let first = Mat::from_fn(p + q, p + q, |i, j| if i == j && i < p { 1.0 } else { 0.0 });
-        let last = Mat::from_fn(q, p + q, |i, j| if j == p + i { 1.0 } else { 0.0 });
-        let mut columns = terms.columns.times(first.as_ref());
-        columns.add_times(&again, last.as_ref());
-        terms.columns = columns;
-        Ok(())
-    }
-
-    /// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
-    fn residual(
-        &self,
-        rows: &[usize],
-        change: &LowRank<'_>,
-        x: &Panel,
-    ) -> Result<Panel, InverseError> {
-        let mut residual = Panel::zeros(x.rows(), x.columns());
-        let (mut source, mut image) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
-        for j in 0..x.columns() {
-            x.copy_column(j, &mut source);
-            self.stiffness.apply(&source, &mut image)?;
-            image.iter_mut().for_each(|value| *value = -*value);
-            residual.set_column(j, &image);
-        }
-        let at = x.at_rows(rows);
-        let (p, n) = (change.gained, change.lost);
-        let own = n.to_owned() - p * (p.transpose() * &at) + n * (n.transpose() * &at);
-        for (i, &row) in rows.iter().enumerate() {
-            for j in 0..x.columns() {
-                residual.set(row, j, residual.get(row, j) + own[(i, j)]);
-            }
-        }
-        Ok(residual)
-    }
-
     /// One step of refinement, if the residual asks for it.
     fn refine(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
         let refined = refine_once(&self.stiffness, f, u, |x| {
@@ -247,75 +133,6 @@ impl<E: Stored> PackedInverse<E> {
         })?;
         self.tally.refined(usize::from(refined));
         Ok(())
-    }
-
-    fn prepare_split(&self, change: &RingChange) -> Result<Prepared, InverseError> {
-        let negative = self.stiffness.negative();
-        let rows = self.rows(&change.slots);
-        let net = NetChange::new(change, negative)?;
-        let what = "I + Uᵀ C U of a split";
-        let low = LowRank { what, gained: net.gained.as_ref(), lost: net.lost.as_ref() };
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-        // −C_:r A22⁻¹ a12ᵀ after the update, from the ring's columns alone.
-        let t = -a22.solve(change.a12.as_ref());
-        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref(), 0..0)?;
-        let at = terms.columns.at_rows(&rows);
-        coupling.add_times(&terms.signed(), (at.transpose() * &t).as_ref());
-        let m = change.a22.nrows();
-        let own = a22.solve(Mat::<f64>::identity(m, m).as_ref())
-            + t.transpose() * coupling.at_rows(&rows);
-        for a in 0..m {
-            self.check_sign(self.stiffness.dofs() + a, own[(a, a)])?;
-        }
-        Ok(Prepared { terms, border: Some((coupling, own)) })
-    }
-
-    fn prepare_merge(&self, slot: usize, change: &RingChange) -> Result<Prepared, InverseError> {
-        let net = NetChange::new(change, self.stiffness.negative())?;
-        let what = "I + Uᵀ C U of a merge";
-        let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
-        let block = self.stiffness.block();
-        self.prepare_low_rank(&change.slots, &low, block * slot..block * (slot + 1))
-    }
-
-    fn prepare_low_rank(
-        &self,
-        slots: &[usize],
-        change: &LowRank<'_>,
-        removed: Range<usize>,
-    ) -> Result<Prepared, InverseError> {
-        let rows = self.rows(slots);
-        let nothing = Mat::<f64>::zeros(rows.len(), 0);
-        let (terms, _) = self.prepare(&rows, change, nothing.as_ref(), removed)?;
-        Ok(Prepared { terms, border: None })
-    }
-
-    fn rows(&self, slots: &[usize]) -> Vec<usize> {
-        let block = self.stiffness.block();
-        slots.iter().flat_map(|&slot| block * slot..block * (slot + 1)).collect()
-    }
-
-    /// A finite diagonal of the right signs shows that the terms are finite, and bounds a positive
-    /// definite C; anything else is a failed update. Rows about to be removed are let off: without
-    /// their ring they may have any sign in a quasi-definite C.
-    fn check_diagonal(
-        &self,
-        terms: &SignedPanel,
-        removed: Range<usize>,
-    ) -> Result<(), InverseError> {
-        let tiles = self.tiles();
-        let pending = self.pending.diagonal();
-        let sums = tiles.diagonal().iter().zip(terms.diagonal()).zip(pending);
-        let mut kept = sums.enumerate().filter(|(i, _)| !removed.contains(i));
-        kept.try_for_each(|(i, ((c, new), old))| self.check_sign(i, c + old + new))
-    }
-
-    fn check_sign(&self, row: usize, value: f64) -> Result<(), InverseError> {
-        if self.stiffness.sign(row) * value > 0.0 && value.is_finite() {
-            return Ok(());
-        }
-        let what = "the diagonal of the inverse";
-        Err(InverseError::Singular { what, row, value, limit: 0.0 })
     }
 
     /// Splits; the pass over C is made at once, or left pending.

@@ -1,18 +1,21 @@
 //! The suite that every inverse maintainer has to pass: one line per implementation.
 
-mod cases;
+mod by_hand;
 mod choice;
 mod fixing;
 mod history;
 mod model;
+mod refusals;
+mod springs;
 
-pub use cases::*;
+pub use by_hand::*;
 pub use choice::{
     build, device, is_available, method, residual, solves_by_columns, updates_inverse,
 };
 pub use fixing::*;
 pub use history::{Op, Replay, ops, replay};
 pub use model::Model;
+pub use refusals::*;
 
 /// Instantiates the suite for the maintainer of a scene name.
 ///

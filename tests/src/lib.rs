@@ -4,3 +4,4 @@
 pub mod inverse_suite;
 pub mod mixed_body;
 pub mod organ;
+pub mod rules;

@@ -1,47 +1,23 @@
 //! The mixed element's matrices and hand-over against plain assembly and closed forms.
 
 use faer::Mat;
-use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector3, Vector4};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3, Vector4};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara_embed::{
-    ChildPair, ElementFormulation, Embedding, Excess, Homogenisation, LinearTet, MixedModuli, P1P1,
-    ParentMaterial, RingStiffness, by_name, isotropic, strain_from_gradient,
+    ElementFormulation, Embedding, LinearTet, MixedModuli, P1P1, RingStiffness, isotropic,
+    strain_from_gradient,
 };
 use yawara_mesh::lattice::Site;
 use yawara_mesh::{BisectionForest, MeshDelta, Placement, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs};
+use yawara_tests::rules::rule;
 
 /// Unknowns per vertex.
 const M: usize = 4;
 
 fn dense(m: &Mat<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])
-}
-
-/// A rule of a user: stiffer than the Voigt mean in one direction and softer in the others.
-struct Skewed;
-
-impl Homogenisation for Skewed {
-    fn name(&self) -> &str {
-        "skewed"
-    }
-
-    fn combine(&self, pair: &ChildPair) -> ParentMaterial {
-        let [d1, d2] = pair.elasticity;
-        let scale = Matrix6::from_diagonal(&[1.1, 0.95, 0.9, 0.97, 0.95, 0.93].into());
-        let elasticity = scale * (0.5 * (d1 + d2)) * scale;
-        ParentMaterial { elasticity, midpoint: SMatrix::zeros(), excess: Excess::Unfactored }
-    }
-}
-
-fn choice(number: usize) -> Box<dyn Homogenisation> {
-    match number {
-        0 => by_name("linear").unwrap(),
-        1 => by_name("laminate").unwrap(),
-        2 => by_name("paper").unwrap(),
-        _ => Box::new(Skewed),
-    }
 }
 
 fn assemble<'a>(
@@ -161,7 +137,7 @@ proptest! {
     ) {
         let mut forest = organ.forest(1, 7);
         let placement = organ.placement(7);
-        let embedding = organ.embedding_by(choice(number));
+        let embedding = organ.embedding_by(rule(number));
         let element = P1P1::new(alpha).unwrap();
         let mut delta = MeshDelta::empty();
         for pick in picks {
@@ -188,7 +164,7 @@ proptest! {
     ) {
         let mut forest = organ.forest(3, 6);
         let placement = organ.placement(6);
-        let embedding = organ.embedding_by(choice(number));
+        let embedding = organ.embedding_by(rule(number));
         let mut delta = MeshDelta::empty();
         let candidates = forest.candidates();
         forest.split(candidates[pick.index(candidates.len())], &mut delta).unwrap();

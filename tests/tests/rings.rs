@@ -2,43 +2,15 @@
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
-use nalgebra::{Matrix6, SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_embed::{
-    ChildPair, Embedding, Excess, Homogenisation, LinearTet, ParentMaterial, RingStiffness,
-    by_name, isotropic,
-};
+use yawara_embed::{ChildPair, Embedding, LinearTet, RingStiffness, by_name, isotropic};
 use yawara_mesh::kuhn::{bisect, bisected_corner};
 use yawara_mesh::lattice::Site;
 use yawara_mesh::{BisectionForest, Content, MeshDelta, Placement, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs, ring};
-
-/// A rule of a user: stiffer than the Voigt mean in one direction, softer in the others, and
-/// nothing said about factors.
-struct Skewed;
-
-impl Homogenisation for Skewed {
-    fn name(&self) -> &str {
-        "skewed"
-    }
-
-    fn combine(&self, pair: &ChildPair) -> ParentMaterial {
-        let [d1, d2] = pair.elasticity;
-        let scale = Matrix6::from_diagonal(&[1.1, 0.95, 0.9, 0.97, 0.95, 0.93].into());
-        let elasticity = scale * (0.5 * (d1 + d2)) * scale;
-        ParentMaterial { elasticity, midpoint: SMatrix::zeros(), excess: Excess::Unfactored }
-    }
-}
-
-fn choice(number: usize) -> Box<dyn Homogenisation> {
-    match number {
-        0 => by_name("linear").unwrap(),
-        1 => by_name("laminate").unwrap(),
-        2 => by_name("paper").unwrap(),
-        _ => Box::new(Skewed),
-    }
-}
+use yawara_tests::rules::rule;
 
 /// Stiffness of tetrahedra on `vertices`, 3 rows each.
 fn assemble<'a>(
@@ -111,7 +83,7 @@ proptest! {
     ) {
         let mut forest = organ.forest(1, 7);
         let placement = organ.placement(7);
-        let embedding = organ.embedding_by(choice(number));
+        let embedding = organ.embedding_by(rule(number));
         let mut delta = MeshDelta::empty();
         for pick in picks {
             let candidates = forest.candidates();
@@ -189,7 +161,7 @@ proptest! {
     ) {
         let mut forest = organ.forest(3, 6);
         let placement = organ.placement(6);
-        let embedding = organ.embedding_by(choice(number));
+        let embedding = organ.embedding_by(rule(number));
         let mut delta = MeshDelta::empty();
         let candidates = forest.candidates();
         forest.split(candidates[pick.index(candidates.len())], &mut delta).unwrap();

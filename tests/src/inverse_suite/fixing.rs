@@ -3,7 +3,7 @@
 use faer::{Mat, mat};
 use yawara_inverse_update::{InverseError, RingChange, StiffnessChange};
 
-use super::cases::{close, inverse, maintain, maintain_mixed, refused};
+use super::springs::{close, inverse, maintain, maintain_mixed, refused};
 
 /// Springs of stiffness 1, wall – 0 – 1 – 2.
 fn three_springs() -> Mat<f64> {
