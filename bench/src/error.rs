@@ -46,17 +46,6 @@ pub enum BenchError {
         /// What was asked for.
         what: &'static str,
     },
-    /// A homogenisation whose rings can't be handed over as one ring change.
-    #[error(
-        "homogenisation `{homogenisation}` makes a parent stiffer than the mean of its halves \
-         ({columns} negative factors), want one within the Voigt bound: linear, laminate or paper"
-    )]
-    ExceedsVoigt {
-        /// Its scene name.
-        homogenisation: String,
-        /// Columns of the negative factor.
-        columns: usize,
-    },
     /// A maintainer put a vertex into another slot than the contract says.
     #[error("`{maintainer}` put the new vertex into slot {got}, want {want}")]
     WrongSlot {

@@ -25,9 +25,10 @@ pub struct Update {
 }
 
 impl Update {
-    /// Rank of the change on the old vertices: that of A22 and the columns of F.
+    /// Rank of the change on the old vertices: that of A22 and the columns of F and N.
     pub fn rank(&self) -> usize {
-        self.ring.a22.nrows() + self.ring.positive.ncols()
+        let RingChange { a22, positive, negative, .. } = &self.ring;
+        a22.nrows() + positive.ncols() + negative.ncols()
     }
 
     /// Hands the update to a maintainer.
@@ -178,7 +179,7 @@ impl History {
     /// Splits or merges at a random place, as likely one as the other where both are possible.
     ///
     /// # Errors
-    /// [`BenchError::NoRing`] if neither is possible; [`BenchError::ExceedsVoigt`].
+    /// [`BenchError::NoRing`] if neither is possible.
     pub fn step(&mut self) -> Result<Update, BenchError> {
         let free = self.slots.len();
         let merging = free > self.least && (free >= self.most || self.random.below(2) == 0);
@@ -205,10 +206,10 @@ impl History {
     /// Splits the ring at `point`.
     ///
     /// # Errors
-    /// [`BenchError::Mesh`] if there is none; [`BenchError::ExceedsVoigt`].
+    /// [`BenchError::Mesh`] if there is none.
     pub fn split_at(&mut self, point: Point) -> Result<Update, BenchError> {
         let vertex = self.forest.split(point, &mut self.delta)?;
-        let ring = self.hand_over()?;
+        let ring = self.hand_over();
         let slot = self.slots.push(vertex);
         Ok(Update { kind: Change::Split, slot, point, ring })
     }
@@ -229,13 +230,13 @@ impl History {
     ///
     /// # Errors
     /// [`BenchError::NoRing`] if there is none that a split brought in; [`BenchError::Mesh`] if its
-    /// ring has been refined; [`BenchError::ExceedsVoigt`].
+    /// ring has been refined.
     pub fn merge_at(&mut self, point: Point) -> Result<Update, BenchError> {
         let missing = || BenchError::NoRing { vertices: self.forest.vertex_count() };
         let vertex = self.forest.vertex_at(point).ok_or_else(missing)?;
         let slot = self.slots.get(vertex).ok_or_else(missing)?;
         self.forest.merge(vertex, &mut self.delta)?;
-        let ring = self.hand_over()?;
+        let ring = self.hand_over();
         self.slots.swap_remove(vertex);
         Ok(Update { kind: Change::Merge, slot, point, ring })
     }
@@ -254,32 +255,14 @@ impl History {
     }
 
     /// The ring of the last split or merge on the vertices that have slots.
-    fn hand_over(&self) -> Result<RingChange, BenchError> {
+    fn hand_over(&self) -> RingChange {
         let position = |v: VertexId| self.placement.position(self.forest.point(v));
         let ring = RingStiffness::new(&self.delta, &self.embedding, position);
-        if ring.negative.ncols() > 0 {
-            let homogenisation = self.embedding.homogenisation().name().to_owned();
-            return Err(BenchError::ExceedsVoigt {
-                homogenisation,
-                columns: ring.negative.ncols(),
-            });
-        }
-        let free = |i: &usize| self.slots.get(ring.vertices[*i]).is_some();
-        let kept: Vec<usize> = (0..ring.vertices.len()).filter(free).collect();
-        let row = |i: usize| 3 * kept[i / 3] + i % 3;
-        let n = 3 * kept.len();
-        let rows = |m: &Mat<f64>| Mat::from_fn(n, m.ncols(), |i, j| m[(row(i), j)]);
-        let square = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(row(i), row(j))]);
-        Ok(RingChange {
-            slots: kept.iter().filter_map(|&i| self.slots.get(ring.vertices[i])).collect(),
-            k_p: square(&ring.k_p),
-            k_c: square(&ring.k_c),
-            a12: rows(&ring.a12),
-            b: rows(&ring.b),
-            positive: rows(&ring.positive),
-            a22: ring.a22,
-            order_key: Lattice::key(self.forest.point(self.delta.vertex)),
-        })
+        let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } =
+            ring.restricted(|v| self.slots.get(v).is_some());
+        let slots = vertices.into_iter().filter_map(|v| self.slots.get(v)).collect();
+        let order_key = Lattice::key(self.forest.point(self.delta.vertex));
+        RingChange { slots, k_p, k_c, a12, a22, b, positive, negative, order_key }
     }
 }
 

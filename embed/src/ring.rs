@@ -148,6 +148,28 @@ impl RingStiffness {
         }
         sum.finish(delta.edge.map(row), vertices)
     }
+
+    /// The rows of the old vertices that `has_rows`: the hand-over to a matrix in which the others
+    /// are fixed. Cost: O(r²).
+    #[must_use]
+    pub fn restricted(&self, has_rows: impl Fn(VertexId) -> bool) -> Self {
+        let kept: Vec<usize> =
+            (0..self.vertices.len()).filter(|&i| has_rows(self.vertices[i])).collect();
+        let m = self.a22.nrows();
+        let (row, n) = (|i: usize| m * kept[i / m] + i % m, m * kept.len());
+        let rows = |part: &Mat<f64>| Mat::from_fn(n, part.ncols(), |i, j| part[(row(i), j)]);
+        let square = |part: &Mat<f64>| Mat::from_fn(n, n, |i, j| part[(row(i), row(j))]);
+        Self {
+            vertices: kept.iter().map(|&i| self.vertices[i]).collect(),
+            k_p: square(&self.k_p),
+            k_c: square(&self.k_c),
+            a12: rows(&self.a12),
+            a22: self.a22.clone(),
+            b: rows(&self.b),
+            positive: rows(&self.positive),
+            negative: rows(&self.negative),
+        }
+    }
 }
 
 /// Rows of the ring that a tetrahedron's corners have, and the entries of a column there.

@@ -52,6 +52,7 @@ fn hanger(slot: usize) -> RingChange {
         a22: one,
         b: Mat::zeros(3, 3),
         positive: Mat::zeros(3, 0),
+        negative: Mat::zeros(3, 0),
         order_key: 0,
     }
 }

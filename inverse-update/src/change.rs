@@ -18,10 +18,10 @@ pub const SYMMETRY_LIMIT: f64 = 1e-9;
 ///
 /// With R old free vertices, m rows per vertex and r = m·R, the stiffness changes from K to
 /// K'' = [K + K_c − K_p, a12; a12ᵀ, A22]. Eliminating the new vertex leaves K + M with
-/// M = K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − b A22⁻¹ bᵀ, written in factors so that nothing
+/// M = K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ, written in factors so that nothing
 /// cancels. `slots` may be empty (all old vertices are fixed): then only `a22` matters.
 ///
-/// Units: N/m, `positive` (N/m)^½. Rows are vertex-major in the order of `slots`.
+/// Units: N/m, `positive` and `negative` (N/m)^½. Rows are vertex-major in the order of `slots`.
 #[derive(Debug, Clone)]
 pub struct RingChange {
     /// The ring's old free vertices.
@@ -35,10 +35,13 @@ pub struct RingChange {
     /// Stiffness of the new vertex, m × m: positive definite, or quasi-definite as the matrix is.
     pub a22: Mat<f64>,
     /// b = a12 + Hᵀ A22, r × m: coupling to d = u_M − H u_old, with H = ½, ½ on the ends of the
-    /// edge. Zero for families whose M is F Fᵀ alone.
+    /// edge. Zero for families whose M is F Fᵀ − N Nᵀ alone.
     pub b: Mat<f64>,
-    /// F, r × q: the positive part of M; q may be 0.
+    /// F, r × p: what the children are stiffer than their parent as one field; p may be 0.
     pub positive: Mat<f64>,
+    /// N, r × q: what they are softer; q may be 0. Below the parent's own stiffness where that is
+    /// positive definite: K has to stay so.
+    pub negative: Mat<f64>,
     /// Where the new vertex lies, for maintainers that keep a sparse factor; see
     /// [`SparseStiffness::set_order_keys`](crate::SparseStiffness::set_order_keys).
     pub order_key: u64,
@@ -66,8 +69,9 @@ impl RingChange {
         check_matrix("a12", a12.as_ref(), (r, m))?;
         check_symmetry("a22", a22.as_ref())?;
         let (k_p, k_c) = (Mat::zeros(r, r), Mat::zeros(r, r));
-        let (b, positive) = (a12.clone(), Mat::zeros(r, 0));
-        Ok(Self { slots, k_p, k_c, a12, a22, b, positive, order_key })
+        let (b, none) = (a12.clone(), Mat::zeros(r, 0));
+        let (positive, negative) = (none.clone(), none);
+        Ok(Self { slots, k_p, k_c, a12, a22, b, positive, negative, order_key })
     }
 
     /// The hand-over of a vertex that becomes fixed, its rows and columns leaving K: to be given to
@@ -113,6 +117,7 @@ impl RingChange {
         check_matrix("a22", self.a22.as_ref(), (block, block))?;
         check_matrix("b", self.b.as_ref(), (r, block))?;
         check_matrix("positive", self.positive.as_ref(), (r, self.positive.ncols()))?;
+        check_matrix("negative", self.negative.as_ref(), (r, self.negative.ncols()))?;
         check_symmetry("k_p", self.k_p.as_ref())?;
         check_symmetry("k_c", self.k_c.as_ref())?;
         check_symmetry("a22", self.a22.as_ref())?;
@@ -122,11 +127,12 @@ impl RingChange {
         if error <= CONSISTENCY_LIMIT {
             return Ok(());
         }
-        let what = "k_c − a12 a22⁻¹ a12ᵀ − k_p and positive positiveᵀ − b a22⁻¹ bᵀ";
+        let what =
+            "k_c − a12 a22⁻¹ a12ᵀ − k_p and positive positiveᵀ − negative negativeᵀ − b a22⁻¹ bᵀ";
         Err(InverseError::Inconsistent { what, error, limit: CONSISTENCY_LIMIT })
     }
 
-    /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − b A22⁻¹ bᵀ: the largest
+    /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ: the largest
     /// entry of the difference, each relative to √(s_i s_j) with s_i = max(K_c,ii, K_p,ii).
     ///
     /// Infinite where A22 is neither positive definite nor quasi-definite with its negative rows at
@@ -142,6 +148,7 @@ impl RingChange {
             (self.a22.as_ref(), (m, m)),
             (self.b.as_ref(), (r, m)),
             (self.positive.as_ref(), (r, self.positive.ncols())),
+            (self.negative.as_ref(), (r, self.negative.ncols())),
         ];
         if fits.iter().any(|(matrix, want)| (matrix.nrows(), matrix.ncols()) != *want) {
             return f64::INFINITY;
@@ -158,8 +165,9 @@ impl RingChange {
         let condensed = a22.half_solve(self.a12.as_ref());
         let released = a22.half_solve(self.b.as_ref());
         let change = &self.k_c - &self.k_p - a22.signed_square(condensed.as_ref());
-        let factors =
-            &self.positive * self.positive.transpose() - a22.signed_square(released.as_ref());
+        let factors = &self.positive * self.positive.transpose()
+            - &self.negative * self.negative.transpose()
+            - a22.signed_square(released.as_ref());
         let size = |i: usize| self.k_c[(i, i)].abs().max(self.k_p[(i, i)].abs());
         let scale: Vec<f64> = (0..change.nrows()).map(size).collect();
         scaled_difference(change.as_ref(), factors.as_ref(), &scale, &scale)

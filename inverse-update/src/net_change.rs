@@ -14,31 +14,41 @@ pub(crate) struct NetChange {
 }
 
 impl NetChange {
-    /// From M = F Fᵀ − b A22⁻¹ bᵀ.
+    /// From M = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ.
     ///
     /// Where a ring joins stiff and soft tissue, both terms are stiff and M may be soft. Updating
     /// by one after the other would harden C by the stiffness ratio h and soften it again, which
     /// costs ε h²; taking M's eigenvectors first costs ε h, the rounding that K itself has in the
     /// same rows. A split and its merge see the same M, so that even this does not add up.
     /// `negative`: rows of A22 with negative pivots. Cost: O((r + k) k²) with k = 3 + q columns,
-    /// none if F is empty.
+    /// none if F and N are empty.
     pub(crate) fn new(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         let released = a22.half_solve(change.b.as_ref());
-        let (positive, r) = (&change.positive, change.b.nrows());
-        if positive.ncols() == 0 {
+        let (more, less, r) = (&change.positive, &change.negative, change.b.nrows());
+        if r == 0 || more.ncols() + less.ncols() == 0 {
             let (lost, gained) = released.split_at_col(released.ncols() - negative);
             return Ok(Self { gained: gained.to_owned(), lost: lost.to_owned() });
         }
-        if (0..released.ncols()).all(|j| released.col(j).iter().all(|&x| x == 0.0)) {
-            return Ok(Self { gained: positive.clone(), lost: Mat::zeros(r, 0) });
+        let is_conforming =
+            (0..released.ncols()).all(|j| released.col(j).iter().all(|&x| x == 0.0));
+        if is_conforming && less.ncols() == 0 {
+            return Ok(Self { gained: more.clone(), lost: less.clone() });
         }
-        let (q, k) = (positive.ncols(), positive.ncols() + released.ncols());
-        let all =
-            Mat::from_fn(r, k, |i, j| if j < q { positive[(i, j)] } else { released[(i, j - q)] });
+        let (p, q) = (more.ncols(), more.ncols() + less.ncols());
+        let k = q + released.ncols();
+        let all = Mat::from_fn(r, k, |i, j| match j {
+            j if j < p => more[(i, j)],
+            j if j < q => less[(i, j - p)],
+            j => released[(i, j - q)],
+        });
         let qr = all.qr();
         let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
-        let sign = |j: usize| if j < q { 1.0 } else { -a22.sign(j - q) };
+        let sign = |j: usize| match j {
+            j if j < p => 1.0,
+            j if j < q => -1.0,
+            j => -a22.sign(j - q),
+        };
         let signed = Mat::from_fn(upper.nrows(), k, |i, j| sign(j) * upper[(i, j)]);
         let small = signed * upper.transpose();
         let failed = |what| InverseError::Singular {
@@ -80,6 +90,7 @@ mod tests {
             a22: mat![[1.0, 0.0], [0.0, 1.0]],
             b: mat![[h, 0.0], [h, 1.0]],
             positive: mat![[h], [h]],
+            negative: Mat::zeros(2, 0),
             order_key: 0,
         };
         let net = NetChange::new(&change, 0).unwrap();
@@ -99,6 +110,7 @@ mod tests {
             a22: mat![[4.0]],
             b: mat![[6.0]],
             positive: Mat::zeros(1, 0),
+            negative: Mat::zeros(1, 0),
             order_key: 0,
         };
         let net = NetChange::new(&change, 0).unwrap();

@@ -147,6 +147,7 @@ mod tests {
             a22: mat![[4.0]],
             b: mat![[0.0], [0.0]],
             positive: Mat::zeros(2, 0),
+            negative: Mat::zeros(2, 0),
             order_key: 0,
         }
     }
@@ -191,6 +192,7 @@ mod tests {
             a22: mat![[5.0]],
             b: Mat::zeros(0, 1),
             positive: Mat::zeros(0, 0),
+            negative: Mat::zeros(0, 0),
             order_key: 0,
         };
         let wrong = RingChange { a22: mat![[5.1]], ..leave.clone() };

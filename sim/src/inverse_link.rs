@@ -135,41 +135,33 @@ impl InverseLink {
             DISPLACEMENTS => ring,
             _ => ring.clamp(&is_fixed, is_fixed(vertex), self.anchor),
         };
-        let reduced = ReducedRing::new(&ring, order_key, |v| self.slot(v.index()));
+        let ring = in_slots(ring, order_key, |v| self.slot(v.index()));
         match (has_slot, change) {
-            (false, Change::Split) => {
-                self.change(&reduced, &reduced.positive, &reduced.negative)?
-            }
-            (false, Change::Merge) => {
-                self.change(&reduced, &reduced.negative, &reduced.positive)?
-            }
-            (true, Change::Split) => self.split(vertex, reduced)?,
-            (true, Change::Merge) => self.merge(vertex, reduced)?,
+            (false, Change::Split) => self.change(ring.slots, ring.positive, ring.negative)?,
+            (false, Change::Merge) => self.change(ring.slots, ring.negative, ring.positive)?,
+            (true, Change::Split) => self.split(vertex, &ring)?,
+            (true, Change::Merge) => self.merge(vertex, &ring)?,
         }
         self.updates += 1;
         self.update_ms.push(begin.elapsed().as_secs_f64() * 1e3);
         Ok(())
     }
 
+    /// The ring of a vertex without unknowns: what the children are stiffer or softer.
     fn change(
         &mut self,
-        ring: &ReducedRing,
-        added: &Mat<f64>,
-        removed: &Mat<f64>,
+        slots: Vec<usize>,
+        added: Mat<f64>,
+        removed: Mat<f64>,
     ) -> Result<(), SimError> {
-        if ring.slots.is_empty() || added.ncols() + removed.ncols() == 0 {
+        if slots.is_empty() || added.ncols() + removed.ncols() == 0 {
             return Ok(());
         }
-        let (slots, added, removed) = (ring.slots.clone(), added.clone(), removed.clone());
         Ok(self.maintainer.change(&StiffnessChange { slots, added, removed })?)
     }
 
-    fn split(&mut self, vertex: VertexId, mut ring: ReducedRing) -> Result<(), SimError> {
-        if ring.negative.ncols() > 0 {
-            self.change(&ring, &ring.positive, &ring.negative)?;
-            ring.absorb_excess();
-        }
-        let slot = self.maintainer.split(&ring.into_change())?;
+    fn split(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
+        let slot = self.maintainer.split(ring)?;
         if self.slot_of.len() <= vertex.index() {
             self.slot_of.resize(vertex.index() + 1, NO_SLOT);
         }
@@ -178,35 +170,15 @@ impl InverseLink {
         Ok(())
     }
 
-    fn merge(&mut self, vertex: VertexId, ring: ReducedRing) -> Result<(), SimError> {
+    fn merge(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
         let slot = self.slot_of[vertex.index()];
-        if ring.negative.ncols() > 0 {
-            let mut conforming = ring.clone();
-            conforming.absorb_excess();
-            self.remove(slot, vertex, &conforming.into_change())?;
-            let moved = ReducedRing { slots: self.slots_again(&ring), ..ring };
-            return self.change(&moved, &moved.negative, &moved.positive);
-        }
-        self.remove(slot, vertex, &ring.into_change())
-    }
-
-    fn remove(
-        &mut self,
-        slot: usize,
-        vertex: VertexId,
-        change: &RingChange,
-    ) -> Result<(), SimError> {
-        self.maintainer.merge(slot, change)?;
+        self.maintainer.merge(slot, ring)?;
         self.vertex_of.swap_remove(slot);
         if let Some(moved) = self.vertex_of.get(slot) {
             self.slot_of[moved.index()] = slot;
         }
         self.slot_of[vertex.index()] = NO_SLOT;
         Ok(())
-    }
-
-    fn slots_again(&self, ring: &ReducedRing) -> Vec<usize> {
-        ring.vertices.iter().map(|v| self.slot_of[v.index()]).collect()
     }
 
     /// Has the maintainer look at a few random columns, and start afresh if they have drifted too
@@ -360,62 +332,14 @@ fn needs_slot(element: &dyn ElementFormulation, is_fixed: bool) -> bool {
     !is_fixed || element.unknowns() > DISPLACEMENTS
 }
 
-/// A [`RingStiffness`] on the vertices that have slots.
-#[derive(Clone)]
-struct ReducedRing {
-    slots: Vec<usize>,
-    vertices: Vec<VertexId>,
-    k_p: Mat<f64>,
-    k_c: Mat<f64>,
-    a12: Mat<f64>,
-    a22: Mat<f64>,
-    b: Mat<f64>,
-    positive: Mat<f64>,
-    negative: Mat<f64>,
+/// The hand-over of a ring whose vertices have slots.
+fn in_slots(
+    ring: RingStiffness,
     order_key: u64,
-}
-
-impl ReducedRing {
-    fn new(ring: &RingStiffness, order_key: u64, slot: impl Fn(VertexId) -> Option<usize>) -> Self {
-        let kept: Vec<usize> =
-            (0..ring.vertices.len()).filter(|&i| slot(ring.vertices[i]).is_some()).collect();
-        let block = ring.a22.nrows();
-        let row = |i: usize| block * kept[i / block] + i % block;
-        let n = block * kept.len();
-        let rows = |m: &Mat<f64>| Mat::from_fn(n, m.ncols(), |i, j| m[(row(i), j)]);
-        let square = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(row(i), row(j))]);
-        Self {
-            vertices: kept.iter().map(|&i| ring.vertices[i]).collect(),
-            slots: kept.iter().filter_map(|&i| slot(ring.vertices[i])).collect(),
-            k_p: square(&ring.k_p),
-            k_c: square(&ring.k_c),
-            a12: rows(&ring.a12),
-            a22: ring.a22.clone(),
-            b: rows(&ring.b),
-            positive: rows(&ring.positive),
-            negative: rows(&ring.negative),
-            order_key,
-        }
-    }
-
-    /// Moves the excess F Fᵀ − N Nᵀ into the coarse ring, which is then conforming.
-    fn absorb_excess(&mut self) {
-        self.k_p += &self.positive * self.positive.transpose();
-        self.k_p -= &self.negative * self.negative.transpose();
-        self.positive = Mat::zeros(self.positive.nrows(), 0);
-        self.negative = Mat::zeros(self.negative.nrows(), 0);
-    }
-
-    fn into_change(self) -> RingChange {
-        RingChange {
-            slots: self.slots,
-            k_p: self.k_p,
-            k_c: self.k_c,
-            a12: self.a12,
-            a22: self.a22,
-            b: self.b,
-            positive: self.positive,
-            order_key: self.order_key,
-        }
-    }
+    slot: impl Fn(VertexId) -> Option<usize>,
+) -> RingChange {
+    let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } =
+        ring.restricted(|v| slot(v).is_some());
+    let slots = vertices.into_iter().filter_map(slot).collect();
+    RingChange { slots, k_p, k_c, a12, a22, b, positive, negative, order_key }
 }

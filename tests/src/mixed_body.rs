@@ -3,9 +3,7 @@
 use faer::Mat;
 use nalgebra::DMatrix;
 use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1P1, RingStiffness, clamp};
-use yawara_inverse_update::{
-    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, build,
-};
+use yawara_inverse_update::{InverseError, InverseMaintainer, RingChange, SparseStiffness, build};
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
 
 use crate::organ::Organ;
@@ -85,11 +83,7 @@ impl MixedBody {
         let vertex = self.forest.split(p, &mut self.delta).expect("a candidate");
         let ring = self.ring(vertex);
         let key = Lattice::key(p);
-        let excess = self.excess(&ring);
-        if ring.negative.ncols() > 0 {
-            self.maintainer.change(&excess)?;
-        }
-        let slot = self.maintainer.split(&change(&ring, excess.slots, key))?;
+        let slot = self.maintainer.split(&self.change(ring, key))?;
         assert_eq!(slot, self.vertex_of.len());
         self.vertex_of.push(vertex);
         Ok(true)
@@ -110,13 +104,8 @@ impl MixedBody {
         self.forest.merge(vertex, &mut self.delta).expect("mergeable");
         let ring = self.ring(vertex);
         let slot = self.slot(vertex);
-        let excess = self.excess(&ring);
-        self.maintainer.merge(slot, &change(&ring, excess.slots, key))?;
+        self.maintainer.merge(slot, &self.change(ring, key))?;
         self.vertex_of.swap_remove(slot);
-        if ring.negative.ncols() > 0 {
-            let StiffnessChange { slots, added, removed } = self.excess(&ring);
-            self.maintainer.change(&StiffnessChange { slots, added: removed, removed: added })?;
-        }
         Ok(true)
     }
 
@@ -135,10 +124,10 @@ impl MixedBody {
         ring.clamp(|v| self.is_held(v), new_is_held, self.anchor)
     }
 
-    /// F Fᵀ − N Nᵀ as a change by itself.
-    fn excess(&self, ring: &RingStiffness) -> StiffnessChange {
-        let slots = ring.vertices.iter().map(|&v| self.slot(v)).collect();
-        StiffnessChange { slots, added: ring.positive.clone(), removed: ring.negative.clone() }
+    fn change(&self, ring: RingStiffness, order_key: u64) -> RingChange {
+        let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } = ring;
+        let slots = vertices.into_iter().map(|v| self.slot(v)).collect();
+        RingChange { slots, k_p, k_c, a12, a22, b, positive, negative, order_key }
     }
 
     /// K in slot order, from all tetrahedra.
@@ -161,24 +150,4 @@ impl MixedBody {
         }
         k
     }
-}
-
-/// The hand-over; where it has columns of both signs, for a coarse ring that already has them.
-fn change(ring: &RingStiffness, slots: Vec<usize>, order_key: u64) -> RingChange {
-    let mut change = RingChange {
-        slots,
-        k_p: ring.k_p.clone(),
-        k_c: ring.k_c.clone(),
-        a12: ring.a12.clone(),
-        a22: ring.a22.clone(),
-        b: ring.b.clone(),
-        positive: ring.positive.clone(),
-        order_key,
-    };
-    if ring.negative.ncols() > 0 {
-        change.k_p += &ring.positive * ring.positive.transpose();
-        change.k_p -= &ring.negative * ring.negative.transpose();
-        change.positive = Mat::zeros(ring.positive.nrows(), 0);
-    }
-    change
 }

@@ -83,6 +83,7 @@ fn bridge(slots: [usize; 2]) -> RingChange {
         a22: one,
         b: Mat::zeros(6, 3),
         positive,
+        negative: Mat::zeros(6, 0),
         order_key: 0,
     }
 }

@@ -94,7 +94,8 @@ impl Edit {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         let released = a22.half_solve(change.b.as_ref());
         let (lost, gained) = released.split_at_col(released.ncols() - negative);
-        let parts = [(change.positive.as_ref(), 1.0), (gained, 1.0), (lost, -1.0)];
+        let (more, less) = (change.positive.as_ref(), change.negative.as_ref());
+        let parts = [(more, 1.0), (gained, 1.0), (lost, -1.0), (less, -1.0)];
         let own = &change.a22;
         Ok(Self::Split {
             old: LowRank::new(&change.slots, &parts).compressed(),
@@ -117,7 +118,8 @@ impl Edit {
         let border = a22.half_solve(change.a12.as_ref());
         let first = border.ncols() - negative;
         let (comes, goes) = released.split_at_col(first);
-        let old = [(comes, 1.0), (goes, -1.0), (change.positive.as_ref(), -1.0)];
+        let (more, less) = (change.positive.as_ref(), change.negative.as_ref());
+        let old = [(comes, 1.0), (less, 1.0), (goes, -1.0), (more, -1.0)];
         let (goes, comes) = border.split_at_col(first);
         Ok(Self::Merge {
             slot,

@@ -112,6 +112,7 @@ impl Body {
             a22: turned(&a22),
             b: turned(&b),
             positive: Mat::zeros(r, 0),
+            negative: Mat::zeros(r, 0),
             order_key: key(place),
         };
         self.exchange(&near, &w, true);

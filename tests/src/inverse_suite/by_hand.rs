@@ -60,6 +60,7 @@ pub fn a_halved_spring_by_hand(name: &str) {
         a22: mat![[3.0]],
         b: mat![[0.0]],
         positive: Mat::zeros(1, 0),
+        negative: Mat::zeros(1, 0),
         order_key: 0,
     };
     assert_eq!(maintainer.merge(0, &stretch), Ok(Some(2)));
@@ -190,6 +191,7 @@ pub fn a_quasi_definite_vertex_by_hand(name: &str) {
         a22,
         b: Mat::zeros(2, 2),
         positive: Mat::zeros(2, 0),
+        negative: Mat::zeros(2, 0),
         order_key: 0,
     };
     assert_eq!(maintainer.split(&change), Ok(1));

@@ -21,6 +21,12 @@ struct Refinement {
     a22: DMatrix<f64>,
     b: DMatrix<f64>,
     positive: DMatrix<f64>,
+    negative: DMatrix<f64>,
+}
+
+/// A column at most 0.9 long.
+fn shrinking(column: &DMatrix<f64>, unit: f64) -> DMatrix<f64> {
+    column * (0.9 / column.norm().max(unit))
 }
 
 /// An independent model of K: it knows parts and names, and is assembled anew when asked.
@@ -150,9 +156,9 @@ impl Model {
     /// Adds a patch of stiffness `scale` on `vertices` and says how K changes.
     ///
     /// In the basis (u_old, d), d = u_M − H u_old, its refinement is
-    /// [K_p + F Fᵀ, b; bᵀ, A22] with b A22⁻¹ bᵀ = θ² W Wᵀ ≤ K_p, hence positive
-    /// semidefinite; in nodal values a12 = b − Hᵀ A22 and
-    /// K_c = K_p + F Fᵀ − b H − Hᵀ bᵀ + Hᵀ A22 H.
+    /// [K_p + F Fᵀ − N Nᵀ, b; bᵀ, A22] with K_p = W Wᵀ + E Eᵀ, b A22⁻¹ bᵀ = θ² W Wᵀ and
+    /// N Nᵀ ≤ E Eᵀ, hence positive semidefinite; in nodal values a12 = b − Hᵀ A22 and
+    /// K_c = K_p + F Fᵀ − N Nᵀ − b H − Hᵀ bᵀ + Hᵀ A22 H.
     pub(crate) fn add_patch(
         &mut self,
         vertices: Vec<usize>,
@@ -168,6 +174,7 @@ impl Model {
         let mut random = |rows, cols| DMatrix::from_fn(rows, cols, |_, _| unit * number());
         let (w, extra) = (random(r, m), random(r, 2));
         let positive = random(r, rank);
+        let negative = &extra * shrinking(&random(2, 1), unit);
         let spread = random(m, m);
         let a22 = &spread * spread.transpose() + DMatrix::identity(m, m) * scale;
         let theta = number().abs();
@@ -179,12 +186,13 @@ impl Model {
         }
         let k_p = &w * w.transpose() + &extra * extra.transpose();
         let a12 = &b - h.transpose() * &a22;
-        let k_c = &k_p + &positive * positive.transpose() - &b * &h - h.transpose() * b.transpose()
-            + h.transpose() * &a22 * &h;
+        let excess = &positive * positive.transpose() - &negative * negative.transpose();
+        let k_c =
+            &k_p + excess - &b * &h - h.transpose() * b.transpose() + h.transpose() * &a22 * &h;
         let added =
             DMatrix::from_fn(r, m + 2, |i, j| if j < m { w[(i, j)] } else { extra[(i, j - m)] });
         let removed = DMatrix::zeros(r, 0);
-        let refined = Refinement { k_p, k_c, a12, a22, b, positive };
+        let refined = Refinement { k_p, k_c, a12, a22, b, positive, negative };
         let change = self.change(&vertices, &added, &removed);
         self.patches.push(Patch { vertices, added, removed, refined, vertex: None });
         change
@@ -193,9 +201,10 @@ impl Model {
     /// The same for displacements u and pressures q: A and P are refined as above, each by itself;
     /// what couples u to q is arbitrary.
     ///
-    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ, b_uu; ·, A22_uu] with
-    /// b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ, and those of P are [4 V Vᵀ − F_q F_qᵀ, −b_qq; ·, p] with
-    /// F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ: all positive semidefinite.
+    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ − N_u N_uᵀ, b_uu; ·, A22_uu]
+    /// with b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ and N_u N_uᵀ ≤ E Eᵀ, and those of P are
+    /// [4 V Vᵀ − F_q F_qᵀ + N_q N_qᵀ, −b_qq; ·, p] with F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ:
+    /// all positive semidefinite.
     fn add_mixed_patch(
         &mut self,
         vertices: Vec<usize>,
@@ -219,6 +228,7 @@ impl Model {
         let coupling = [on(false, random(r, 1)), on(true, random(r, 1))];
         let spread = random(solid, solid);
         let (in_solid, own, gap) = (on(false, random(r, rank)), random(1, rank), random(m, 1));
+        let softer = &extra * shrinking(&random(2, 1), unit) + on(true, random(r, 1));
         let mixed = random(r, m);
         let theta = number().abs();
 
@@ -240,6 +250,7 @@ impl Model {
         });
         let share = own.norm().max(unit);
         let positive = in_solid + &v * own / share;
+        let negative = softer;
         let halves = [&coupling[0] + &coupling[1], &coupling[0] - &coupling[1]];
         let half = 0.5_f64.sqrt();
         let added = DMatrix::from_fn(r, solid + 3, |i, j| match j {
@@ -254,9 +265,10 @@ impl Model {
         }
         let k_p = &added * added.transpose() - &removed * removed.transpose();
         let a12 = &b - h.transpose() * &a22;
-        let k_c = &k_p + &positive * positive.transpose() - &b * &h - h.transpose() * b.transpose()
-            + h.transpose() * &a22 * &h;
-        let refined = Refinement { k_p, k_c, a12, a22, b, positive };
+        let excess = &positive * positive.transpose() - &negative * negative.transpose();
+        let k_c =
+            &k_p + excess - &b * &h - h.transpose() * b.transpose() + h.transpose() * &a22 * &h;
+        let refined = Refinement { k_p, k_c, a12, a22, b, positive, negative };
         let change = self.change(&vertices, &added, &removed);
         self.patches.push(Patch { vertices, added, removed, refined, vertex: None });
         change
@@ -294,6 +306,7 @@ impl Model {
             a22: to_faer(&refined.a22),
             b: on_rows(&refined.b),
             positive: on_rows(&refined.positive),
+            negative: on_rows(&refined.negative),
             order_key: 0,
         }
     }

@@ -103,6 +103,7 @@ pub fn a_split_to_indefinite_is_refused(name: &str) {
         a22: mat![[1.0]],
         b: mat![[3.0_f64.sqrt()]],
         positive: Mat::zeros(1, 0),
+        negative: Mat::zeros(1, 0),
         order_key: 0,
     };
     let error = refused(&mut maintainer, |m| m.split(&change));
@@ -124,6 +125,7 @@ pub fn a_merge_to_singular_is_refused(name: &str) {
             a22: mat![[1.0]],
             b: mat![[0.0]],
             positive: mat![[f]],
+            negative: Mat::zeros(1, 0),
             order_key: 0,
         };
         let error = refused(&mut maintainer, |m| m.merge(1, &change));
@@ -134,13 +136,14 @@ pub fn a_merge_to_singular_is_refused(name: &str) {
 /// Every matrix of a change, one row or column short or long.
 pub fn wrong_shapes_are_refused(name: &str) {
     let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
-    let fields: [(&str, Field); 6] = [
+    let fields: [(&str, Field); 7] = [
         ("k_p", |c| &mut c.k_p),
         ("k_c", |c| &mut c.k_c),
         ("a12", |c| &mut c.a12),
         ("a22", |c| &mut c.a22),
         ("b", |c| &mut c.b),
         ("positive", |c| &mut c.positive),
+        ("negative", |c| &mut c.negative),
     ];
     for (field, part) in fields {
         for (rows, cols) in [(0, 0), (3, 1), (1, 3), (3, 3)] {
@@ -165,18 +168,20 @@ pub fn wrong_shapes_are_refused(name: &str) {
 /// NaN and infinity in every place of every matrix.
 pub fn nan_and_infinity_are_refused(name: &str) {
     let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
-    let fields: [Field; 6] = [
+    let fields: [Field; 7] = [
         |c| &mut c.k_p,
         |c| &mut c.k_c,
         |c| &mut c.a12,
         |c| &mut c.a22,
         |c| &mut c.b,
         |c| &mut c.positive,
+        |c| &mut c.negative,
     ];
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for part in fields {
             let mut good = halved_spring();
             good.positive = Mat::zeros(2, 1);
+            good.negative = Mat::zeros(2, 1);
             let (rows, cols) = part(&mut good).shape();
             for (row, col) in (0..rows).flat_map(|i| (0..cols).map(move |j| (i, j))) {
                 let mut change = good.clone();

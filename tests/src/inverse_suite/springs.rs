@@ -30,6 +30,7 @@ pub(super) fn alone(a22: Mat<f64>) -> RingChange {
         a22,
         b: Mat::zeros(0, m),
         positive: Mat::zeros(0, 0),
+        negative: Mat::zeros(0, 0),
         order_key: 0,
     }
 }
@@ -49,6 +50,7 @@ pub(super) fn halved_spring() -> RingChange {
         a22: mat![[4.0]],
         b: mat![[0.0], [0.0]],
         positive: Mat::zeros(2, 0),
+        negative: Mat::zeros(2, 0),
         order_key: 0,
     }
 }
@@ -97,6 +99,7 @@ pub(super) fn hanger(slot: usize, s: f64) -> RingChange {
         a22: mat![[2.0]],
         b: mat![[0.0]],
         positive: mat![[s]],
+        negative: Mat::zeros(1, 0),
         order_key: 0,
     }
 }
