@@ -16,7 +16,8 @@ use super::pivot::BadPivot;
 use super::sweep::{Lane, Sweep, place};
 use super::symbolic::blocks;
 
-/// The most columns of a change that go together; more make several lanes.
+/// The most columns of a change to a positive definite K that go together; more make several
+/// lanes.
 const MOST: usize = 32;
 
 /// What a walk carries along, kept from one to the next.
@@ -117,13 +118,12 @@ impl Scratch {
             self.index_of[position as usize] = at as u32;
         }
         // A quasi-definite K keeps its inertia with all of the change alone, not with part of it.
-        let together = factor.negative > 0 && signs.len() <= MOST;
-        let of = |sign: f64| (0..signs.len()).filter(move |&q| together || signs[q] == sign);
-        let mut order: [Vec<usize>; 2] = [of(1.0).collect(), of(-1.0).collect()];
-        if together {
-            order[1].clear();
-        }
-        let parts = order.iter().flat_map(|one| one.chunks(MOST));
+        let of = |sign: f64| (0..signs.len()).filter(move |&q| signs[q] == sign);
+        let (order, most): (Vec<Vec<usize>>, usize) = match factor.negative {
+            0 => (vec![of(1.0).collect(), of(-1.0).collect()], MOST),
+            _ => (vec![(0..signs.len()).collect()], signs.len()),
+        };
+        let parts = order.iter().flat_map(|one| one.chunks(most));
         self.lanes.resize_with(parts.clone().count(), Lane::default);
         for (lane, part) in self.lanes.iter_mut().zip(parts) {
             lane.core.start(part.iter().map(|&q| signs[q]), factor.block);

@@ -232,3 +232,36 @@ pub fn a_stiff_spring_comes_and_goes(name: &str) {
         assert_eq!(maintainer.counts().rebuilds, 0);
     }
 }
+
+/// Twenty vertices change at once by a Aᵀ − b Bᵀ whose first part alone would turn every pressure's
+/// sign: a quasi-definite K bears the change as a whole only.
+pub fn a_wide_quasi_definite_change_is_one_change(name: &str) {
+    let (n, a) = (20, 100.0_f64);
+    let own = |u: f64, c: f64, q: f64| {
+        Mat::from_fn(2 * n, 2 * n, |i, j| match (i / 2 == j / 2, i % 2, j % 2) {
+            (false, ..) => 0.0,
+            (true, 0, 0) => u,
+            (true, 1, 1) => q,
+            _ => c,
+        })
+    };
+    let mut maintainer = maintain_mixed(name, &own(20.0, 0.0, -1.0)).unwrap();
+    let column = |u: f64, q: f64| {
+        Mat::from_fn(2 * n, n, |i, j| if i / 2 == j { [u, q][i % 2] } else { 0.0 })
+    };
+    let change = StiffnessChange {
+        slots: (0..n).collect(),
+        added: column(a.sqrt(), a.sqrt()),
+        removed: column(0.0, 2.0 * a.sqrt()),
+    };
+    maintainer.change(&change).unwrap();
+    let (u, c, q) = (20.0 + a, a, -1.0 - 3.0 * a);
+    let determinant = u * q - c * c;
+    let want = own(q / determinant, -c / determinant, u / determinant);
+    // C was of size 1 before, and what is taken off it is rounded to that.
+    let error = (inverse(&*maintainer) - want).norm_max();
+    assert!(error <= 100.0 * (2.0 * f64::EPSILON + residual(name)), "{name}: {error:e}");
+    if residual(name) == 0.0 {
+        assert_eq!(maintainer.counts().failed_pivots, 0, "{name}");
+    }
+}
