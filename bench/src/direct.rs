@@ -2,15 +2,10 @@
 
 use std::time::Instant;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::solvers::DenseSolveCore;
-use faer::perm::PermRef;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, Mat, Par, Side, get_global_parallelism, set_global_parallelism};
+use faer::{Mat, Par, Side, get_global_parallelism, set_global_parallelism};
+use yawara_embed::SparseCholesky;
 use yawara_inverse_update::{SparseStiffness, elimination_order};
 
 use crate::error::BenchError;
@@ -109,77 +104,11 @@ impl Solver {
             Self::Inverse(c) => Mat::from_fn(c.nrows(), 3 * slots.len(), |i, j| c[(i, column(j))]),
             Self::Factor(factor) => {
                 let unit = |i, j| if i == column(j) { 1.0 } else { 0.0 };
-                let mut columns = Mat::from_fn(factor.symbolic.nrows(), 3 * slots.len(), unit);
+                let mut columns = Mat::from_fn(factor.rows(), 3 * slots.len(), unit);
                 factor.solve_in_place(&mut columns);
                 columns
             }
         }
-    }
-}
-
-/// P K Pᵀ = L Lᵀ by faer.
-pub(crate) struct SparseCholesky {
-    symbolic: SymbolicCholesky<usize>,
-    values: Vec<f64>,
-}
-
-impl SparseCholesky {
-    /// Symbolic and numeric factorisation of the lower half of K, by approximate minimum degree
-    /// unless there is an order of the vertices, `block` rows each. None if K is not positive
-    /// definite.
-    pub fn new(
-        lower: &SparseColMat<usize, f64>,
-        order: Option<&[usize]>,
-        block: usize,
-    ) -> Option<Self> {
-        let permutation = order.map(|order| {
-            let forward: Vec<usize> =
-                order.iter().flat_map(|&v| block * v..block * (v + 1)).collect();
-            let mut inverse = vec![0; forward.len()];
-            forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
-            (forward, inverse)
-        });
-        let ordering = match &permutation {
-            Some((forward, inverse)) => {
-                SymmetricOrdering::Custom(PermRef::new_checked(forward, inverse, forward.len()))
-            }
-            None => SymmetricOrdering::Amd,
-        };
-        let parameters = CholeskySymbolicParams::default();
-        let symbolic =
-            factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters)
-                .ok()?;
-        let mut values = vec![0.0; symbolic.len_val()];
-        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                lower.as_ref(),
-                Side::Lower,
-                Default::default(),
-                Par::Seq,
-                MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
-                Default::default(),
-            )
-            .ok()?;
-        Some(Self { symbolic, values })
-    }
-
-    /// Numbers of L, zeros of supernodes included.
-    #[cfg(test)]
-    fn numbers(&self) -> usize {
-        self.values.len()
-    }
-
-    /// X ← K⁻¹ X.
-    pub fn solve_in_place(&self, x: &mut Mat<f64>) {
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
-        LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            x.as_mut(),
-            Par::Seq,
-            MemStack::new(&mut MemBuffer::new(scratch)),
-        );
     }
 }
 

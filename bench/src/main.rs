@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
 use yawara_bench::studies::{
-    Arguments, drift, elements, homogenisation, mesh, scaling, table1, validate,
+    Arguments, Common, drift, elements, homogenisation, mesh, scaling, table1, validate,
 };
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
@@ -33,14 +33,18 @@ enum Study {
     Drift(drift::Arguments),
     /// How the operations grow with the mesh, up to 30000 vertices.
     Scaling(Arguments),
-    /// The bisection forest: shapes, closures, cost of a split, volume to label tree.
-    Mesh(mesh::Arguments),
-    /// Coarse bodies against the fine one that they stand for, by every homogenisation.
-    Homogenisation(homogenisation::Arguments),
-    /// Linear tetrahedra towards incompressibility, with and without a pressure.
-    Elements(elements::Arguments),
-    /// Cases with a known solution: beams, spheres, rotation; errors and their slopes.
-    Validate(validate::Arguments),
+    /// The bisection forest: shapes, closures, cost of a split, volume to label tree (quick: up to
+    /// 10⁵ leaves and 128³ voxels instead of 10⁶ and 256³).
+    Mesh(Common),
+    /// Coarse bodies against the fine one that they stand for, by every homogenisation (quick: the
+    /// cases of the mean and the homogeneous one at three levels and ν = 0.3).
+    Homogenisation(Common),
+    /// Linear tetrahedra towards incompressibility, with and without a pressure (quick: meshes and
+    /// references half as fine).
+    Elements(Common),
+    /// Cases with a known solution: beams, spheres, rotation; errors and their slopes (quick: one
+    /// refinement less of each).
+    Validate(Common),
 }
 
 impl Study {

@@ -2,9 +2,10 @@
 
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};
+use yawara_embed::SparseCholesky;
 use yawara_inverse_update::SparseStiffness;
 
-use crate::direct::{Direct, SparseCholesky, lower_half};
+use crate::direct::{Direct, lower_half};
 use crate::error::BenchError;
 
 /// Up to so many rows the factor is dense LU, above it is sparse LLᵀ: LU would take longer than

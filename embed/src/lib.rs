@@ -33,7 +33,7 @@ pub use elasticity::{FineMaterial, Material, isotropic};
 pub use element::{LinearTet, Strain, strain_from_gradient, strain_operator};
 pub use embedding::Embedding;
 pub use error::EmbedError;
-pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields};
+pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
 pub use follower::Follower;
 pub use formulation::{
     ElementFormulation, FORMULATIONS, MixedModuli, P1, P1P1, formulation_by_name,

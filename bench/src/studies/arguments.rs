@@ -1,4 +1,4 @@
-//! What the studies over many sizes are asked for on the command line.
+//! What studies are asked for on the command line.
 
 use std::path::PathBuf;
 
@@ -8,6 +8,20 @@ use super::race::{BURST, Settings};
 use crate::direct::Direct;
 use crate::error::BenchError;
 use crate::machine::Machine;
+
+/// Where a study writes, and how much of it is run.
+#[derive(Args, Clone, Debug)]
+pub struct Common {
+    /// Where the tables and plots go: a new or empty directory.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// A part of the study that takes less than a minute; its page says which.
+    #[arg(long)]
+    pub quick: bool,
+    /// Write into a directory that is not empty.
+    #[arg(long)]
+    pub force: bool,
+}
 
 /// Sizes, limits and where to write.
 #[derive(Args, Clone, Debug)]

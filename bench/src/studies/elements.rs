@@ -1,13 +1,12 @@
 //! `elements`: what linear tetrahedra lose towards incompressibility, with and without a pressure.
 
 use std::fmt::Write;
-use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args;
 use serde::Serialize;
 use yawara_embed::{ElementFormulation, FORMULATIONS, P1P1, formulation_by_name};
 
+use super::arguments::Common;
 use super::json;
 use super::markdown::table;
 use crate::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
@@ -22,20 +21,6 @@ const SCHEMA: &str = "yawara-bench-elements-1";
 /// Poisson's ratios of the homogeneous block, and of the ball.
 const POISSON_RATIOS: [f64; 4] = [0.3, 0.45, 0.49, 0.4999];
 const SPHERE_RATIOS: [f64; 2] = [0.3, 0.49];
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    /// Where elements.csv, elements.json and the plot go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Meshes and references half as fine: seconds.
-    #[arg(long)]
-    pub quick: bool,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
-}
 
 /// Mean relative L² errors of an element under tension and shear.
 #[derive(Clone, Debug, Serialize)]
@@ -85,7 +70,7 @@ struct Report {
 /// # Errors
 /// [`BenchError`] for a directory that is in use (nothing is written then) or a mesh or factor that
 /// is refused.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
     let mut output = Output::create(&arguments.out, arguments.force)?;
     let report = Report::measure(arguments.quick)?;
     let text = report.markdown();
@@ -344,7 +329,7 @@ mod tests {
     #[test]
     fn files_are_written_as_documented() {
         let root = tempfile::tempdir().unwrap();
-        let arguments = Arguments { out: root.path().join("study"), quick: true, force: false };
+        let arguments = Common { out: root.path().join("study"), quick: true, force: false };
         let text = run(&arguments).unwrap();
         let read = |name: &str| std::fs::read_to_string(arguments.out.join(name)).unwrap();
         assert_eq!(read("elements.md"), text);

@@ -1,15 +1,14 @@
 //! `homogenisation`: how far coarse tetrahedra answer from the fine body that they stand for.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use clap::Args;
 use serde::Serialize;
 use yawara_embed::{CHOICES, DetailMesh, Embedding, by_name};
 use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::{CellGrid, LabelTree};
 
+use super::arguments::Common;
 use super::homogenisation_cases::{Block, CASES, Inside};
 use super::homogenisation_solve::{CubeMesh, Solution};
 use super::{homogenisation_tables, json};
@@ -17,20 +16,6 @@ use crate::error::BenchError;
 use crate::organ::organ_materials;
 use crate::output::Output;
 use crate::progress::Progress;
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    /// Where homogenisation.csv, .json, .md and .svg go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// The cases of the mean and the homogeneous one at three levels and ν = 0.3.
-    #[arg(long)]
-    pub quick: bool,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
-}
 
 /// One choice on one case.
 #[derive(Clone, Debug, Serialize)]
@@ -74,7 +59,7 @@ pub struct Report {
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments or a system that can't be solved; nothing is written then.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
     let mut output = Output::create(&arguments.out, arguments.force)?;
     let (ratios, levels): (&[f64], &[u8]) =
         if arguments.quick { (&[0.3], &[3]) } else { (&[0.3, 0.45, 0.49], &[3, 6]) };
@@ -238,7 +223,7 @@ mod tests {
     fn the_quick_study_holds_what_is_claimed() {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("study");
-        let text = run(&Arguments { out: out.clone(), quick: true, force: false }).unwrap();
+        let text = run(&Common { out: out.clone(), quick: true, force: false }).unwrap();
         assert_eq!(std::fs::read_to_string(out.join("homogenisation.md")).unwrap(), text);
         let json = std::fs::read_to_string(out.join("homogenisation.json")).unwrap();
         let value: serde_json::Value = serde_json::from_str(&json).unwrap();

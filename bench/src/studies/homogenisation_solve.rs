@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
-use yawara_embed::{DetailMesh, Embedding, LinearTet};
+use yawara_embed::{DetailMesh, Embedding, LinearTet, SparseCholesky};
 use yawara_inverse_update::{SparseStiffness, elimination_order};
 use yawara_mesh::{BisectionForest, Domain, Lattice, Placement, VertexId};
 
 use super::homogenisation_cases::{Block, VOXELS, VOXELS_PER_CELL};
-use crate::direct::{SparseCholesky, lower_half};
+use crate::direct::lower_half;
 use crate::error::BenchError;
 
 /// Tractions on the face z = 1: tension and shear.

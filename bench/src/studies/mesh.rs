@@ -1,34 +1,19 @@
 //! `mesh`: shapes, closures, the cost of a split, and what a volume costs to take in.
 
 use std::fmt::Write;
-use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
 
+use super::arguments::Common;
 use crate::error::BenchError;
 use crate::output::Output;
 use crate::plot::{Line, log_log, slope};
 use crate::random::SplitMix64;
 use crate::studies::mesh_updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
 use crate::studies::mesh_volumes::{self, VolumeRow};
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    /// Where mesh.csv, mesh.json and the plots go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Up to 10⁵ leaves and 128³ voxels instead of 10⁶ and 256³.
-    #[arg(long)]
-    pub quick: bool,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
-}
 
 /// A similarity class of tetrahedra.
 #[derive(Clone, Debug, Serialize)]
@@ -79,7 +64,7 @@ pub struct Report {
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments; nothing is written then.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
     let mut output = Output::create(&arguments.out, arguments.force)?;
     let (cells, sizes): (&[usize], &[usize]) = if arguments.quick {
         (&[3, 6, 13], &[64, 96, 128])

@@ -19,7 +19,7 @@ pub mod table1;
 pub mod table1_gpu;
 pub mod validate;
 
-pub use arguments::Arguments;
+pub use arguments::{Arguments, Common};
 
 use std::path::Path;
 

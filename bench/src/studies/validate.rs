@@ -6,31 +6,16 @@ mod paper_failure;
 mod spheres;
 
 use std::fmt::Write;
-use std::path::PathBuf;
 
-use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_corot::{Corotation, Direct, Equilibrium, NoCorotation, Tolerance};
 
+use super::arguments::Common;
 use crate::error::BenchError;
 use crate::output::Output;
 use crate::plot::{Line, log_log};
 use crate::statics::Statics;
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    /// Where validate.json, validate.csv, validate.md and the plots go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// One refinement less of each case: less than a minute.
-    #[arg(long)]
-    pub quick: bool,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
-}
 
 /// One figure against what it should be.
 #[derive(Clone, Debug, Serialize)]
@@ -200,7 +185,7 @@ fn figure(value: f64) -> String {
 ///
 /// # Errors
 /// [`BenchError`]; for bad arguments nothing is written.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
     let mut output = Output::create(&arguments.out, arguments.force)?;
     let report = Report::new(arguments.quick)?;
     let failure = paper_failure::Report::new(arguments.quick)?;

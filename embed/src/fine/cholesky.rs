@@ -26,16 +26,10 @@ impl FineStiffness {
         let [softest, stiffest] = self.moduli;
         let refused = || EmbedError::FineFactor { rows: 3 * self.vertices(), softest, stiffest };
         let lower = self.lower_half();
-        let (symbolic, values) = factor(&lower, order).ok_or_else(refused)?;
+        let factor = SparseCholesky::new(&lower, Some(order), 3).ok_or_else(refused)?;
         let solve = |loads: &[SixFields]| {
             let mut x = Mat::from_fn(3 * loads.len(), 6, |i, k| loads[i / 3][(i % 3, k)]);
-            let scratch = symbolic.solve_in_place_scratch::<f64>(6, Par::Seq);
-            LltRef::new(&symbolic, &values).solve_in_place_with_conj(
-                Conj::No,
-                x.as_mut(),
-                Par::Seq,
-                MemStack::new(&mut MemBuffer::new(scratch)),
-            );
+            factor.solve_in_place(&mut x);
             let six = |v: usize| SixFields::from_fn(|axis, k| x[(3 * v + axis, k)]);
             (0..loads.len()).map(six).collect::<Vec<_>>()
         };
@@ -73,31 +67,80 @@ impl FineStiffness {
     }
 }
 
-fn factor(
-    lower: &SparseColMat<usize, f64>,
-    order: &[usize],
-) -> Option<(SymbolicCholesky<usize>, Vec<f64>)> {
-    let forward: Vec<usize> = order.iter().flat_map(|&v| 3 * v..3 * (v + 1)).collect();
-    let mut inverse = vec![0; forward.len()];
-    forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
-    let ordering =
-        SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
-    let parameters = CholeskySymbolicParams::default();
-    let symbolic =
-        factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()?;
-    let mut values = vec![0.0; symbolic.len_val()];
-    // One thread: the result must not depend on how many there are.
-    let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-    symbolic
-        .factorize_numeric_llt(
-            &mut values,
-            lower.as_ref(),
-            Side::Lower,
-            Default::default(),
+/// P K Pᵀ = L Lᵀ by faer, in one thread: the result must not depend on how many there are.
+pub struct SparseCholesky {
+    symbolic: SymbolicCholesky<usize>,
+    values: Vec<f64>,
+}
+
+impl SparseCholesky {
+    /// Symbolic and numeric factorisation of the lower half of K, n × n, by approximate minimum
+    /// degree unless there is an order of its n / `block` vertices, `block` rows each: the vertex
+    /// to be eliminated first comes first.
+    ///
+    /// None if K is not positive definite, or for want of memory. Cost: O(n²) for a body's K.
+    ///
+    /// # Panics
+    /// If `order` is no permutation of the vertices.
+    pub fn new(
+        lower: &SparseColMat<usize, f64>,
+        order: Option<&[usize]>,
+        block: usize,
+    ) -> Option<Self> {
+        let permutation = order.map(|order| {
+            let forward: Vec<usize> =
+                order.iter().flat_map(|&v| block * v..block * (v + 1)).collect();
+            let mut inverse = vec![0; forward.len()];
+            forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
+            (forward, inverse)
+        });
+        let ordering = match &permutation {
+            Some((forward, inverse)) => {
+                SymmetricOrdering::Custom(PermRef::new_checked(forward, inverse, forward.len()))
+            }
+            None => SymmetricOrdering::Amd,
+        };
+        let parameters = CholeskySymbolicParams::default();
+        let symbolic =
+            factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters)
+                .ok()?;
+        let mut values = vec![0.0; symbolic.len_val()];
+        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        symbolic
+            .factorize_numeric_llt(
+                &mut values,
+                lower.as_ref(),
+                Side::Lower,
+                Default::default(),
+                Par::Seq,
+                MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
+                Default::default(),
+            )
+            .ok()?;
+        Some(Self { symbolic, values })
+    }
+
+    /// Rows of K.
+    pub fn rows(&self) -> usize {
+        self.symbolic.nrows()
+    }
+
+    /// Numbers of L, zeros of supernodes included.
+    pub fn numbers(&self) -> usize {
+        self.values.len()
+    }
+
+    /// X ← K⁻¹ X. Cost: two passes over L a column.
+    ///
+    /// # Panics
+    /// If X has not as many rows as K.
+    pub fn solve_in_place(&self, x: &mut Mat<f64>) {
+        let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
+            Conj::No,
+            x.as_mut(),
             Par::Seq,
-            MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
-            Default::default(),
-        )
-        .ok()?;
-    Some((symbolic, values))
+            MemStack::new(&mut MemBuffer::new(scratch)),
+        );
+    }
 }

@@ -15,7 +15,7 @@ use crate::element::LinearTet;
 use crate::error::EmbedError;
 use crate::materials::Materials;
 
-pub use cholesky::DIRECT_VERTICES;
+pub use cholesky::{DIRECT_VERTICES, SparseCholesky};
 pub(crate) use grid::FineGrid;
 pub(crate) use stiffness::FineStiffness;
 
