@@ -175,3 +175,102 @@ impl Corotation for ImplicitEuler<'_> {
         stiffness * self.corotation.stiffness_scale(body) + mass_per_s2 * self.step.heaviest
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ElementCorotation;
+    use nalgebra::{Matrix3, Rotation3};
+    use yawara_embed::{LinearTet, isotropic};
+
+    const CORNERS: [[f64; 3]; 4] =
+        [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
+
+    fn body() -> (Body, Vec<Vector3<f64>>) {
+        let x: Vec<Vector3<f64>> = CORNERS.map(Vector3::from).to_vec();
+        let mut body = Body::new();
+        body.insert(Element {
+            tet: TetId(3),
+            vertices: [0, 1, 2, 3],
+            geometry: LinearTet::new(&CORNERS.map(Vector3::from)),
+            elasticity: isotropic(1e3, 0.3),
+            rotation: Matrix3::identity(),
+        });
+        (body, x)
+    }
+
+    fn step(mass: Mass, alpha: f64, beta: f64, velocity: Vector3<f64>) -> EulerStep {
+        let (body, x) = body();
+        let weights = EulerWeights::new(mass, 0.1, alpha, beta).unwrap();
+        EulerStep::new(weights, 0.1, &body, &x, &[velocity; 4], |_| 12.0)
+    }
+
+    fn forces(step: &EulerStep, body: &mut Body, x: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let mut forces = vec![Vector3::zeros(); 4];
+        ImplicitEuler::new(&ElementCorotation, step).internal_forces(body, x, &mut forces);
+        forces
+    }
+
+    #[test]
+    fn a_body_that_moves_on_feels_only_damping_by_mass() {
+        let v = Vector3::new(0.3, -0.2, 0.7);
+        for mass in [Mass::Consistent, Mass::Lumped] {
+            let (mut body, x) = body();
+            let moved: Vec<_> = x.iter().map(|x| x + 0.1 * v).collect();
+            let still = forces(&step(mass, 0.0, 0.2, v), &mut body, &moved);
+            assert!(still.iter().all(|f| f.norm() < 1e-10), "{still:?}");
+            let kg = 12.0 * body.elements()[0].geometry.volume;
+            for f in forces(&step(mass, 2.0, 0.2, v), &mut body, &moved) {
+                assert!((f - 2.0 * 0.25 * kg * v).norm() < 1e-10, "{f}");
+            }
+        }
+    }
+
+    #[test]
+    fn damping_by_stiffness_resists_stretching_and_lets_turning_be() {
+        let (mut body, x) = body();
+        let stretched: Vec<_> = x.iter().map(|x| x * 1.01).collect();
+        let turn = Rotation3::from_scaled_axis(Vector3::new(0.3, 0.5, -0.2));
+        let turned: Vec<_> = x.iter().map(|x| turn * x).collect();
+        let zero = Vector3::zeros();
+        let (bare, damped) =
+            (step(Mass::Consistent, 0.0, 0.0, zero), step(Mass::Consistent, 0.0, 0.3, zero));
+        let mut elastic = vec![zero; 4];
+        ElementCorotation.internal_forces(&mut body, &stretched, &mut elastic);
+        // The strain has grown from nothing to ε in a step: β/h = 3 times its force.
+        let without = forces(&bare, &mut body, &stretched);
+        let with = forces(&damped, &mut body, &stretched);
+        for i in 0..4 {
+            assert!((with[i] - without[i] - 3.0 * elastic[i]).norm() < 1e-9, "{i}");
+        }
+        let without = forces(&bare, &mut body, &turned);
+        let with = forces(&damped, &mut body, &turned);
+        (0..4).for_each(|i| assert!((with[i] - without[i]).norm() < 1e-9, "{i}"));
+    }
+
+    #[test]
+    fn the_tangent_is_the_derivative_without_damping() {
+        for mass in [Mass::Consistent, Mass::Lumped] {
+            let step = step(mass, 1.5, 0.0, Vector3::new(1.0, 0.0, 0.5));
+            let (mut body, mut x) = body();
+            x[1] += Vector3::new(0.05, 0.1, -0.02);
+            forces(&step, &mut body, &x);
+            let euler = ImplicitEuler::new(&ElementCorotation, &step);
+            let tangent = euler.tangent(&body.elements()[0], &x).unwrap();
+            let h = 1e-6;
+            for column in 0..12 {
+                let at = x[column / 3][column % 3];
+                x[column / 3][column % 3] = at + h;
+                let up = forces(&step, &mut body, &x);
+                x[column / 3][column % 3] = at - h;
+                let down = forces(&step, &mut body, &x);
+                x[column / 3][column % 3] = at;
+                for row in 0..12 {
+                    let slope = (up[row / 3][row % 3] - down[row / 3][row % 3]) / (2.0 * h);
+                    let off = (slope - tangent[(row, column)]).abs();
+                    assert!(off < 1e-6 * tangent.amax(), "({row}, {column}): {off}");
+                }
+            }
+        }
+    }
+}

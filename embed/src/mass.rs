@@ -21,9 +21,7 @@ impl Mass {
     /// The 4×4 matrix of the corners, kg, of a tetrahedron of `mass_kg`; the same for each axis.
     pub fn matrix(self, mass_kg: f64) -> Matrix4<f64> {
         match self {
-            Self::Consistent => {
-                (Matrix4::identity() + Matrix4::repeat(1.0)) * (mass_kg / 20.0)
-            }
+            Self::Consistent => (Matrix4::identity() + Matrix4::repeat(1.0)) * (mass_kg / 20.0),
             Self::Lumped => Matrix4::identity() * (0.25 * mass_kg),
         }
     }
@@ -125,7 +123,8 @@ impl<const M: usize, const N: usize> RingPart<M, N> {
         self.straight *= factor;
         self.coupling *= factor;
         self.own *= factor;
-        let scale = |columns: &mut Vec<SVector<f64, N>>| columns.iter_mut().for_each(|c| *c *= root);
+        let scale =
+            |columns: &mut Vec<SVector<f64, N>>| columns.iter_mut().for_each(|c| *c *= root);
         scale(&mut self.positive);
         scale(&mut self.negative);
         self.edge *= root;

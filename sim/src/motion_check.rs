@@ -29,8 +29,7 @@ impl Check<'_> {
             self.that(slow, key, vector, "at most 1e6 in each axis")?;
         }
         for (i, material) in scene.materials.iter().enumerate() {
-            let (key, density) =
-                (format!("materials[{i}].density_kg_m3"), material.density_kg_m3);
+            let (key, density) = (format!("materials[{i}].density_kg_m3"), material.density_kg_m3);
             self.that(density > 0.0, &key, density, "more than 0: a dynamic body has mass")?;
         }
         Ok(())

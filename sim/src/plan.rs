@@ -19,7 +19,12 @@ const FREE: &str = "with inertia no part need be held";
 pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, element: &str) -> Vec<PlanRow> {
     let mut rows = match &start.origin {
         Origin::Image(setup) => {
-            vec![image(setup), mesh(scene, setup), domain(scene, setup), homogenisation(setup, stages)]
+            vec![
+                image(setup),
+                mesh(scene, setup),
+                domain(scene, setup),
+                homogenisation(setup, stages),
+            ]
         }
         Origin::MeshFile(mesh) => mesh_file(scene, mesh, stages),
     };

@@ -128,7 +128,13 @@ impl Simulation {
         let density = |tet| state.cell(tet).density_kg_m3;
         let (body, vertices) = (&state.body, state.vertices());
         let inverse = InverseLink::with_densities(
-            body, &density, formulation, vertices, is_fixed, key, &inverse,
+            body,
+            &density,
+            formulation,
+            vertices,
+            is_fixed,
+            key,
+            &inverse,
         )?;
         let motion = Motion::new(scene, &axes, &mut state)?;
         plan.push(plan::inverse(scene, &inverse));
@@ -184,8 +190,11 @@ impl Simulation {
         let outcome = self.advance(span, &mut times)?;
         let force = self.tool_force(self.reached_s);
         // What is no equilibrium says nothing about where to refine.
-        let remeshed =
-            if outcome.converged { self.remesh(step, begin, &mut times)? } else { Remeshed::default() };
+        let remeshed = if outcome.converged {
+            self.remesh(step, begin, &mut times)?
+        } else {
+            Remeshed::default()
+        };
         if remeshed.splits + remeshed.merges > 0 {
             self.inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
         }

@@ -239,11 +239,7 @@ impl Simulation {
         self.internal.resize(self.state.positions.len(), Vector3::zeros());
         let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
         let corotation = moving.as_ref().map_or(&*self.corotation, |moving| moving);
-        corotation.internal_forces(
-            &mut self.state.body,
-            &self.state.positions,
-            &mut self.internal,
-        );
+        corotation.internal_forces(&mut self.state.body, &self.state.positions, &mut self.internal);
     }
 
     /// Loads at time `t` within `step`: weight, and what tools have just let go of.

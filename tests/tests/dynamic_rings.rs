@@ -73,7 +73,8 @@ fn check(
     let fine = assemble(element, &all, children, embedding, position);
     let r = m * ring.vertices.len();
     let largest = |first: usize, count: usize| {
-        (0..r).filter(|i| (first..first + count).contains(&(i % m)))
+        (0..r)
+            .filter(|i| (first..first + count).contains(&(i % m)))
             .map(|i| fine[(i, i)].abs().max(coarse[(i, i)].abs()))
             .fold(0.0, f64::max)
     };

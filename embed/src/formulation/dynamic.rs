@@ -226,7 +226,11 @@ impl EulerWeights {
 fn append(matrix: &mut Mat<f64>, column: Option<Vec<f64>>, m: usize) {
     let Some(column) = column else { return };
     let (rows, before) = (matrix.nrows(), matrix.ncols());
-    matrix.resize_with(rows, before + 3, |i, j| {
-        if i % m == j - before { column[i / m] } else { 0.0 }
-    });
+    matrix.resize_with(
+        rows,
+        before + 3,
+        |i, j| {
+            if i % m == j - before { column[i / m] } else { 0.0 }
+        },
+    );
 }
