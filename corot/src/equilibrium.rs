@@ -133,7 +133,7 @@ impl Problem<'_> {
             }
         }
         let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
-        let rounding = f64::EPSILON * self.body.stiffness_scale() * norm(positions);
+        let rounding = f64::EPSILON * self.corotation.stiffness_scale(self.body) * norm(positions);
         let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
         match squares.sqrt() {
             0.0 => 0.0,

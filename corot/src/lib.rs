@@ -16,6 +16,7 @@ mod element_reference;
 mod equilibrium;
 mod error;
 mod fallback;
+mod implicit_euler;
 mod lanes;
 mod lbfgs;
 mod line_search;
@@ -41,6 +42,7 @@ pub use element_reference::ElementReference;
 pub use equilibrium::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 pub use error::CorotError;
 pub use fallback::Fallback;
+pub use implicit_euler::{EulerStep, ImplicitEuler};
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;
 pub use no_corotation::NoCorotation;
@@ -77,6 +79,12 @@ pub trait Corotation: Send + Sync {
     /// its forces.
     fn carries_pressures(&self) -> bool {
         false
+    }
+
+    /// A bound on the entries of ∂f_int/∂x, N/m: what rounding of positions does to forces goes
+    /// with it.
+    fn stiffness_scale(&self, body: &Body) -> f64 {
+        body.stiffness_scale()
     }
 }
 

@@ -172,4 +172,14 @@ pub enum EmbedError {
         /// The smallest eigenvalue, Pa, or NaN.
         eigenvalue: f64,
     },
+    /// A step, or a damping, that implicit Euler can't take.
+    #[error("the {what} is {value}, want {want}")]
+    StepWeight {
+        /// Which one.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+        /// What it should be.
+        want: &'static str,
+    },
 }

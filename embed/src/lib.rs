@@ -23,6 +23,7 @@ mod fine;
 mod follower;
 mod formulation;
 mod homogenisation;
+mod mass;
 mod materials;
 mod packed;
 mod ring;
@@ -36,12 +37,14 @@ pub use error::EmbedError;
 pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
 pub use follower::Follower;
 pub use formulation::{
-    ElementFormulation, FORMULATIONS, MixedModuli, P1, P1P1, formulation_by_name,
+    Dynamic, ElementFormulation, EulerWeights, FORMULATIONS, MixedModuli, P1, P1P1,
+    dynamic_by_name, formulation_by_name,
 };
 pub use homogenisation::{
     CHOICES, ChildPair, Excess, GlobalHomogenisation, Homogenisation, Kharevych, Laminate, Linear,
     Paper, ParentMaterial, by_name,
 };
+pub use mass::Mass;
 pub use materials::{MaterialOfVoxel, Materials};
 pub use packed::Packed6;
 pub use ring::{Halved, RingPart, RingStiffness};

@@ -45,6 +45,8 @@ pub struct Halved {
     pub end: usize,
     /// Both halves.
     pub pair: ChildPair,
+    /// Their mean densities, kg/m³; the parent's is the mean of both.
+    pub density: [f64; 2],
     /// Elasticity D_p of the whole, Pa.
     pub elasticity: Matrix6<f64>,
     /// ½(D₁+D₂) − D_p.
@@ -75,7 +77,7 @@ pub struct RingPart<const M: usize, const N: usize> {
 }
 
 impl Halved {
-    fn new(
+    pub(crate) fn new(
         parent: &Tet,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
@@ -86,6 +88,7 @@ impl Halved {
             geometry,
             end: bisected_corner(parent.level),
             pair,
+            density: embedding.tree().children(parent.node).map(|half| embedding.density(half)),
             elasticity: embedding.elasticity(parent.node),
             excess: combined.excess,
         }

@@ -174,7 +174,8 @@ fn held_parts(
         held.sort_unstable();
         held.dedup();
         let held: Vec<_> = held.iter().map(|&v| mesh.points()[v as usize]).collect();
-        if spans_a_plane(&held) {
+        // With inertia nothing need be held.
+        if scene.dynamics.is_some() || spans_a_plane(&held) {
             kept.extend_from_slice(component);
         } else {
             excluded += 1;

@@ -11,7 +11,7 @@ use yawara_embed::{ElementFormulation, RingStiffness, clamp};
 use yawara_inverse_update::{
     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
-use yawara_mesh::{Change, VertexId};
+use yawara_mesh::{Change, TetId, VertexId};
 
 use crate::error::SimError;
 
@@ -55,6 +55,23 @@ impl InverseLink {
         order_key: impl Fn(VertexId) -> u64,
         factory: &InverseFactory,
     ) -> Result<Self, SimError> {
+        Self::with_densities(body, &|_| 0.0, element, vertices, is_fixed, order_key, factory)
+    }
+
+    /// As [`new`](Self::new), for an element whose [matrix](ElementFormulation::matrix) has a mass;
+    /// `density` by tetrahedron, kg/m³.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_densities(
+        body: &Body,
+        density: &dyn Fn(TetId) -> f64,
+        element: Box<dyn ElementFormulation>,
+        vertices: impl Iterator<Item = VertexId>,
+        is_fixed: impl Fn(usize) -> bool,
+        order_key: impl Fn(VertexId) -> u64,
+        factory: &InverseFactory,
+    ) -> Result<Self, SimError> {
         let vertex_of: Vec<VertexId> =
             vertices.filter(|v| needs_slot(element.as_ref(), is_fixed(v.index()))).collect();
         let capacity = body.elements().iter().flat_map(|e| e.vertices).max().map_or(0, |v| v + 1);
@@ -73,7 +90,7 @@ impl InverseLink {
         for tet in body.elements() {
             let slots = tet.vertices.map(|v| slot_of[v]);
             let kept: Vec<usize> = (0..4).filter(|&i| slots[i] != NO_SLOT).collect();
-            let mut k = element.stiffness(&tet.geometry, &tet.elasticity);
+            let mut k = element.matrix(&tet.geometry, &tet.elasticity, density(tet.tet));
             clamp(&mut k, &tet.vertices.map(&is_fixed));
             let row = |i: usize| m * kept[i / m] + i % m;
             let rows = m * kept.len();

@@ -12,6 +12,8 @@ pub mod indicator;
 mod inverse_link;
 mod label_floor;
 mod material_check;
+mod motion;
+mod motion_check;
 pub mod output;
 mod parts;
 mod plan;

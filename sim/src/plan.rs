@@ -6,25 +6,35 @@ use crate::element_choice;
 use crate::fixed_mesh::FixedMesh;
 use crate::inverse_link::InverseLink;
 use crate::report::PlanRow;
-use crate::scene::{Scene, Tool};
+use crate::scene::{MassModel, Scene, Tool};
 use crate::setup::Setup;
 use crate::stages::{AUTO, Stages};
 use crate::start::{Origin, Start};
 use crate::surfaces::surface_level;
 
+/// Why a body with inertia keeps all of its parts.
+const FREE: &str = "with inertia no part need be held";
+
 /// The plan of a scene, in the order of the pipeline.
 pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, element: &str) -> Vec<PlanRow> {
     let mut rows = match &start.origin {
         Origin::Image(setup) => {
-            vec![image(setup), mesh(scene, setup), domain(setup), homogenisation(setup, stages)]
+            vec![
+                image(setup),
+                mesh(scene, setup),
+                domain(scene, setup),
+                homogenisation(setup, stages),
+            ]
         }
-        Origin::MeshFile(mesh) => mesh_file(mesh, stages),
+        Origin::MeshFile(mesh) => mesh_file(scene, mesh, stages),
     };
     rows.extend([
         row("element", element, true, element_choice::reason(scene, stages, element)),
         row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
+        dynamics(scene),
         refinement(scene, stages),
+        budget(scene),
         compliance(scene),
         surface(scene, start),
     ]);
@@ -32,8 +42,9 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, element: &str)
 }
 
 /// The rows of a mesh that is what it is.
-fn mesh_file(mesh: &FixedMesh, stages: &Stages) -> Vec<PlanRow> {
+fn mesh_file(scene: &Scene, mesh: &FixedMesh, stages: &Stages) -> Vec<PlanRow> {
     let domain = match mesh.excluded_components {
+        0 if scene.dynamics.is_some() => row("domain", "all parts", true, FREE),
         0 => row("domain", "all parts", true, "every part is held by a fixed region"),
         parts => row(
             "domain",
@@ -114,8 +125,12 @@ fn mesh(scene: &Scene, setup: &Setup) -> PlanRow {
     row("mesh", "bisection", true, why)
 }
 
-fn domain(setup: &Setup) -> PlanRow {
+fn domain(scene: &Scene, setup: &Setup) -> PlanRow {
     let domain = &setup.summary.domain;
+    if scene.dynamics.is_some() {
+        let why = format!("{} part(s) joined by faces; {FREE}", domain.components);
+        return row("domain", "all parts", true, why);
+    }
     let (kept, cells, voxels) = domain.total(true);
     let (excluded, without_cells, without_voxels) = domain.total(false);
     let mut why = format!(
@@ -199,6 +214,34 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
         why += &format!("; {place}");
     }
     row("inverse update", name, scene.mesh.refines(), why)
+}
+
+fn dynamics(scene: &Scene) -> PlanRow {
+    let Some(dynamics) = &scene.dynamics else {
+        return row("dynamics", "none", false, "no [dynamics]: every step is an equilibrium");
+    };
+    let mass = match dynamics.mass {
+        MassModel::Consistent => "consistent",
+        MassModel::Lumped => "lumped",
+    };
+    let why = format!(
+        "{mass} mass, damping {} /s by mass and {} s by stiffness, steps of {} s",
+        dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
+    );
+    row("dynamics", "implicit Euler", true, why)
+}
+
+fn budget(scene: &Scene) -> PlanRow {
+    let refines = scene.mesh.path.is_none() && scene.mesh.refines();
+    let splits = scene.refinement.max_splits_per_step;
+    let mut why = format!("at most {splits} splits a step, the others wait and are counted");
+    match (scene.budget.step_ms, scene.budget.realtime) {
+        (Some(ms), true) => why += &format!("; none later than {ms} ms after a step began"),
+        (Some(ms), false) => why += &format!("; {ms} ms do not count: budget.realtime is false"),
+        (None, _) => {}
+    }
+    let why = if refines { why } else { "nothing is refined".into() };
+    row("budget", "splits", refines, why)
 }
 
 fn compliance(scene: &Scene) -> PlanRow {

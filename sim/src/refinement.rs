@@ -7,7 +7,9 @@ use yawara_corot::rotation::polar_warm;
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet, MixedModuli};
 use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId};
+use yawara_mesh::{
+    BisectionForest, ClosureQueue, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId,
+};
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
@@ -35,6 +37,8 @@ pub(crate) struct Refiner {
     delta: MeshDelta,
     ring: Vec<Tet>,
     members: Vec<RingMember>,
+    /// Splits that are wanted, as last measured.
+    waiting: ClosureQueue,
 }
 
 /// What one round of remeshing did.
@@ -49,6 +53,14 @@ pub(crate) struct Demand<'a> {
     pub rules: &'a Refinement,
     pub max_vertices: usize,
     pub indicator: &'a dyn Indicator,
+    /// When the time for splits is over.
+    pub deadline: Option<Instant>,
+}
+
+impl Demand<'_> {
+    fn is_over(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
 }
 
 impl Refiner {
@@ -74,6 +86,7 @@ impl Refiner {
             delta: MeshDelta::empty(),
             ring: Vec::new(),
             members: Vec::new(),
+            waiting: ClosureQueue::new(),
         };
         let mut state = State::new(body);
         for v in refiner.forest.vertices() {
@@ -108,6 +121,11 @@ impl Refiner {
         self.measured.get(tet.index()).copied().unwrap_or(0.0)
     }
 
+    /// Splits that are wanted and have to wait.
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
     /// Merges where the indicator has become small, then splits where it is large.
     pub fn remesh(
         &mut self,
@@ -119,7 +137,7 @@ impl Refiner {
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
         let leaving = self.wanted_merges(state, step, demand);
-        let arriving = self.wanted_splits(state, demand);
+        self.rank_splits(state, demand)?;
         times.indicator_ms = milliseconds(begin);
 
         let begin = Instant::now();
@@ -129,10 +147,12 @@ impl Refiner {
             self.merge(state, v, inverse)?;
             done.merges += 1;
         }
-        for p in arriving {
-            if self.forest.vertex_count() >= demand.max_vertices {
+        for _ in 0..demand.rules.max_splits_per_step {
+            let full = self.forest.vertex_count() >= demand.max_vertices;
+            let Some((p, _)) = self.waiting.best().filter(|_| !full && !demand.is_over()) else {
                 break;
-            }
+            };
+            self.waiting.remove(p);
             // A merge of this round may have taken an older vertex that `p` needs.
             if self.forest.split_ring(p, &mut self.ring) {
                 self.split(state, p, step, inverse)?;
@@ -144,12 +164,12 @@ impl Refiner {
         Ok(done)
     }
 
-    /// Points to split at, largest indicator first.
-    fn wanted_splits(&mut self, state: &State, demand: &Demand<'_>) -> Vec<Point> {
-        let rules = demand.rules;
-        let mut wanted: Vec<(f64, Point)> = Vec::new();
+    /// Has all splits that are wanted now wait, the largest indicator first. What waited before is
+    /// measured again with all others: no wish outlives its cause, and none loses its place.
+    fn rank_splits(&mut self, state: &State, demand: &Demand<'_>) -> Result<(), SimError> {
         self.measured.clear();
         self.measured.resize(self.forest.tet_capacity(), 0.0);
+        self.waiting.clear();
         for p in self.forest.candidates() {
             if !self.forest.split_ring(p, &mut self.ring) {
                 continue;
@@ -158,14 +178,12 @@ impl Refiner {
             for tet in &self.ring {
                 self.measured[tet.id.index()] = value;
             }
-            if value > rules.split_above {
-                wanted.push((value, p));
+            if value > demand.rules.split_above {
+                // Beyond all numbers is still a wish like others.
+                self.waiting.push(p, value.min(f64::MAX))?;
             }
         }
-        // Candidates come in the order of their keys, and the sort is stable.
-        wanted.sort_by(|a, b| b.0.total_cmp(&a.0));
-        wanted.truncate(rules.max_splits_per_step);
-        wanted.into_iter().map(|(_, p)| p).collect()
+        Ok(())
     }
 
     fn wanted_merges(&mut self, state: &State, step: usize, demand: &Demand<'_>) -> Vec<VertexId> {
@@ -201,9 +219,14 @@ impl Refiner {
         };
         let (halves, parent) = self.embedding.combine(tet.node, &geometry, tet.level);
         let f = geometry.gradient(&tet.vertices.map(|v| state.positions[v.index()]));
+        let [a, b] = [0, bisected_corner(tet.level)].map(|corner| tet.vertices[corner].index());
+        // A vertex that came in since the last evaluation has no rotation of its own yet.
+        let turned = |v: usize| state.body.vertex_rotations().get(v).copied();
         RingMember {
             parent,
             halves,
+            edge: state.rest[b] - state.rest[a],
+            end_rotations: [a, b].map(|v| turned(v).unwrap_or_else(Matrix3::identity)),
             deformation_gradient: f,
             rotation: rotation.unwrap_or_else(|| {
                 polar_warm(&f, &state.body.vertex_rotations()[tet.vertices[0].index()])
@@ -238,6 +261,8 @@ impl Refiner {
         inverse: &mut InverseLink,
     ) -> Result<(), SimError> {
         let position = self.embedded_midpoint(state);
+        let mut around = old_vertices(&self.ring);
+        let momentum = state.momentum_of(&around);
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         let vertex = self.forest.split(p, &mut delta)?;
         let rest = self.placement.position(p);
@@ -247,14 +272,20 @@ impl Refiner {
         state.add_vertex(vertex, rest, position, if held { ends[0] } else { Hold::Free });
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
         state.body.set_pressure(vertex.index(), 0.5 * (a + b));
+        let [a, b] = delta.edge.map(|v| state.velocities[v.index()]);
+        state.velocities[vertex.index()] = 0.5 * (a + b);
         self.born.resize(state.vertex_capacity(), 0);
         self.born[vertex.index()] = step;
         for ring_tet in &delta.ring {
-            let parent = state.body.remove(ring_tet.parent.id);
+            let parent = state.remove_tet(ring_tet.parent.id);
             let rotation = parent.map_or_else(Matrix3::identity, |e| e.rotation);
             for child in &ring_tet.children {
                 self.add_tet(state, child, rotation);
             }
+        }
+        if state.is_dynamic {
+            around.push(vertex.index());
+            state.pass_on(&around, momentum);
         }
         self.update_inverse(state, &delta, inverse)?;
         self.delta = delta;
@@ -269,14 +300,22 @@ impl Refiner {
     ) -> Result<(), SimError> {
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         self.forest.merge(vertex, &mut delta)?;
+        let parents: Vec<Tet> = delta.ring.iter().map(|ring_tet| ring_tet.parent).collect();
+        let mut around = old_vertices(&parents);
+        around.push(vertex.index());
+        let momentum = state.momentum_of(&around);
         for ring_tet in &delta.ring {
             let mut rotation = Matrix3::identity();
             for child in &ring_tet.children {
-                if let Some(element) = state.body.remove(child.id) {
+                if let Some(element) = state.remove_tet(child.id) {
                     rotation = element.rotation;
                 }
             }
             self.add_tet(state, &ring_tet.parent, rotation);
+        }
+        if state.is_dynamic {
+            around.pop();
+            state.pass_on(&around, momentum);
         }
         self.update_inverse(state, &delta, inverse)?;
         state.remove_vertex(vertex);
@@ -295,6 +334,15 @@ impl Refiner {
         let key = Lattice::key(self.forest.point(delta.vertex));
         inverse.apply(delta.change, delta.vertex, is_fixed, key, ring)
     }
+}
+
+/// Each vertex of the parents of a ring once.
+fn old_vertices(ring: &[Tet]) -> Vec<usize> {
+    let mut vertices: Vec<usize> =
+        ring.iter().flat_map(|tet| tet.vertices).map(VertexId::index).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
 }
 
 /// μ q̄/κ where there are pressures.

@@ -53,6 +53,8 @@ pub struct StepReport {
     pub splits: usize,
     /// Vertices that went out.
     pub merges: usize,
+    /// Splits that were wanted too but exceed the budget: of splits, of vertices or of time.
+    pub waiting: usize,
     /// Applications of the inverse.
     pub iterations: usize,
     /// Parts into which the step had to be cut (1 = whole).
@@ -171,6 +173,10 @@ pub struct MeshSummary {
     pub splits: usize,
     /// Vertices that went out.
     pub merges: usize,
+    /// The largest number of splits that had to wait at a step's end.
+    pub waiting_max: usize,
+    /// How many still wait at the end.
+    pub waiting_end: usize,
     /// 3 r/R of the worst tetrahedron that ever was.
     pub worst_radius_ratio: f64,
     /// Circumradius over shortest edge of the worst tetrahedron that ever was.
@@ -227,6 +233,21 @@ pub struct ForceSummary {
     pub end_n: f64,
 }
 
+/// How a dynamic body moves; scanner axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Momentum {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass, m.
+    pub centre_m: [f64; 3],
+    /// Momentum, N s.
+    pub linear_n_s: [f64; 3],
+    /// Angular momentum about the centre of mass, N m s.
+    pub angular_n_m_s: [f64; 3],
+    /// Kinetic energy, J.
+    pub kinetic_j: f64,
+}
+
 /// A whole run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -250,6 +271,9 @@ pub struct Summary {
     pub inverse: InverseSummary,
     /// The force on the tools.
     pub force: ForceSummary,
+    /// How a dynamic body moves at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Momentum>,
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,

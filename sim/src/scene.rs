@@ -38,12 +38,18 @@ pub struct Scene {
     pub tools: Vec<Tool>,
     /// Steps and their length.
     pub time: Time,
+    /// Motion with inertia; without it every step is an equilibrium.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dynamics: Option<Dynamics>,
     /// Which implementation of each stage.
     #[serde(default)]
     pub stages: StageNames,
     /// When to split and merge.
     #[serde(default)]
     pub refinement: Refinement,
+    /// How much time a step has for refinement.
+    #[serde(default)]
+    pub budget: Budget,
     /// When a step counts as solved.
     #[serde(default)]
     pub solver: Solver,
@@ -264,6 +270,44 @@ pub struct Refinement {
     pub dwell_steps: usize,
     /// Splits in one step at most, largest indicator first.
     pub max_splits_per_step: usize,
+}
+
+/// Motion with inertia, by implicit Euler.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Dynamics {
+    /// How mass lies on vertices.
+    pub mass: MassModel,
+    /// α of the damping α M v + β K v, 1/s: slows down all motion.
+    pub damping_mass_per_s: f64,
+    /// β, s: slows down changes of strain.
+    pub damping_stiffness_s: f64,
+    /// Velocity of all free vertices at the start in scanner axes, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Angular velocity at the start, about the centre of mass, in scanner axes, rad/s.
+    pub spin_rad_s: [f64; 3],
+}
+
+/// How mass lies on vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MassModel {
+    /// That of velocities linear in every tetrahedron.
+    #[default]
+    Consistent,
+    /// A quarter of a tetrahedron's mass on each corner.
+    Lumped,
+}
+
+/// How much time a step has for refinement.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Budget {
+    /// No vertex comes in later than this after the step began, ms; acts with `realtime` alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_ms: Option<f64>,
+    /// Whether the clock may decide: the same scene then no longer gives the same bytes.
+    pub realtime: bool,
 }
 
 /// When a step counts as solved.

@@ -51,6 +51,7 @@ impl Scene {
         }
         check.stages(self)?;
         check.numbers(self)?;
+        check.dynamics(self)?;
         check.output(self)
     }
 }
@@ -68,7 +69,7 @@ impl Check<'_> {
         Err(SimError::Value { place, key: key.into(), value, want: want.into() })
     }
 
-    fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {
+    pub fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {
         self.that(value > 0.0 && value.is_finite(), key, value, "finite and more than 0")
     }
 
@@ -76,7 +77,7 @@ impl Check<'_> {
         self.that(value.is_finite(), key, value, "a finite number")
     }
 
-    fn vector(&self, key: &str, vector: &[f64; 3]) -> Result<(), SimError> {
+    pub fn vector(&self, key: &str, vector: &[f64; 3]) -> Result<(), SimError> {
         vector.iter().enumerate().try_for_each(|(i, &x)| self.finite(&format!("{key}[{i}]"), x))
     }
 

@@ -17,11 +17,16 @@ use crate::scene::Scene;
 use key_path::{KeyPath, Step};
 use overrides::Override;
 
-const BUILT_IN: [(&str, &str); 6] = [
+const BUILT_IN: [(&str, &str); 11] = [
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver_ct", include_str!("../scenes/liver_ct.toml")),
     ("beam", include_str!("../scenes/beam.toml")),
     ("twist", include_str!("../scenes/twist.toml")),
+    ("drop", include_str!("../scenes/drop.toml")),
+    ("stiff", include_str!("../scenes/stiff.toml")),
+    ("near_incompressible", include_str!("../scenes/near_incompressible.toml")),
+    ("extreme", include_str!("../scenes/extreme.toml")),
+    ("homogeneous", include_str!("../scenes/homogeneous.toml")),
     ("abdomen_ct", include_str!("../scenes/abdomen_ct.toml")),
     ("organs_ct", include_str!("../scenes/organs_ct.toml")),
 ];

@@ -158,7 +158,9 @@ impl Setup {
             .filter(|&v| self.is_fixed(scene, v) && touches_solid(&self.volume, &self.rest(v)))
             .map(|v| self.forest.point(v))
             .collect();
-        if fixed.is_empty() {
+        // With inertia nothing need be held.
+        let all = scene.dynamics.is_some();
+        if fixed.is_empty() && !all {
             return Err(self.nothing_fixed());
         }
         let mut domain = self.forest.domain().clone();
@@ -176,7 +178,7 @@ impl Setup {
             spans_a_plane(&held)
         };
         let voxels = parts::solid_voxels(&self.volume, self.tree.grid());
-        let found = parts::summary(&components, is_held, &voxels);
+        let found = parts::summary(&components, |part| all || is_held(part), &voxels);
         if found.kept == 0 {
             return Err(self.nothing_fixed());
         }

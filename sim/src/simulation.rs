@@ -1,11 +1,11 @@
 //! The time loop: tools, equilibrium, indicator, splits and merges, inverse.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use yawara_corot::{Corotation, Equilibrium};
-use yawara_embed::{Embedding, formulation_by_name};
+use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, TetId, VertexId};
 
@@ -14,6 +14,7 @@ use crate::error::SimError;
 use crate::frame;
 use crate::indicator::Indicator;
 use crate::inverse_link::InverseLink;
+use crate::motion::{self, Motion};
 use crate::plan;
 use crate::refinement::{Demand, Refiner, Remeshed, milliseconds};
 use crate::report::{BodySummary, Frame, PlanRow, StageTimes, StepReport, Summary};
@@ -51,6 +52,8 @@ pub struct Simulation {
     pub(crate) internal: Vec<Vector3<f64>>,
     /// Time up to which equilibrium has been followed, s: behind the clock after a failed step.
     pub(crate) reached_s: f64,
+    /// None for a quasi-static scene.
+    pub(crate) motion: Option<Motion>,
     /// Forces that a tool has just let go of; they fade to zero within the step of the release.
     pub(crate) fading: Vec<(VertexId, Vector3<f64>)>,
     pub(crate) tally: Tally,
@@ -84,7 +87,7 @@ impl Simulation {
         let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
         let (mut body_summary, mut volume) = (None, None);
-        let (state, refiner, surfaces) = match origin {
+        let (mut state, refiner, surfaces) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty_body(element)), None, None),
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials);
@@ -118,10 +121,22 @@ impl Simulation {
             Some(refiner) => Lattice::key(refiner.forest.point(v)),
             None => organ.grid_key(&state.rest[v.index()]),
         };
-        let formulation = formulation_by_name(element)?;
-        let vertices = state.vertices();
-        let inverse =
-            InverseLink::new(&state.body, formulation, vertices, is_fixed, key, &inverse)?;
+        let formulation = match motion::weights(scene)? {
+            Some(weights) => dynamic_by_name(element, weights)?,
+            None => formulation_by_name(element)?,
+        };
+        let density = |tet| state.cell(tet).density_kg_m3;
+        let (body, vertices) = (&state.body, state.vertices());
+        let inverse = InverseLink::with_densities(
+            body,
+            &density,
+            formulation,
+            vertices,
+            is_fixed,
+            key,
+            &inverse,
+        )?;
+        let motion = Motion::new(scene, &axes, &mut state)?;
         plan.push(plan::inverse(scene, &inverse));
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
@@ -141,6 +156,7 @@ impl Simulation {
             surfaces,
             inverse,
             reached_s: 0.0,
+            motion,
             fading: Vec::new(),
         })
     }
@@ -148,6 +164,10 @@ impl Simulation {
     /// What runs, what does not, and why.
     pub fn plan(&self) -> &[PlanRow] {
         &self.plan
+    }
+
+    pub(crate) fn axes(&self) -> &ScannerAxes {
+        &self.axes
     }
 
     /// Steps still to be made.
@@ -170,8 +190,11 @@ impl Simulation {
         let outcome = self.advance(span, &mut times)?;
         let force = self.tool_force(self.reached_s);
         // What is no equilibrium says nothing about where to refine.
-        let remeshed =
-            if outcome.converged { self.remesh(step, &mut times)? } else { Remeshed::default() };
+        let remeshed = if outcome.converged {
+            self.remesh(step, begin, &mut times)?
+        } else {
+            Remeshed::default()
+        };
         if remeshed.splits + remeshed.merges > 0 {
             self.inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
         }
@@ -182,6 +205,7 @@ impl Simulation {
             tets: self.state.tet_count(),
             splits: remeshed.splits,
             merges: remeshed.merges,
+            waiting: self.refiner.as_ref().map_or(0, Refiner::waiting),
             iterations: outcome.iterations,
             substeps: outcome.substeps,
             fallbacks: outcome.fallbacks,
@@ -194,11 +218,20 @@ impl Simulation {
         Ok(report)
     }
 
-    fn remesh(&mut self, step: usize, times: &mut StageTimes) -> Result<Remeshed, SimError> {
+    /// The splits and merges of a step that began at `begin`.
+    fn remesh(
+        &mut self,
+        step: usize,
+        begin: Instant,
+        times: &mut StageTimes,
+    ) -> Result<Remeshed, SimError> {
         let Some(refiner) = self.refiner.as_mut().filter(|_| self.scene.mesh.refines()) else {
             return Ok(Remeshed::default());
         };
+        let budget = &self.scene.budget;
+        let allowed = budget.step_ms.filter(|_| budget.realtime);
         let demand = Demand {
+            deadline: allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3)),
             rules: &self.scene.refinement,
             max_vertices: self.scene.mesh.max_vertices,
             indicator: self.indicator.as_ref(),
@@ -217,6 +250,13 @@ impl Simulation {
             })
             .collect();
         if leaving.is_empty() {
+            return;
+        }
+        if self.motion.is_some() {
+            // Inertia takes the place of the hold: there is nothing to follow slowly.
+            for v in leaving {
+                self.state.holds[v.index()] = Hold::Free;
+            }
             return;
         }
         // Vertices may have come in since the last solve.
@@ -253,6 +293,9 @@ impl Simulation {
             _ => Vec::new(),
         };
         let body = self.body_summary.as_ref();
-        Ok(self.tally.summary(&self.scene, &self.plan, body, &self.inverse, surfaces))
+        let mut summary =
+            self.tally.summary(&self.scene, &self.plan, body, &self.inverse, surfaces);
+        summary.motion = self.momentum();
+        Ok(summary)
     }
 }

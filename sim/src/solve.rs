@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::tools::{Grab, Hold};
 
 /// A part of a step, from one time to another, s.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Span {
     pub from: f64,
     pub to: f64,
@@ -120,6 +120,7 @@ impl Simulation {
         times: &mut StageTimes,
     ) -> Result<StepOutcome, SimError> {
         let mut total = StepOutcome::default();
+        self.set_off(step);
         let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {
@@ -166,6 +167,7 @@ impl Simulation {
         if total.converged {
             self.fading.clear();
         }
+        self.arrive();
         Ok(total)
     }
 
@@ -177,9 +179,13 @@ impl Simulation {
         times: &mut StageTimes,
     ) -> Result<yawara_corot::Outcome, SimError> {
         let begin = Instant::now();
-        let external = self.loads(step, span.to);
+        let mut external = self.loads(step, span.to);
+        self.ease_in(step, span.to, &mut external);
         // Elements and vertices may have come in since the last solve: renew their rotations.
         self.evaluate_forces();
+        if span == step {
+            self.coast();
+        }
         let held = Held::new(&self.state, &self.inverse)?;
         let moved = held.drag(&self.state, &self.tools, span.to)?;
         times.tool_ms += milliseconds(begin);
@@ -198,9 +204,10 @@ impl Simulation {
         };
         self.state.positions = moved.positions;
         self.state.body.set_pressures(&moved.pressures);
+        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
         let mut problem = Problem {
             body: &mut self.state.body,
-            corotation: self.corotation.as_ref(),
+            corotation: moving.as_ref().map_or(&*self.corotation, |moving| moving),
             external: &external,
             free: &held.free,
             inverse: &inverse,
@@ -230,11 +237,9 @@ impl Simulation {
     /// Renews rotations and internal forces at the current positions.
     pub(crate) fn evaluate_forces(&mut self) {
         self.internal.resize(self.state.positions.len(), Vector3::zeros());
-        self.corotation.internal_forces(
-            &mut self.state.body,
-            &self.state.positions,
-            &mut self.internal,
-        );
+        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
+        let corotation = moving.as_ref().map_or(&*self.corotation, |moving| moving);
+        corotation.internal_forces(&mut self.state.body, &self.state.positions, &mut self.internal);
     }
 
     /// Loads at time `t` within `step`: weight, and what tools have just let go of.
@@ -248,7 +253,7 @@ impl Simulation {
     }
 
     /// Weight of each vertex: a quarter of each element's mass; it grows over the first step.
-    fn weights(&self, t: f64) -> Vec<Vector3<f64>> {
+    pub(crate) fn weights(&self, t: f64) -> Vec<Vector3<f64>> {
         let mut weights = vec![Vector3::zeros(); self.state.positions.len()];
         let gravity = self.gravity * (t / self.scene.time.step_s).min(1.0);
         if gravity == Vector3::zeros() {

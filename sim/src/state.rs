@@ -23,6 +23,12 @@ pub(crate) struct State {
     pub rest: Vec<Vector3<f64>>,
     pub positions: Vec<Vector3<f64>>,
     pub holds: Vec<Hold>,
+    /// By vertex number, m/s; zero in a quasi-static body.
+    pub velocities: Vec<Vector3<f64>>,
+    /// A quarter of the mass of each vertex's tetrahedra, kg.
+    pub masses: Vec<f64>,
+    /// Whether velocities mean anything.
+    pub is_dynamic: bool,
     is_active: Vec<bool>,
     vertex_count: usize,
     /// By tetrahedron number.
@@ -94,10 +100,13 @@ impl State {
             self.rest.resize(at + 1, Vector3::zeros());
             self.positions.resize(at + 1, Vector3::zeros());
             self.holds.resize(at + 1, Hold::Free);
+            self.velocities.resize(at + 1, Vector3::zeros());
+            self.masses.resize(at + 1, 0.0);
         }
         self.is_active[at] = true;
         self.vertex_count += 1;
         (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
+        (self.velocities[at], self.masses[at]) = (Vector3::zeros(), 0.0);
     }
 
     /// `vertex` goes out.
@@ -114,6 +123,16 @@ impl State {
             self.cells.resize(at + 1, Cell::default());
         }
         self.cells[at] = cell;
+        let quarter = 0.25 * element.geometry.volume * cell.density_kg_m3;
+        element.vertices.iter().for_each(|&v| self.masses[v] += quarter);
         self.body.insert(element);
+    }
+
+    /// A tetrahedron goes out; its element, if it was there.
+    pub fn remove_tet(&mut self, tet: TetId) -> Option<Element> {
+        let element = self.body.remove(tet)?;
+        let quarter = 0.25 * element.geometry.volume * self.cell(tet).density_kg_m3;
+        element.vertices.iter().for_each(|&v| self.masses[v] -= quarter);
+        Some(element)
     }
 }

@@ -23,6 +23,8 @@ pub(crate) struct Tally {
     tets: Range,
     splits: usize,
     merges: usize,
+    waiting_max: usize,
+    waiting_end: usize,
     worst: Quality,
     steps: usize,
     converged: usize,
@@ -46,6 +48,8 @@ impl Tally {
             tets: count(state.tet_count()),
             splits: 0,
             merges: 0,
+            waiting_max: 0,
+            waiting_end: 0,
             worst: worst_quality(state),
             steps: 0,
             converged: 0,
@@ -74,6 +78,8 @@ impl Tally {
         self.steps += 1;
         self.splits += report.splits;
         self.merges += report.merges;
+        self.waiting_max = self.waiting_max.max(report.waiting);
+        self.waiting_end = report.waiting;
         if report.splits > 0 {
             self.worst = self.worst.worse(worst_quality(state));
         }
@@ -112,6 +118,8 @@ impl Tally {
                 tets: self.tets,
                 splits: self.splits,
                 merges: self.merges,
+                waiting_max: self.waiting_max,
+                waiting_end: self.waiting_end,
                 worst_radius_ratio: self.worst.radius_ratio,
                 worst_circumradius_over_shortest_edge: self.worst.circumradius_over_shortest_edge,
             },
@@ -135,6 +143,7 @@ impl Tally {
                 drift_max: inverse.drift_max,
             },
             force: ForceSummary { max_n: self.force_max, end_n: self.force_end },
+            motion: None,
             surfaces,
             wall_s: self.begin.elapsed().as_secs_f64(),
         }

@@ -54,6 +54,10 @@ pub fn summary(summary: &Summary) -> String {
             mesh.merges
         ),
     );
+    if mesh.waiting_max > 0 {
+        let (most, end) = (mesh.waiting_max, mesh.waiting_end);
+        line("budget", format!("up to {most} wanted splits had to wait, {end} do at the end"));
+    }
     line(
         "shapes",
         format!(
@@ -71,6 +75,19 @@ pub fn summary(summary: &Summary) -> String {
     );
     line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    if let Some(motion) = &summary.motion {
+        let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        line(
+            "motion",
+            format!(
+                "{:.4} kg, {:.3e} N s, {:.3e} N m s about the centre of mass, {:.3e} J kinetic",
+                motion.mass_kg,
+                size(motion.linear_n_s),
+                size(motion.angular_n_m_s),
+                motion.kinetic_j
+            ),
+        );
+    }
     for surface in &summary.surfaces {
         line(
             "surface",

@@ -1,5 +1,6 @@
 //! The unknowns of a tetrahedron and its matrices: the swappable element.
 
+mod dynamic;
 mod p1;
 mod p1p1;
 
@@ -12,6 +13,7 @@ use crate::embedding::Embedding;
 use crate::error::EmbedError;
 use crate::ring::RingStiffness;
 
+pub use dynamic::{Dynamic, EulerWeights, dynamic_by_name};
 pub use p1::P1;
 pub use p1p1::{MixedModuli, P1P1};
 
@@ -34,6 +36,18 @@ pub trait ElementFormulation: Send + Sync {
     /// `elasticity` has to be symmetric positive definite (Pa); another one gives NaN, which every
     /// assembly refuses. Cost: some thousand flops.
     fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64>;
+
+    /// The matrix that the inverse is of, in the same unknowns: the stiffness, and what else the
+    /// element has of `density_kg_m3`; N/m.
+    fn matrix(
+        &self,
+        geometry: &LinearTet,
+        elasticity: &Matrix6<f64>,
+        density_kg_m3: f64,
+    ) -> Mat<f64> {
+        let _ = density_kg_m3;
+        self.stiffness(geometry, elasticity)
+    }
 
     /// The hand-over of a split or merge to the inverse; `position` gives rest positions (m) of
     /// old vertices.

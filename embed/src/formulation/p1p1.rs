@@ -120,7 +120,7 @@ impl P1P1 {
     }
 
     /// The share of one parent.
-    fn part(&self, halved: &Halved) -> RingPart<4, 16> {
+    pub(super) fn part(&self, halved: &Halved) -> RingPart<4, 16> {
         let pieces = Pieces::new(halved, self.stabilisation);
         let (positive, negative) = pieces.excess_columns(halved);
         RingPart {

@@ -1,6 +1,7 @@
 //! What asks for refinement: the swappable stage.
 
 mod energy;
+mod rotation;
 mod volume;
 
 use nalgebra::{Matrix3, Vector3};
@@ -9,6 +10,7 @@ use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gra
 use crate::error::SimError;
 
 pub use energy::Energy;
+pub use rotation::Rotation;
 pub use volume::{Volume, child_volume_ratios};
 
 /// A tetrahedron of a ring in its current state.
@@ -24,6 +26,10 @@ pub struct RingMember {
     pub deformation_gradient: Matrix3<f64>,
     /// Rotation nearest to it.
     pub rotation: Matrix3<f64>,
+    /// The bisected edge at rest, X_b − X_a, m.
+    pub edge: Vector3<f64>,
+    /// Rotations of the vertices at its ends a and b.
+    pub end_rotations: [Matrix3<f64>; 2],
     /// The dilation that its pressure stands for, μ q̄/κ; none without pressures.
     pub pressed_dilation: Option<f64>,
     /// True where it holds void only.
@@ -62,7 +68,7 @@ pub trait Indicator: Send {
 }
 
 /// Scene names of the built-in indicators.
-pub const CHOICES: &[&str] = &["energy", "volume"];
+pub const CHOICES: &[&str] = &["energy", "volume", "rotation"];
 
 /// A built-in indicator.
 ///
@@ -72,6 +78,7 @@ pub fn by_name(name: &str) -> Result<Box<dyn Indicator>, SimError> {
     match name {
         "energy" => Ok(Box::new(Energy)),
         "volume" => Ok(Box::new(Volume)),
+        "rotation" => Ok(Box::new(Rotation)),
         _ => Err(SimError::UnknownIndicator { name: name.into(), choices: CHOICES }),
     }
 }

@@ -3,13 +3,14 @@
 use crate::report::StepReport;
 
 /// The first line: column names.
-pub(super) const HEADER: &str = "step,time_s,vertices,tets,splits,merges,iterations,substeps,\
+pub(super) const HEADER: &str = "step,time_s,vertices,tets,splits,merges,waiting,iterations,substeps,\
     fallbacks,residual,converged,force_x_n,force_y_n,force_z_n,\
     tool_ms,solve_ms,indicator_ms,remesh_ms,inverse_ms\n";
 
 /// The line of a step; floats in the shortest form that reads back to the same number.
 pub(super) fn line(step: &StepReport) -> String {
-    let counts = [step.vertices, step.tets, step.splits, step.merges, step.iterations];
+    let StepReport { vertices, tets, splits, merges, waiting, iterations, .. } = *step;
+    let counts = [vertices, tets, splits, merges, waiting, iterations];
     let [force_x, force_y, force_z] = step.force_n;
     let times = &step.times;
     let tail = [
@@ -49,6 +50,7 @@ mod tests {
             tets: 3000,
             splits: 4,
             merges: 5,
+            waiting: 11,
             iterations: 6,
             substeps: 2,
             fallbacks: 3,
@@ -71,7 +73,7 @@ mod tests {
         assert_eq!(value("time_s").parse::<f64>().unwrap(), step.time_s);
         assert_eq!(value("residual"), "1e-7");
         assert_eq!((value("vertices"), value("tets")), ("728", "3000"));
-        assert_eq!((value("splits"), value("merges")), ("4", "5"));
+        assert_eq!((value("splits"), value("merges"), value("waiting")), ("4", "5", "11"));
         let counts = ["iterations", "substeps", "fallbacks"].map(value);
         assert_eq!(counts, ["6", "2", "3"]);
         assert_eq!((value("converged"), value("force_x_n")), ("true", "-1.5"));

@@ -11,8 +11,8 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region, Scene, Solver,
-    StageNames, SurfaceEntry, Time, Tool, Void,
+    Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region,
+    Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -279,8 +279,10 @@ fn example(phantom: Phantom) -> Scene {
         gravity_m_s2: [0.0; 3],
         tools: vec![grab(boxed), grab(sphere)],
         time: Time { steps: 1, step_s: 0.1 },
+        dynamics: Some(Dynamics::default()),
         stages: StageNames::default(),
         refinement: Refinement::default(),
+        budget: Budget { step_ms: Some(10.0), realtime: true },
         solver: Solver::default(),
         output: Output {
             surface_level: Some(9),

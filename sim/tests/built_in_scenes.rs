@@ -1,0 +1,73 @@
+//! Hard scenes end converged, with what it took counted.
+
+use yawara::report::Summary;
+use yawara::{Simulation, Stages, scene_file};
+
+fn run(name: &str) -> (Summary, f64) {
+    let (scene, _) = scene_file::load(name, &[]).unwrap();
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    while simulation.steps_left() > 0 {
+        let report = simulation.step().unwrap();
+        assert!(report.converged, "{name}: {report:?}");
+        assert!(report.residual <= scene.solver.residual);
+    }
+    let frame = simulation.frame().unwrap();
+    let largest = frame.displacement_mm.iter().flatten().fold(0.0, |m: f64, u| {
+        assert!(u.is_finite());
+        m.max(u.abs())
+    });
+    let summary = simulation.summary().unwrap();
+    let steps = &summary.steps;
+    assert_eq!(steps.converged, steps.count);
+    println!("{name}: {:?}, {} halvings", steps.converged_by, steps.halvings);
+    assert!(steps.converged_by.values().sum::<usize>() >= steps.count);
+    // The monitor's bound: beyond it the inverse has started afresh.
+    let inverse = &summary.inverse;
+    let watched = inverse.drift_max <= 1e-8 || inverse.drift_rebuilds > 0;
+    assert!(watched, "{name}: {:e}", inverse.drift_max);
+    (summary, largest)
+}
+
+#[test]
+fn drop_swings() {
+    let (summary, _) = run("drop");
+    let motion = summary.motion.unwrap();
+    assert!(motion.kinetic_j > 0.0 && summary.mesh.splits > 0);
+    // Let go level, it hangs below its fixed end on the mean.
+    assert!(motion.centre_m[2] < 0.0, "{motion:?}");
+}
+
+#[test]
+fn stiff_comes_back() {
+    let (summary, largest_mm) = run("stiff");
+    assert!(summary.mesh.splits > 0 && summary.force.max_n > 0.0);
+    assert!(largest_mm < 1e-2, "{largest_mm} mm");
+}
+
+#[test]
+fn near_incompressible_comes_back() {
+    let (summary, largest_mm) = run("near_incompressible");
+    assert!(summary.plan.iter().any(|row| row.stage == "element" && row.choice == "p1p1"));
+    assert!(summary.mesh.splits > 0);
+    assert!(largest_mm < 1e-2, "{largest_mm} mm");
+}
+
+#[test]
+fn extreme_comes_back() {
+    let (summary, largest_mm) = run("extreme");
+    assert!(summary.force.max_n > 0.0);
+    assert!(largest_mm < 1e-2, "{largest_mm} mm");
+}
+
+#[test]
+fn homogeneous_leaves_out_what_it_does_not_need() {
+    let (summary, largest_mm) = run("homogeneous");
+    let left_out: Vec<&str> =
+        summary.plan.iter().filter(|row| !row.runs).map(|row| &row.stage[..]).collect();
+    for stage in ["homogenisation", "dynamics", "refinement", "inverse update", "surface"] {
+        assert!(left_out.contains(&stage), "{stage} runs: {left_out:?}");
+    }
+    assert!(left_out.contains(&"compliance columns"));
+    assert_eq!((summary.inverse.updates, summary.mesh.splits), (0, 0));
+    assert!(largest_mm > 1.0);
+}

@@ -1,0 +1,121 @@
+//! A long run of random tool motion: no NaN, no drift, no growth.
+
+use yawara::scene::{Key, Tool};
+use yawara::{Simulation, Stages, scene_file};
+
+/// A sequence of numbers in [−1, 1) that looks random (splitmix64).
+struct Draws(u64);
+
+impl Draws {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
+    }
+}
+
+/// Farthest that the tool goes from rest, and in a step, m.
+const REACH: f64 = 0.02;
+const STRIDE: f64 = 0.004;
+
+/// A random walk of the tool that turns back at the end of its reach.
+fn walk(steps: usize, step_s: f64, seed: u64) -> Vec<Key> {
+    let mut draws = Draws(seed);
+    let mut at = [0.0; 3];
+    let mut path = vec![Key { time_s: 0.0, move_m: at, turn_deg: 0.0 }];
+    for step in 1..=steps {
+        for x in &mut at {
+            let to = *x + STRIDE * draws.next();
+            *x = if to.abs() > REACH { *x - (to - *x) } else { to };
+        }
+        path.push(Key { time_s: step as f64 * step_s, move_m: at, turn_deg: 0.0 });
+    }
+    path
+}
+
+/// What the process holds, bytes; None where the system does not tell.
+fn resident() -> Option<f64> {
+    let statm = std::fs::read_to_string("/proc/self/statm").ok()?;
+    Some(4096.0 * statm.split_whitespace().nth(1)?.parse::<f64>().ok()?)
+}
+
+/// Runs `steps` steps; prints the figures.
+fn endure(steps: usize, dynamic: bool) {
+    let mut set = vec![
+        "image.voxel_mm=4.0".to_string(),
+        "mesh={ base_mm = 32.0, start_level = 0, max_level = 3, max_vertices = 260 }".into(),
+        "stages.element=p1".into(),
+        "refinement={ split_above = 5e-6, merge_fraction = 0.05 }".into(),
+        "tools.0.region.radius_m=0.03".into(),
+        format!("time.steps={steps}"),
+    ];
+    if dynamic {
+        set.push("dynamics={ damping_mass_per_s = 2.0 }".into());
+        set.push("time.step_s=0.02".into());
+    }
+    let (mut scene, _) = scene_file::load("liver", &set).unwrap();
+    let step_s = scene.time.step_s;
+    for tool in &mut scene.tools {
+        let Tool::Grab { path, release_s, .. } = tool;
+        (*path, *release_s) = (walk(steps, step_s, scene.seed), None);
+    }
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    let (mut splits, mut merges, mut missed, mut fallbacks, mut substeps) = (0, 0, 0, 0, 0);
+    let mut memory = Vec::new();
+    while simulation.steps_left() > 0 {
+        let report = simulation.step().unwrap();
+        assert!(report.residual.is_finite(), "{report:?}");
+        assert!(report.force_n.iter().all(|f| f.is_finite()), "{report:?}");
+        (splits, merges) = (splits + report.splits, merges + report.merges);
+        (fallbacks, substeps) = (fallbacks + report.fallbacks, substeps + report.substeps);
+        missed += usize::from(!report.converged);
+        if report.step % (steps / 10).max(1) == 0 {
+            memory.extend(resident());
+            let frame = simulation.frame().unwrap();
+            assert!(frame.points_mm.iter().flatten().all(|x| x.is_finite()));
+            let megabytes = memory.last().map_or(0.0, |bytes| bytes / 1e6);
+            println!("step {}: {megabytes:.1} MB, {} vertices", report.step, report.vertices);
+        }
+    }
+    let summary = simulation.summary().unwrap();
+    let inverse = &summary.inverse;
+    println!(
+        "{steps} steps: {splits} splits, {merges} merges, {missed} not converged, {fallbacks} \
+         fallbacks, {substeps} parts, {} updates, {} rebuilds ({} for drift), largest drift {:.1e}, \
+         {:.2} ms a step (99 %: {:.2})",
+        inverse.updates,
+        inverse.rebuilds,
+        inverse.drift_rebuilds,
+        inverse.drift_max,
+        summary.steps.time_ms.p50,
+        summary.steps.time_ms.p99
+    );
+    assert!(splits > steps / 10 && merges > steps / 10, "{splits} splits, {merges} merges");
+    assert!(inverse.drift_max <= 1e-8, "{:e}", inverse.drift_max);
+    assert_eq!(missed, 0);
+    // Times are kept for percentiles: some 30 numbers a step. The first tenth warms up.
+    if let [_, second, .., last] = memory[..] {
+        let grown = last - second;
+        let allowed = 8e6 + 400.0 * steps as f64;
+        assert!(grown < allowed, "{grown} bytes more after {steps} steps");
+    }
+}
+
+#[test]
+fn random_tool_motion_leaves_no_trace() {
+    endure(200, false);
+}
+
+#[test]
+fn random_tool_motion_with_inertia_leaves_no_trace() {
+    endure(200, true);
+}
+
+#[test]
+#[ignore = "minutes: 100 000 steps, or as many as the variable YAWARA_ENDURANCE_STEPS says"]
+fn random_tool_motion_for_long() {
+    let steps = std::env::var("YAWARA_ENDURANCE_STEPS").ok();
+    endure(steps.map_or(100_000, |steps| steps.parse().unwrap()), false);
+}
