@@ -9,6 +9,7 @@
 
 mod anderson;
 mod body;
+mod contact;
 mod direct;
 mod element_corotation;
 mod element_kernel;
@@ -16,12 +17,14 @@ mod element_reference;
 mod equilibrium;
 mod error;
 mod fallback;
+mod gauss_seidel;
 mod lanes;
 mod lbfgs;
 mod line_search;
 mod mixed;
 mod newton;
 mod no_corotation;
+mod obstacle;
 mod packet_rotation;
 mod packets;
 mod paper_corotation;
@@ -34,6 +37,7 @@ mod vectors;
 
 pub use anderson::Anderson;
 pub use body::{Body, Element};
+pub use contact::{Contact, ContactOutcome, SurfacePoint, solve_with_contact};
 pub use direct::Direct;
 pub use element_corotation::ElementCorotation;
 pub use element_kernel::StiffnessPacket;
@@ -44,6 +48,7 @@ pub use fallback::Fallback;
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;
 pub use no_corotation::NoCorotation;
+pub use obstacle::{Obstacle, Sphere};
 pub use paper_corotation::PaperCorotation;
 pub use row_corotation::RowCorotation;
 pub use tangent::{ElementTangent, element_tangent};

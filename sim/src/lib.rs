@@ -2,8 +2,10 @@
 #![forbid(unsafe_code)]
 
 mod body_report;
+mod compliance;
 mod element_choice;
 mod error;
+mod feedback;
 mod fields;
 mod fixed_mesh;
 mod frame;
@@ -28,7 +30,10 @@ mod start;
 mod state;
 mod surfaces;
 mod tally;
+mod tool_check;
+mod tool_report;
 mod tools;
+mod touch;
 
 pub use element_choice::{MIXED_FROM, choose_element};
 pub use error::SimError;
@@ -36,3 +41,4 @@ pub use fields::Fields;
 pub use inverse_link::{InverseFactory, InverseLink};
 pub use simulation::Simulation;
 pub use stages::Stages;
+pub use tools::Pose;

@@ -17,11 +17,13 @@ use crate::scene::Scene;
 use key_path::{KeyPath, Step};
 use overrides::Override;
 
-const BUILT_IN: [(&str, &str); 6] = [
+const BUILT_IN: [(&str, &str); 8] = [
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver_ct", include_str!("../scenes/liver_ct.toml")),
     ("beam", include_str!("../scenes/beam.toml")),
     ("twist", include_str!("../scenes/twist.toml")),
+    ("indent", include_str!("../scenes/indent.toml")),
+    ("probe", include_str!("../scenes/probe.toml")),
     ("abdomen_ct", include_str!("../scenes/abdomen_ct.toml")),
     ("organs_ct", include_str!("../scenes/organs_ct.toml")),
 ];
