@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::anderson::{Anderson, MIN_DAMPING, Memory};
-use crate::equilibrium::{Iterate, Outcome, Problem, Tolerance};
+use crate::equilibrium::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 use crate::gauss_seidel::projected_gauss_seidel;
 use crate::obstacle::Obstacle;
 
@@ -57,6 +57,9 @@ pub struct ContactOutcome {
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
 
+/// Solves under given contact forces at most.
+const TURNS: usize = 40;
+
 /// Finds x and λ with f_int(x) = f_ext + Σ λ_i n_i w_i, gap_i(x) ≥ 0, λ_i ≥ 0 and λ_i gap_i = 0.
 ///
 /// With Ĉ = T C Tᵀ, G the gaps' gradients, r the residual and h the gaps, an iteration solves
@@ -66,6 +69,10 @@ const SWEEPS: usize = 60;
 /// residual is at most `tolerance.residual` and no point is deeper than `contact.depth` or pushed
 /// from farther away.
 ///
+/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where this iteration
+/// gives up, `equilibrium` solves under contact forces that stay as they are, and between its solves
+/// they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then counts it.
+///
 /// Cost: two applications of the inverse and a force evaluation an iteration, and O(k² + k v) for k
 /// points of v vertices. On return `internal` holds the internal forces.
 /// # Source
@@ -73,43 +80,25 @@ const SWEEPS: usize = 60;
 /// virtual environments, IEEE TVCG 12(1), 2006 (compliance at the contacts, Gauss-Seidel).
 pub fn solve_with_contact(
     problem: &mut Problem<'_>,
+    equilibrium: &mut dyn Equilibrium,
     contact: &Contact<'_>,
     multipliers: &[f64],
     positions: &mut [Vector3<f64>],
     internal: &mut [Vector3<f64>],
     tolerance: &Tolerance,
 ) -> ContactOutcome {
-    let Anderson { depth, growth } = Anderson::default();
-    let n = problem.rows();
-    let k = contact.points.len();
     let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
     run.evaluate(positions);
-    let mut best = (run.merit(), run.problem.iterate(positions), run.lambda.clone());
-    let mut memory = Memory::new(depth);
-    let (mut damping, mut iterations) = (1.0, 0);
-    let mut step = vec![0.0; n + k];
-    while !(run.merit() <= 1.0) && iterations < tolerance.max_iterations {
-        if !(run.merit() <= growth * best.0) {
-            damping *= 0.5;
-            if damping < MIN_DAMPING {
-                break;
-            }
-            run.return_to(&best, positions);
-            memory.clear();
-        }
-        run.plain_step(&mut step);
-        iterations += 1;
-        memory.mix(&mut step, damping);
-        run.take(&step, positions);
-        if run.merit() < best.0 {
-            best = (run.merit(), run.problem.iterate(positions), run.lambda.clone());
-        }
+    let start = (run.merit(), run.problem.iterate(positions), run.lambda.clone());
+    if !run.together(&start, positions) {
+        run.return_to(&start, positions);
+        run.in_turn(equilibrium, positions);
     }
-    if !(run.merit() <= best.0) {
-        run.return_to(&best, positions);
-    }
-    run.outcome(iterations)
+    run.outcome()
 }
+
+/// Merit, where the body stands, and λ.
+type Place = (f64, Iterate, Vec<f64>);
 
 /// A solve under way.
 struct Run<'a, 'b, 'p> {
@@ -127,7 +116,9 @@ struct Run<'a, 'b, 'p> {
     push: Vec<f64>,
     compliance: Vec<f64>,
     size: f64,
+    iterations: usize,
     evaluations: usize,
+    fallbacks: usize,
 }
 
 impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
@@ -150,12 +141,90 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             normals: vec![Vector3::zeros(); k],
             compliance: Vec::new(),
             size: f64::NAN,
+            iterations: 0,
             evaluations: 0,
+            fallbacks: 0,
             problem,
             contact,
             internal,
             tolerance,
             lambda,
+        }
+    }
+
+    /// Positions and forces in one iteration; true if it has converged.
+    fn together(&mut self, start: &Place, positions: &mut [Vector3<f64>]) -> bool {
+        let Anderson { depth, growth } = Anderson::default();
+        let mut memory = Memory::new(depth);
+        let mut damping = 1.0;
+        let mut best = start.clone();
+        let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
+        let mut pushing = vec![false; self.lambda.len()];
+        while !(self.merit() <= 1.0) && self.iterations < self.tolerance.max_iterations {
+            if !(self.merit() <= growth * best.0) {
+                damping *= 0.5;
+                if damping < MIN_DAMPING {
+                    break;
+                }
+                self.return_to(&best, positions);
+                memory.clear();
+            }
+            let renewed = self.plain_step(&mut step);
+            self.iterations += 1;
+            let push = |i: usize| renewed[i] > 0.0;
+            if (0..pushing.len()).any(|i| pushing[i] != push(i)) {
+                memory.clear();
+                (0..pushing.len()).for_each(|i| pushing[i] = push(i));
+            }
+            memory.mix(&mut step, damping);
+            self.take(&step, &pushing, positions);
+            if self.merit() < best.0 {
+                best = (self.merit(), self.problem.iterate(positions), self.lambda.clone());
+            }
+        }
+        self.merit() <= 1.0
+    }
+
+    /// Positions under given forces, then forces by the gaps, in turn.
+    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut [Vector3<f64>]) {
+        self.fallbacks = 1;
+        let mut best: Option<Place> = None;
+        let mut damping = 1.0;
+        for _ in 0..TURNS {
+            let mut loaded = Problem {
+                body: &mut *self.problem.body,
+                corotation: self.problem.corotation,
+                external: &self.loads,
+                free: self.problem.free,
+                inverse: self.problem.inverse,
+            };
+            let solved = equilibrium.solve(&mut loaded, positions, self.internal, self.tolerance);
+            self.iterations += solved.iterations;
+            self.evaluations += solved.evaluations;
+            self.evaluate(positions);
+            let merit = self.merit();
+            match &best {
+                Some(least) if !(merit < least.0) => {
+                    damping *= 0.5;
+                    let least = least.clone();
+                    self.return_to(&least, positions);
+                }
+                _ => best = Some((merit, self.problem.iterate(positions), self.lambda.clone())),
+            }
+            if merit <= 1.0 || damping < MIN_DAMPING {
+                break;
+            }
+            let mut moves = vec![0.0; self.residual.len()];
+            let renewed = self.forces_by_gaps(&moves);
+            let damped: Vec<f64> = renewed
+                .iter()
+                .zip(&self.lambda)
+                .map(|(new, old)| old + damping * (new - old))
+                .collect();
+            self.add_push(&damped, &mut moves);
+            self.problem.advance(positions, &moves, 1.0);
+            self.lambda = damped;
+            self.evaluate(positions);
         }
     }
 
@@ -193,14 +262,14 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         })
     }
 
-    fn return_to(&mut self, best: &(f64, Iterate, Vec<f64>), positions: &mut [Vector3<f64>]) {
+    fn return_to(&mut self, best: &Place, positions: &mut [Vector3<f64>]) {
         self.problem.return_to(&best.1, positions);
         self.lambda.copy_from_slice(&best.2);
         self.evaluate(positions);
     }
 
-    /// Ĉ(r + Gᵀ(λ' − λ)), and behind it (λ' − λ) W_ii, which is in m too.
-    fn plain_step(&mut self, step: &mut [f64]) {
+    /// Ĉ(r + Gᵀ(λ' − λ)), and behind it (λ' − λ) W_ii, which is in m too. Returns λ'.
+    fn plain_step(&mut self, step: &mut [f64]) -> Vec<f64> {
         let (n, k) = (self.residual.len(), self.lambda.len());
         let (moves, pushes) = step.split_at_mut(n);
         moves.fill(0.0);
@@ -208,6 +277,19 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         if !(self.size <= self.tolerance.residual) {
             self.problem.precondition(&self.residual, &mut self.scratch, moves);
         }
+        let renewed = self.forces_by_gaps(moves);
+        for i in 0..k {
+            pushes[i] = (renewed[i] - self.lambda[i]) * self.compliance[(k + 1) * i];
+        }
+        if renewed != self.lambda {
+            self.add_push(&renewed, moves);
+        }
+        renewed
+    }
+
+    /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0; renews W.
+    fn forces_by_gaps(&mut self, moves: &[f64]) -> Vec<f64> {
+        let k = self.lambda.len();
         self.compliance = self.contact.compliance(&self.normals, self.problem);
         let m = self.problem.unknowns_per_vertex();
         let mut slack = self.gaps.clone();
@@ -222,12 +304,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         let mut renewed = self.lambda.clone();
         let fine = 0.01 * self.contact.depth;
         projected_gauss_seidel(&self.compliance, &slack, &mut renewed, fine, SWEEPS);
-        for i in 0..k {
-            pushes[i] = (renewed[i] - self.lambda[i]) * self.compliance[(k + 1) * i];
-        }
-        if renewed != self.lambda {
-            self.add_push(&renewed, moves);
-        }
+        renewed
     }
 
     /// moves ← moves + Ĉ Gᵀ(λ' − λ).
@@ -251,27 +328,29 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         }
     }
 
-    fn take(&mut self, step: &[f64], positions: &mut [Vector3<f64>]) {
+    /// Takes a mixed step; what does not push stays so.
+    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut [Vector3<f64>]) {
         let (n, k) = (self.residual.len(), self.lambda.len());
         self.problem.advance(positions, &step[..n], 1.0);
         for i in 0..k {
             let give = self.compliance[(k + 1) * i];
             let change = if give > 0.0 { step[n + i] / give } else { 0.0 };
-            self.lambda[i] = (self.lambda[i] + change).max(0.0);
+            let mixed = (self.lambda[i] + change).max(0.0);
+            self.lambda[i] = if pushing[i] { mixed } else { 0.0 };
         }
         self.evaluate(positions);
     }
 
-    fn outcome(self, iterations: usize) -> ContactOutcome {
+    fn outcome(self) -> ContactOutcome {
         let deepest = self.gaps.iter().fold(0.0, |deepest: f64, gap| deepest.max(-gap));
         ContactOutcome {
             outcome: Outcome {
-                iterations,
+                iterations: self.iterations,
                 evaluations: self.evaluations,
                 residual: self.size,
                 converged: self.merit() <= 1.0,
                 method: "contact",
-                fallbacks: 0,
+                fallbacks: self.fallbacks,
             },
             multipliers: self.lambda,
             normals: self.normals,

@@ -100,7 +100,7 @@ impl Touch {
             } else {
                 self.cover(&pairs, problem, positions, around)?;
                 let touched =
-                    self.round(&pairs, depth, problem, positions, internal, tolerance, around);
+                    self.round(&pairs, depth, problem, equilibrium, positions, internal, tolerance, around);
                 (touched.outcome, Some(touched))
             };
             let so_far = total.map_or((0, 0), |t| (t.iterations, t.evaluations));
@@ -185,6 +185,7 @@ impl Touch {
         pairs: &[Push],
         depth: f64,
         problem: &mut Problem<'_>,
+        equilibrium: &mut dyn Equilibrium,
         positions: &mut [Vector3<f64>],
         internal: &mut [Vector3<f64>],
         tolerance: &Tolerance,
@@ -200,7 +201,7 @@ impl Touch {
             self.block.as_ref().map_or((&[][..], &[][..]), |b| (&b.vertices, &b.entries));
         let contact =
             Contact { points: &points, obstacles: &obstacles, vertices, compliance, depth };
-        solve_with_contact(problem, &contact, &forces, positions, internal, tolerance)
+        solve_with_contact(problem, equilibrium, &contact, &forces, positions, internal, tolerance)
     }
 
     /// Remembers what pushes in an equilibrium.
