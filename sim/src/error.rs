@@ -222,6 +222,18 @@ pub enum SimError {
         /// How many there are.
         count: usize,
     },
+    /// An option of a haptic loop out of its range.
+    #[error("haptic loop: {key} is {value}, want {low} to {high}")]
+    Haptic {
+        /// Which one.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The most.
+        high: f64,
+    },
     /// A pose that no tool can take.
     #[error("tool {tool}: pose has {value}, want {want}")]
     Pose {

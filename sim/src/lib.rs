@@ -3,12 +3,14 @@
 
 mod body_report;
 mod compliance;
+mod coupling;
 mod element_choice;
 mod error;
 mod feedback;
 mod fields;
 mod fixed_mesh;
 mod frame;
+pub mod haptic;
 mod image_source;
 pub mod indicator;
 mod inverse_link;
@@ -35,6 +37,7 @@ mod tool_report;
 mod tools;
 mod touch;
 
+pub use coupling::{ForceModel, VirtualCoupling};
 pub use element_choice::{MIXED_FROM, choose_element};
 pub use error::SimError;
 pub use fields::Fields;

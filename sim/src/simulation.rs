@@ -159,6 +159,11 @@ impl Simulation {
         &self.plan
     }
 
+    /// The scene's name.
+    pub fn name(&self) -> &str {
+        &self.scene.name
+    }
+
     /// Steps still to be made.
     pub fn steps_left(&self) -> usize {
         self.scene.time.steps.saturating_sub(self.tally.steps())
