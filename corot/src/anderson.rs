@@ -32,7 +32,7 @@ impl Default for Anderson {
 const DEPENDENT: f64 = 1e-10;
 
 /// The shortest damped step tried before giving up.
-const MIN_DAMPING: f64 = 1.0 / 64.0;
+pub(crate) const MIN_DAMPING: f64 = 1.0 / 64.0;
 
 impl Equilibrium for Anderson {
     fn name(&self) -> &'static str {
@@ -70,7 +70,7 @@ impl Equilibrium for Anderson {
 }
 
 /// Differences of successive steps f_k and of the iterates, newest first.
-struct Memory {
+pub(crate) struct Memory {
     depth: usize,
     /// (Δf, Δx) pairs.
     pairs: VecDeque<(Vec<f64>, Vec<f64>)>,
@@ -78,17 +78,17 @@ struct Memory {
 }
 
 impl Memory {
-    fn new(depth: usize) -> Self {
+    pub fn new(depth: usize) -> Self {
         Self { depth, pairs: VecDeque::with_capacity(depth + 1), last: None }
     }
 
-    fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.pairs.clear();
         self.last = None;
     }
 
     /// Replaces the plain step f by the mixed one, f − (ΔX + ΔF)γ with γ = argmin ‖f − ΔF γ‖.
-    fn mix(&mut self, step: &mut [f64], damping: f64) {
+    pub fn mix(&mut self, step: &mut [f64], damping: f64) {
         let f = step.to_vec();
         if let Some((last_f, last_dx)) = self.last.take() {
             let df = f.iter().zip(&last_f).map(|(a, b)| a - b).collect();

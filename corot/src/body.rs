@@ -1,5 +1,7 @@
 //! The elements of the current mesh with their rest geometry, material and rotation.
 
+use std::sync::OnceLock;
+
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{LinearTet, P1P1, Strain, strain_from_gradient};
 use yawara_mesh::TetId;
@@ -56,6 +58,9 @@ pub struct Body {
     gradient_sums: Vec<(Matrix3<f64>, f64)>,
     /// None for displacements alone.
     pressures: Option<Pressures>,
+    /// [`stiffness_scale`](Self::stiffness_scale), until an element comes or goes: every evaluation
+    /// of a residual asks for it.
+    scale: OnceLock<f64>,
 }
 
 impl Body {
@@ -140,6 +145,7 @@ impl Body {
     /// Adds the element of a leaf tetrahedron (replacing one of the same number).
     pub fn insert(&mut self, element: Element) {
         self.remove(element.tet);
+        self.scale = OnceLock::new();
         let index = element.tet.index();
         if self.of_tet.len() <= index {
             self.of_tet.resize(index + 1, ABSENT);
@@ -156,6 +162,7 @@ impl Body {
         if at == ABSENT {
             return None;
         }
+        self.scale = OnceLock::new();
         let element = self.elements.swap_remove(at as usize);
         let moved = self.elements.get(at as usize);
         let pressed = self.pressures.as_mut().and_then(|p| p.swap_remove(at as usize, moved));
@@ -276,6 +283,10 @@ impl Body {
     /// A bound on the entries of the stiffness matrix on displacements, N/m: the largest
     /// V |∇λ|² max|D|, with max(|D'|, μ) for D where there are pressures.
     pub fn stiffness_scale(&self) -> f64 {
+        *self.scale.get_or_init(|| self.largest_stiffness())
+    }
+
+    fn largest_stiffness(&self) -> f64 {
         self.elements
             .iter()
             .enumerate()

@@ -28,6 +28,10 @@ pub enum Command {
     Labels(LabelsArguments),
     /// Writes the outlines of a label map's labels, closed and oriented.
     Surface(SurfaceArguments),
+    /// Runs a scene in real time with a simulated hand on a tool, which follows the tool's path.
+    ///
+    /// Prints rates and latencies. What is computed depends on how fast this machine is.
+    Haptic(HapticArguments),
     /// Lists the built-in scenes.
     Scenes,
     /// Lists the graphics adapters (needs the feature `gpu`).
@@ -73,6 +77,31 @@ pub struct PlanArguments {
     /// Prints a JSON array instead of a table.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct HapticArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = "probe")]
+    pub scene: String,
+    /// For how long; the path begins anew when it is over.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    pub seconds: f64,
+    /// Number of the tool in the hand.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub tool: usize,
+    /// Stiffness of the coupling between hand and tool, N/m.
+    #[arg(long, value_name = "F", default_value_t = 500.0)]
+    pub stiffness_n_m: f64,
+    /// Damping of the coupling, N s/m.
+    #[arg(long, value_name = "F", default_value_t = 0.1)]
+    pub damping_n_s_m: f64,
+    /// Writes what is printed as JSON too.
+    #[arg(long, value_name = "FILE.json")]
+    pub out: Option<PathBuf>,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
 }
 
 #[derive(Debug, Args)]

@@ -204,6 +204,46 @@ pub enum SimError {
         /// The limit, mm.
         limit_mm: f64,
     },
+    /// A patch without surface.
+    #[error("{key}: no surface of {image} lies in the region, want one that reaches its outline")]
+    PatchEmpty {
+        /// The key of the region.
+        key: String,
+        /// The image or mesh.
+        image: String,
+    },
+    /// A tool that the scene does not have, or that can't be led.
+    #[error("tool {tool} {reason}; the scene has {count} tool(s), numbered from 0")]
+    NoSuchTool {
+        /// What was asked for.
+        tool: usize,
+        /// What is wrong with it.
+        reason: &'static str,
+        /// How many there are.
+        count: usize,
+    },
+    /// An option of a haptic loop out of its range.
+    #[error("haptic loop: {key} is {value}, want {low} to {high}")]
+    Haptic {
+        /// Which one.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+        /// The least.
+        low: f64,
+        /// The most.
+        high: f64,
+    },
+    /// A pose that no tool can take.
+    #[error("tool {tool}: pose has {value}, want {want}")]
+    Pose {
+        /// The tool.
+        tool: usize,
+        /// The first value out of range.
+        value: f64,
+        /// The range.
+        want: &'static str,
+    },
     /// The compliance of held vertices is not positive definite: the inverse is damaged.
     #[error("the compliance of {vertices} held vertices is not positive definite")]
     ComplianceNotPositive {

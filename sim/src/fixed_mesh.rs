@@ -74,6 +74,11 @@ impl FixedMesh {
         self.mesh.points()
     }
 
+    /// Its outer faces, counter-clockwise as seen from outside.
+    pub fn boundary_faces(&self) -> Vec<[u32; 3]> {
+        self.mesh.boundary_faces()
+    }
+
     /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
     pub fn state(&self, holds: &[Hold], body: Body) -> State {
         let mut state = State::new(body);
@@ -90,7 +95,7 @@ impl FixedMesh {
                 rotation: Matrix3::identity(),
             };
             let density_kg_m3 = material.density_kg_m3();
-            state.add_tet(element, Cell { level: 0, label: *tag, density_kg_m3 });
+            state.add_tet(element, Cell { level: 0, label: *tag, density_kg_m3, is_void: false });
         }
         state
     }

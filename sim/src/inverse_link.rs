@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
 use yawara_corot::Body;
 use yawara_embed::{ElementFormulation, RingStiffness, clamp};
 use yawara_inverse_update::{
@@ -306,6 +306,13 @@ impl Constrained<'_> {
         self.subtract_columns(&(-self.tools.factor.solve(&rhs)), &mut solution)?;
         self.scatter(&solution, y);
         Ok(())
+    }
+
+    /// C_pp⁻¹ on the held displacements in the order of `held`, N/m.
+    pub fn stiffness(&self) -> DMatrix<f64> {
+        let n = DISPLACEMENTS * self.tools.slots.len();
+        let inverse = self.tools.factor.solve(Mat::<f64>::identity(n, n));
+        DMatrix::from_fn(n, n, |i, j| inverse[(i, j)])
     }
 
     /// target ← target − C_:p weights.

@@ -2,11 +2,15 @@
 #![forbid(unsafe_code)]
 
 mod body_report;
+mod compliance;
+mod coupling;
 mod element_choice;
 mod error;
+mod feedback;
 mod fields;
 mod fixed_mesh;
 mod frame;
+pub mod haptic;
 mod image_source;
 pub mod indicator;
 mod inverse_link;
@@ -30,11 +34,16 @@ mod start;
 mod state;
 mod surfaces;
 mod tally;
+mod tool_check;
+mod tool_report;
 mod tools;
+mod touch;
 
+pub use coupling::{ForceModel, VirtualCoupling};
 pub use element_choice::{MIXED_FROM, choose_element};
 pub use error::SimError;
 pub use fields::Fields;
 pub use inverse_link::{InverseFactory, InverseLink};
 pub use simulation::Simulation;
 pub use stages::Stages;
+pub use tools::Pose;

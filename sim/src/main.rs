@@ -3,6 +3,7 @@
 
 mod cli;
 mod devices_command;
+mod haptic_command;
 mod labels_command;
 mod mesh_command;
 mod printer;
@@ -71,6 +72,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Mesh(arguments) => mesh_command::run(&arguments, &mut out)?,
         Command::Labels(arguments) => labels_command::run(&arguments, &mut out)?,
         Command::Surface(arguments) => surface_command::run(&arguments, &mut out)?,
+        Command::Haptic(arguments) => haptic_command::run(&arguments, &mut out)?,
         Command::Scenes => scenes(&mut out)?,
         Command::Devices => devices_command::run(&mut out)?,
     }

@@ -245,11 +245,18 @@ fn budget(scene: &Scene) -> PlanRow {
 }
 
 fn compliance(scene: &Scene) -> PlanRow {
-    let grabs = scene.tools.iter().filter(|t| matches!(t, Tool::Grab { .. })).count();
-    if grabs == 0 {
-        return row("compliance columns", "none", false, "no tool touches the body");
+    let count = |is: fn(&Tool) -> bool| scene.tools.iter().filter(|tool| is(tool)).count();
+    let grabs = count(|tool| matches!(tool, Tool::Grab { .. }));
+    let probes = count(|tool| matches!(tool, Tool::Probe { .. }));
+    match (grabs, probes) {
+        (0, 0) => row("compliance columns", "none", false, "no tool touches the body"),
+        (_, 0) => row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)")),
+        (0, _) => row("compliance columns", "contacts", true, format!("{probes} probe(s)")),
+        _ => {
+            let why = format!("{grabs} grab tool(s), {probes} probe(s)");
+            row("compliance columns", "held vertices and contacts", true, why)
+        }
     }
-    row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)"))
 }
 
 fn surface(scene: &Scene, start: &Start) -> PlanRow {

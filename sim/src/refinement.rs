@@ -112,8 +112,13 @@ impl Refiner {
             level: tet.level,
             label: self.label_values[usize::from(label)],
             density_kg_m3: self.embedding.density(tet.node),
+            is_void: self.is_void(tet),
         };
         state.add_tet(element, cell);
+    }
+
+    fn is_void(&self, tet: &Tet) -> bool {
+        self.embedding.tree().labels(tet.node).as_slice() == [0]
     }
 
     /// Last measured indicator of a leaf's ring; 0 if never measured.
@@ -233,7 +238,7 @@ impl Refiner {
             }),
             geometry,
             pressed_dilation: pressed_dilation(state, tet, &parent.elasticity),
-            is_void: self.embedding.tree().labels(tet.node).as_slice() == [0],
+            is_void: self.is_void(tet),
         }
     }
 

@@ -9,6 +9,7 @@ pub use crate::body_report::{
     BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
     Part,
 };
+pub use crate::tool_report::{ToolReport, ToolSummary};
 
 /// One stage of a run and why it does or does not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -39,7 +40,7 @@ pub struct StageTimes {
 }
 
 /// One step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
     /// Number of the step, from 1.
     pub step: usize,
@@ -67,6 +68,8 @@ pub struct StepReport {
     pub converged: bool,
     /// Reaction of all tools in scanner axes, N.
     pub force_n: [f64; 3],
+    /// What each tool feels, in the order of the scene.
+    pub tools: Vec<ToolReport>,
     /// Wall-clock times.
     pub times: StageTimes,
 }
@@ -274,6 +277,9 @@ pub struct Summary {
     /// How a dynamic body moves at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<Momentum>,
+    /// Each tool, in the order of the scene.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolSummary>,
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,

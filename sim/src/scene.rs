@@ -1,8 +1,12 @@
 //! What a scene file says: data only, checked by [`Scene::validate`].
 
+mod tool;
+
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+
+pub use tool::{Key, Normal, PressureKey, Tool};
 
 /// A scene: body, loads, stages and budgets. Unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -197,39 +201,6 @@ pub enum Region {
     },
 }
 
-/// What touches the body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Tool {
-    /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
-    Grab {
-        /// What it takes hold of, at rest.
-        region: Region,
-        /// Positions over time, ascending times; linear in between, held at both ends.
-        path: Vec<Key>,
-        /// Axis of `turn_deg` in scanner axes, through the region's centre.
-        #[serde(default = "default_axis")]
-        turn_axis: [f64; 3],
-        /// When it lets go, s; never if absent.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        release_s: Option<f64>,
-    },
-}
-
-/// A point of a tool's path.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Key {
-    /// When, s.
-    pub time_s: f64,
-    /// Displacement from rest in scanner axes, m.
-    #[serde(default)]
-    pub move_m: [f64; 3],
-    /// Turn from rest about `turn_axis`, degrees.
-    #[serde(default)]
-    pub turn_deg: f64,
-}
-
 /// Steps and their length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -364,10 +335,6 @@ fn default_sigma() -> f64 {
 
 fn default_unit() -> f64 {
     1e-3
-}
-
-fn default_axis() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
 }
 
 fn default_max_vertices() -> usize {

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::SimError;
-use crate::scene::{Image, Key, Phantom, Region, Scene, SurfaceEntry, Tool};
+use crate::scene::{Image, Phantom, Region, Scene, SurfaceEntry};
 use crate::stages::{AUTO, ON_DEVICE};
 
 /// The most steps of a run.
@@ -73,7 +73,7 @@ impl Check<'_> {
         self.that(value > 0.0 && value.is_finite(), key, value, "finite and more than 0")
     }
 
-    fn finite(&self, key: &str, value: f64) -> Result<(), SimError> {
+    pub fn finite(&self, key: &str, value: f64) -> Result<(), SimError> {
         self.that(value.is_finite(), key, value, "a finite number")
     }
 
@@ -175,33 +175,6 @@ impl Check<'_> {
                 self.positive(&format!("{key}.radius_m"), *radius_m)
             }
         }
-    }
-
-    fn tool(&self, tool: &Tool, key: &str) -> Result<(), SimError> {
-        let Tool::Grab { region, path, turn_axis, release_s } = tool;
-        self.region(region, &format!("{key}.region"))?;
-        let want = "at least one entry { time_s, move_m, turn_deg }";
-        self.that(!path.is_empty(), &format!("{key}.path"), path, want)?;
-        let mut last = f64::NEG_INFINITY;
-        for (i, Key { time_s, move_m, turn_deg }) in path.iter().enumerate() {
-            let key = format!("{key}.path[{i}]");
-            self.finite(&format!("{key}.time_s"), *time_s)?;
-            let want = format!("more than the time before it, {last:?}");
-            self.that(*time_s > last, &format!("{key}.time_s"), time_s, &want)?;
-            self.vector(&format!("{key}.move_m"), move_m)?;
-            let near = move_m.iter().all(|x| x.abs() <= 1e3);
-            self.that(near, &format!("{key}.move_m"), move_m, "at most 1000 m in each axis")?;
-            self.finite(&format!("{key}.turn_deg"), *turn_deg)?;
-            last = *time_s;
-        }
-        let axis = format!("{key}.turn_axis");
-        self.vector(&axis, turn_axis)?;
-        // The square of a smaller axis underflows, and its direction with it.
-        let long =
-            turn_axis.iter().any(|x| x.abs() > 1e-100) && turn_axis.iter().all(|x| x.abs() < 1e100);
-        self.that(long, &axis, turn_axis, "an axis of a length other than 0, below 1e100")?;
-        let finite = release_s.is_none_or(f64::is_finite);
-        self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
     }
 
     fn stages(&self, scene: &Scene) -> Result<(), SimError> {

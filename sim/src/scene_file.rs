@@ -17,7 +17,7 @@ use crate::scene::Scene;
 use key_path::{KeyPath, Step};
 use overrides::Override;
 
-const BUILT_IN: [(&str, &str); 11] = [
+const BUILT_IN: [(&str, &str); 13] = [
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver_ct", include_str!("../scenes/liver_ct.toml")),
     ("beam", include_str!("../scenes/beam.toml")),
@@ -27,6 +27,8 @@ const BUILT_IN: [(&str, &str); 11] = [
     ("near_incompressible", include_str!("../scenes/near_incompressible.toml")),
     ("extreme", include_str!("../scenes/extreme.toml")),
     ("homogeneous", include_str!("../scenes/homogeneous.toml")),
+    ("indent", include_str!("../scenes/indent.toml")),
+    ("probe", include_str!("../scenes/probe.toml")),
     ("abdomen_ct", include_str!("../scenes/abdomen_ct.toml")),
     ("organs_ct", include_str!("../scenes/organs_ct.toml")),
 ];

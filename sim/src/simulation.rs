@@ -26,7 +26,8 @@ use crate::start::{Origin, ScannerAxes, Start};
 use crate::state::State;
 use crate::surfaces::Surfaces;
 use crate::tally::Tally;
-use crate::tools::{Grab, Hold};
+use crate::tools::{self, Hold, Tool};
+use crate::touch::Touch;
 
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
@@ -35,12 +36,17 @@ pub struct Simulation {
     pub(crate) equilibrium: Box<dyn Equilibrium>,
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,
-    axes: ScannerAxes,
+    pub(crate) axes: ScannerAxes,
     /// None for a mesh from a file.
     body_summary: Option<BodySummary>,
     /// The labels, if fields are to be written on their grid.
     pub(crate) volume: Option<LabelVolume>,
-    pub(crate) tools: Vec<Grab>,
+    pub(crate) tools: Vec<Box<dyn Tool>>,
+    /// Contacts at the last equilibrium.
+    pub(crate) touch: Touch,
+    /// Forces of tools on vertices at the last equilibrium, by vertex number, N; shorter by those
+    /// that have come in since.
+    pub(crate) tool_loads: Vec<Vector3<f64>>,
     pub(crate) state: State,
     /// None for a mesh from a file.
     refiner: Option<Refiner>,
@@ -82,7 +88,7 @@ impl Simulation {
         scene.validate(&scene.name)?;
         let element = element_choice::of_scene(scene, &stages)?;
         let start = Start::new(scene)?;
-        let (tools, holds) = Grab::all(scene, &start)?;
+        let (mut tools, holds) = tools::all(scene, &start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
         let Start { axes, organ, origin, .. } = start;
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
@@ -138,6 +144,7 @@ impl Simulation {
         )?;
         let motion = Motion::new(scene, &axes, &mut state)?;
         plan.push(plan::inverse(scene, &inverse));
+        tools.iter_mut().filter_map(|tool| tool.skin_mut()).for_each(|skin| skin.bind(&state));
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
             scene: scene.clone(),
@@ -149,6 +156,8 @@ impl Simulation {
             body_summary,
             volume,
             tools,
+            touch: Touch::default(),
+            tool_loads: Vec::new(),
             internal: vec![Vector3::zeros(); state.vertex_capacity()],
             tally: Tally::new(begin, &state),
             state,
@@ -170,9 +179,19 @@ impl Simulation {
         &self.axes
     }
 
+    /// The scene's name.
+    pub fn name(&self) -> &str {
+        &self.scene.name
+    }
+
     /// Steps still to be made.
     pub fn steps_left(&self) -> usize {
         self.scene.time.steps.saturating_sub(self.tally.steps())
+    }
+
+    /// Time at the end of the next step, s.
+    pub(crate) fn step_end(&self) -> f64 {
+        (self.tally.steps() + 1) as f64 * self.scene.time.step_s
     }
 
     /// One step: move the tools, find equilibrium, refine and merge. A step that does not
@@ -183,12 +202,12 @@ impl Simulation {
     pub fn step(&mut self) -> Result<StepReport, SimError> {
         let begin = Instant::now();
         let step = self.tally.steps() + 1;
-        let step_s = self.scene.time.step_s;
-        let span = Span { from: self.reached_s, to: step as f64 * step_s };
+        let span = Span { from: self.reached_s, to: self.step_end() };
         let mut times = StageTimes::default();
         self.let_go(span);
         let outcome = self.advance(span, &mut times)?;
-        let force = self.tool_force(self.reached_s);
+        let felt = self.tool_reports();
+        let force_n = [0, 1, 2].map(|axis| felt.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
         let remeshed = if outcome.converged {
             self.remesh(step, begin, &mut times)?
@@ -197,6 +216,8 @@ impl Simulation {
         };
         if remeshed.splits + remeshed.merges > 0 {
             self.inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
+            let skins = self.tools.iter_mut().filter_map(|tool| tool.skin_mut());
+            skins.for_each(|skin| skin.bind(&self.state));
         }
         let report = StepReport {
             step,
@@ -211,7 +232,8 @@ impl Simulation {
             fallbacks: outcome.fallbacks,
             residual: outcome.residual,
             converged: outcome.converged,
-            force_n: self.axes.to_ras_direction(&force).into(),
+            force_n,
+            tools: felt,
             times,
         };
         self.tally.add(&report, &self.state, milliseconds(begin));
@@ -245,7 +267,7 @@ impl Simulation {
             .state
             .vertices()
             .filter(|v| match self.state.holds[v.index()] {
-                Hold::Grabbed(tool) => !self.tools[tool].holds_at(span.to),
+                Hold::Grabbed(tool) => !self.tools[tool].acts_at(span.to),
                 Hold::Free | Hold::Fixed => false,
             })
             .collect();

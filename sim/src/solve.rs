@@ -13,7 +13,8 @@ use crate::refinement::milliseconds;
 use crate::report::StageTimes;
 use crate::simulation::Simulation;
 use crate::state::State;
-use crate::tools::{Grab, Hold};
+use crate::tools::{Hold, Tool};
+use crate::touch::{Probing, Surroundings};
 
 /// A part of a step, from one time to another, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +62,48 @@ struct Moved {
     pressures: Vec<f64>,
 }
 
+/// Solves of one attempt at most while loads follow the body.
+const SETTLINGS: usize = 40;
+
+/// Whether loads that follow the body have come to rest with it.
+struct Settling<'a> {
+    tolerance: &'a Tolerance,
+    total: Option<yawara_corot::Outcome>,
+    rounds: usize,
+}
+
+impl<'a> Settling<'a> {
+    fn new(tolerance: &'a Tolerance) -> Self {
+        Self { tolerance, total: None, rounds: 0 }
+    }
+
+    /// Adds a solve under the loads `old`, which are `new` in its solution. Returns the sum of all
+    /// when another solve would change nothing, or can't help.
+    fn take(
+        &mut self,
+        solve: yawara_corot::Outcome,
+        old: &[Vector3<f64>],
+        new: &[Vector3<f64>],
+    ) -> Option<yawara_corot::Outcome> {
+        let (iterations, evaluations) =
+            self.total.map_or((0, 0), |total| (total.iterations, total.evaluations));
+        self.rounds += 1;
+        let mut sum = yawara_corot::Outcome {
+            iterations: iterations + solve.iterations,
+            evaluations: evaluations + solve.evaluations,
+            ..solve
+        };
+        self.total = Some(sum);
+        let change: f64 = old.iter().zip(new).map(|(a, b)| (a - b).norm_squared()).sum();
+        let size: f64 = new.iter().map(Vector3::norm_squared).sum();
+        if change.sqrt() <= self.tolerance.residual * size.sqrt() || !solve.converged {
+            return Some(sum);
+        }
+        sum.converged = false;
+        (self.rounds == SETTLINGS).then_some(sum)
+    }
+}
+
 impl<'a> Held<'a> {
     fn new(state: &State, inverse: &'a InverseLink) -> Result<Self, SimError> {
         let mut free = vec![false; state.positions.len()];
@@ -78,7 +121,7 @@ impl<'a> Held<'a> {
 
     /// Positions, and pressures, with the held vertices at their targets and the others dragged along as in the
     /// warped linear body: the first iterate.
-    fn drag(&self, state: &State, tools: &[Grab], t: f64) -> Result<Moved, SimError> {
+    fn drag(&self, state: &State, tools: &[Box<dyn Tool>], t: f64) -> Result<Moved, SimError> {
         let mut positions = state.positions.clone();
         let mut pressures = state.body.pressures();
         if self.vertices.is_empty() {
@@ -179,15 +222,17 @@ impl Simulation {
         times: &mut StageTimes,
     ) -> Result<yawara_corot::Outcome, SimError> {
         let begin = Instant::now();
-        let mut external = self.loads(step, span.to);
-        self.ease_in(step, span.to, &mut external);
+        let mut own = self.loads(step, span.to);
+        self.ease_in(step, span.to, &mut own);
         // Elements and vertices may have come in since the last solve: renew their rotations.
         self.evaluate_forces();
         if span == step {
             self.coast();
         }
         let held = Held::new(&self.state, &self.inverse)?;
+        let numbers: Vec<usize> = held.vertices.iter().map(|&(v, _)| v).collect();
         let moved = held.drag(&self.state, &self.tools, span.to)?;
+        let probing = self.probing(span.to);
         times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
@@ -204,25 +249,47 @@ impl Simulation {
         };
         self.state.positions = moved.positions;
         self.state.body.set_pressures(&moved.pressures);
-        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
-        let mut problem = Problem {
-            body: &mut self.state.body,
-            corotation: moving.as_ref().map_or(&*self.corotation, |moving| moving),
-            external: &external,
-            free: &held.free,
-            inverse: &inverse,
-        };
         let tolerance = Tolerance {
             residual: self.scene.solver.residual,
             max_iterations: self.scene.solver.max_iterations,
         };
-        let outcome = self.equilibrium.solve(
-            &mut problem,
-            &mut self.state.positions,
-            &mut self.internal,
-            &tolerance,
-        );
+        let around = Surroundings {
+            tools: &self.tools,
+            probing: &probing,
+            inverse: &self.inverse,
+            held: &numbers,
+        };
+        let mut pressed = self.pressed(span.to);
+        let mut settling = Settling::new(&tolerance);
+        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
+        let outcome = loop {
+            let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
+            let mut problem = Problem {
+                body: &mut self.state.body,
+                corotation: moving.as_ref().map_or(&*self.corotation, |moving| moving),
+                external: &external,
+                free: &held.free,
+                inverse: &inverse,
+            };
+            let outcome = self.touch.solve(
+                &mut problem,
+                self.equilibrium.as_mut(),
+                &mut self.state.positions,
+                &mut self.internal,
+                &tolerance,
+                &around,
+            )?;
+            let renewed = self.pressed(span.to);
+            if let Some(end) = settling.take(outcome, &pressed, &renewed) {
+                break end;
+            }
+            pressed = renewed;
+        };
         times.solve_ms += milliseconds(begin);
+        if outcome.converged {
+            self.touch.add_loads(&mut pressed);
+            self.tool_loads = pressed;
+        }
         self.tally.count(&outcome);
         let (solve_ms, error) = timing.into_inner();
         self.tally.solve_ms.extend(solve_ms);
@@ -232,6 +299,25 @@ impl Simulation {
             | None => Ok(outcome),
             Some(error) => Err(error),
         }
+    }
+
+    /// The probes that act at time `t`.
+    fn probing(&self, t: f64) -> Vec<Probing> {
+        let probes = self.tools.iter().enumerate().filter_map(|(tool, one)| {
+            let sphere = one.obstacle(t)?;
+            let moved = (sphere.centre - one.reference(self.reached_s)).norm();
+            Some(Probing { tool, sphere, moved })
+        });
+        probes.collect()
+    }
+
+    /// Loads of tools on vertices at time `t`, where the body is now, by vertex number, N.
+    fn pressed(&self, t: f64) -> Vec<Vector3<f64>> {
+        let mut loads = vec![Vector3::zeros(); self.state.positions.len()];
+        for tool in self.tools.iter().filter(|tool| tool.loads() && tool.acts_at(t)) {
+            tool.add_loads(&self.state, t, &mut loads);
+        }
+        loads
     }
 
     /// Renews rotations and internal forces at the current positions.
@@ -272,16 +358,11 @@ impl Simulation {
     /// Internal minus external force on a vertex at the last solve, at time `t`, N.
     pub(crate) fn reaction(&self, vertices: &[VertexId], t: f64) -> Vec<Vector3<f64>> {
         let weights = self.weights(t);
-        vertices.iter().map(|v| self.internal[v.index()] - weights[v.index()]).collect()
-    }
-
-    /// Sum of the reactions on all tools, solver axes, N.
-    pub(crate) fn tool_force(&self, t: f64) -> Vector3<f64> {
-        let held = |v: &VertexId| matches!(self.state.holds[v.index()], Hold::Grabbed(_));
-        let vertices: Vec<VertexId> = self.state.vertices().filter(held).collect();
-        if vertices.is_empty() {
-            return Vector3::zeros();
-        }
-        self.reaction(&vertices, t).iter().sum()
+        let load = |v: usize| self.tool_loads.get(v).copied().unwrap_or_default();
+        let force = |v: &VertexId| {
+            let v = v.index();
+            self.internal[v] - weights[v] - load(v)
+        };
+        vertices.iter().map(force).collect()
     }
 }

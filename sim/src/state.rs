@@ -13,6 +13,8 @@ pub(crate) struct Cell {
     /// Original label of most of its volume.
     pub label: i64,
     pub density_kg_m3: f64,
+    /// Whether it holds void only.
+    pub is_void: bool,
 }
 
 /// The current mesh: whatever changes it keeps this up to date.

@@ -46,11 +46,7 @@ impl Surfaces {
             return Ok(None);
         }
         let level = surface_level(scene, setup);
-        let cells = setup.tree.grid().cells;
-        let coarse = setup.forest.domain();
-        let mut domain = Domain::of_labels(Lattice::new(cells, level), &setup.tree);
-        let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
-        domain.exclude(&dropped);
+        let domain = carrier(setup, level);
         let mut outlines = Vec::new();
         for (i, one) in asked.iter().enumerate() {
             let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
@@ -138,6 +134,16 @@ impl Surfaces {
             })
             .collect()
     }
+}
+
+/// The root cubes of the simulation on a lattice of `level`.
+pub(crate) fn carrier(setup: &Setup, level: u8) -> Domain {
+    let coarse = setup.forest.domain();
+    let lattice = Lattice::new(setup.tree.grid().cells, level);
+    let mut domain = Domain::of_labels(lattice, &setup.tree);
+    let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
+    domain.exclude(&dropped);
+    domain
 }
 
 /// Found from the gradient alone, so that a position does not depend on the way to it.

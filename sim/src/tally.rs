@@ -9,7 +9,7 @@ use yawara_mesh::Quality;
 use crate::inverse_link::InverseLink;
 use crate::report::{
     BodySummary, ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
-    StepReport, StepSummary, Summary, SurfaceSummary,
+    StepReport, StepSummary, Summary, SurfaceSummary, ToolSummary,
 };
 use crate::scene::Scene;
 use crate::state::State;
@@ -37,6 +37,7 @@ pub(crate) struct Tally {
     pub solve_ms: Vec<f64>,
     force_max: f64,
     force_end: f64,
+    tools: Vec<ToolSummary>,
 }
 
 impl Tally {
@@ -60,6 +61,7 @@ impl Tally {
             solve_ms: Vec::new(),
             force_max: 0.0,
             force_end: 0.0,
+            tools: Vec::new(),
         }
     }
 
@@ -96,6 +98,12 @@ impl Tally {
         let force = report.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
         self.force_max = self.force_max.max(force);
         self.force_end = force;
+        if self.tools.is_empty() {
+            self.tools.extend(report.tools.iter().map(|tool| ToolSummary::new(tool.kind)));
+        }
+        for (summary, tool) in self.tools.iter_mut().zip(&report.tools) {
+            summary.add(tool);
+        }
     }
 
     pub fn summary(
@@ -144,6 +152,7 @@ impl Tally {
             },
             force: ForceSummary { max_n: self.force_max, end_n: self.force_end },
             motion: None,
+            tools: self.tools.clone(),
             surfaces,
             wall_s: self.begin.elapsed().as_secs_f64(),
         }

@@ -57,8 +57,7 @@ impl RunDirectory {
         made.directory(&aside)?;
         made.directory(&aside.join(FRAMES))?;
         let path = aside.join(STEPS);
-        let mut steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
-        steps.write_all(steps_csv::HEADER.as_bytes()).map_err(at(&path))?;
+        let steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
         made.keep = true;
         let parents = made.paths.iter().filter(|path| !path.starts_with(&aside));
         Ok(Self {
@@ -72,7 +71,7 @@ impl RunDirectory {
         })
     }
 
-    /// Writes the scene with all defaults and overrides filled in.
+    /// Writes the scene with all defaults and overrides filled in, and the first line of `steps.csv`.
     ///
     /// # Errors
     /// [`SimError::Io`].
@@ -82,7 +81,9 @@ impl RunDirectory {
             path: path.clone(),
             source: io::Error::other(error),
         })?;
-        fs::write(&path, text).map_err(at(&path))
+        fs::write(&path, text).map_err(at(&path))?;
+        let header = steps_csv::header(scene.tools.len());
+        self.steps.write_all(header.as_bytes()).map_err(at(&self.target.join(STEPS)))
     }
 
     /// Appends a row to `steps.csv`.

@@ -11,8 +11,8 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region,
-    Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
+    Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Normal, Output, Phantom, PressureKey,
+    Refinement, Region, Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -243,8 +243,22 @@ fn example(phantom: Phantom) -> Scene {
     let grab = |region| Tool::Grab {
         region,
         path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
+        path_csv: Some("path.csv".into()),
         turn_axis: [0.0, 0.0, 1.0],
         release_s: Some(1.0),
+    };
+    let probe = Tool::Probe {
+        centre: [0.5; 3],
+        radius_m: 0.01,
+        path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
+        path_csv: Some("path.csv".into()),
+        spacing_m: Some(1e-3),
+        release_s: Some(1.0),
+    };
+    let press = |region| Tool::Pressure {
+        region,
+        pressure: vec![PressureKey { time_s: 0.0, pressure_pa: 1.0 }],
+        normal: Normal::Dead,
     };
     let mesh = MeshOptions {
         path: Some("tets.msh".into()),
@@ -277,7 +291,7 @@ fn example(phantom: Phantom) -> Scene {
         mesh,
         fixed: vec![boxed.clone(), sphere.clone()],
         gravity_m_s2: [0.0; 3],
-        tools: vec![grab(boxed), grab(sphere)],
+        tools: vec![grab(boxed.clone()), grab(sphere.clone()), probe, press(boxed), press(sphere)],
         time: Time { steps: 1, step_s: 0.1 },
         dynamics: Some(Dynamics::default()),
         stages: StageNames::default(),

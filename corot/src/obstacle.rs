@@ -1,0 +1,45 @@
+//! What stands in a body's way.
+
+use nalgebra::Vector3;
+
+/// A rigid, smooth body that others may touch but not enter. A new shape is a new implementation.
+pub trait Obstacle: Send + Sync {
+    /// How far `x` is outside (m, negative inside), and the unit normal there, away from it.
+    ///
+    /// Where no direction is the nearest (the centre of a ball), any unit vector will do.
+    fn gap(&self, x: &Vector3<f64>) -> (f64, Vector3<f64>);
+}
+
+/// A ball: gap ‖x − c‖ − R, normal (x − c)/‖x − c‖.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// c, m.
+    pub centre: Vector3<f64>,
+    /// R > 0, m.
+    pub radius: f64,
+}
+
+impl Obstacle for Sphere {
+    fn gap(&self, x: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let offset = x - self.centre;
+        let distance = offset.norm();
+        let normal = if distance > 0.0 { offset / distance } else { Vector3::z() };
+        (distance - self.radius, normal)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_has_a_gap_and_a_normal_everywhere() {
+        let ball = Sphere { centre: Vector3::new(1.0, 2.0, 3.0), radius: 0.5 };
+        let (gap, normal) = ball.gap(&Vector3::new(1.0, 2.0, 5.0));
+        assert_eq!((gap, normal), (1.5, Vector3::z()));
+        let (gap, normal) = ball.gap(&Vector3::new(0.75, 2.0, 3.0));
+        assert_eq!((gap, normal), (-0.25, -Vector3::x()));
+        let (gap, normal) = ball.gap(&ball.centre);
+        assert_eq!((gap, normal.norm()), (-0.5, 1.0));
+    }
+}

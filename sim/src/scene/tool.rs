@@ -1,0 +1,99 @@
+//! What a scene file says of tools.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::Region;
+
+/// What touches the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Tool {
+    /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
+    Grab {
+        /// What it takes hold of, at rest.
+        region: Region,
+        /// Positions over time, ascending times; linear in between, held at both ends.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        path: Vec<Key>,
+        /// The same from a file with the columns time_s, x_m, y_m, z_m and, if there, turn_deg.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        path_csv: Option<PathBuf>,
+        /// Axis of `turn_deg` in scanner axes, through the region's centre.
+        #[serde(default = "default_axis")]
+        turn_axis: [f64; 3],
+        /// When it lets go, s; never if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        release_s: Option<f64>,
+    },
+    /// A ball without friction that pushes the body's surface along a path, and never pulls.
+    Probe {
+        /// Where its centre is before it moves, fractions of the organ's bounding box.
+        centre: [f64; 3],
+        /// Its radius, m.
+        radius_m: f64,
+        /// As for a grab; turns do nothing.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        path: Vec<Key>,
+        /// As for a grab.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        path_csv: Option<PathBuf>,
+        /// Distance between the surface points that may touch it, m; a quarter of the radius if
+        /// absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        spacing_m: Option<f64>,
+        /// When it is taken away, s; never if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        release_s: Option<f64>,
+    },
+    /// A pressure on the part of the surface that lies in a region at rest.
+    Pressure {
+        /// Where.
+        region: Region,
+        /// How much over time, ascending times; linear in between, held at both ends.
+        pressure: Vec<PressureKey>,
+        /// Which way it acts while the surface turns.
+        #[serde(default)]
+        normal: Normal,
+    },
+}
+
+/// Which way a pressure acts on a surface that has moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Normal {
+    /// Along the normal and on the area as they are now, as a fluid does.
+    #[default]
+    Following,
+    /// Along the normal and on the area at rest: a force that keeps its direction.
+    Dead,
+}
+
+/// A pressure at a time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PressureKey {
+    /// When, s.
+    pub time_s: f64,
+    /// Against the outward normal, Pa; negative is suction.
+    pub pressure_pa: f64,
+}
+
+/// A point of a tool's path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    /// When, s.
+    pub time_s: f64,
+    /// Displacement from rest in scanner axes, m.
+    #[serde(default)]
+    pub move_m: [f64; 3],
+    /// Turn from rest about `turn_axis`, degrees.
+    #[serde(default)]
+    pub turn_deg: f64,
+}
+
+fn default_axis() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}

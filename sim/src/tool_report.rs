@@ -1,0 +1,66 @@
+//! What tools feel.
+
+use serde::Serialize;
+
+/// A tool after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToolReport {
+    /// Its kind, as in the scene.
+    pub kind: &'static str,
+    /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds, Σ λ n
+    /// over what a probe pushes, the load of a pressure.
+    pub force_n: [f64; 3],
+    /// Torque of the tool on the body about the tool's reference point, scanner axes, N m.
+    pub torque_n_m: [f64; 3],
+    /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has moved,
+    /// of a probe, of a pressure's region at rest.
+    pub reference_mm: [f64; 3],
+    /// Vertices held, points pushed, pieces of surface loaded.
+    pub contacts: usize,
+    /// How deep the deepest point of the surface is in a probe, m.
+    pub penetration_m: f64,
+}
+
+/// A tool over the run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ToolSummary {
+    /// Its kind, as in the scene.
+    pub kind: &'static str,
+    /// Largest magnitude of its force, N.
+    pub force_max_n: f64,
+    /// Magnitude at the end, N.
+    pub force_end_n: f64,
+    /// Largest magnitude of its torque, N m.
+    pub torque_max_n_m: f64,
+    /// Magnitude at the end, N m.
+    pub torque_end_n_m: f64,
+    /// The most vertices held, points pushed or pieces loaded at a time.
+    pub contacts_max: usize,
+    /// The deepest penetration, m.
+    pub penetration_max_m: f64,
+}
+
+impl ToolSummary {
+    /// Nothing felt yet.
+    pub(crate) fn new(kind: &'static str) -> Self {
+        Self {
+            kind,
+            force_max_n: 0.0,
+            force_end_n: 0.0,
+            torque_max_n_m: 0.0,
+            torque_end_n_m: 0.0,
+            contacts_max: 0,
+            penetration_max_m: 0.0,
+        }
+    }
+
+    /// Takes a step into account.
+    pub(crate) fn add(&mut self, report: &ToolReport) {
+        let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (self.force_end_n, self.torque_end_n_m) = (norm(&report.force_n), norm(&report.torque_n_m));
+        self.force_max_n = self.force_max_n.max(self.force_end_n);
+        self.torque_max_n_m = self.torque_max_n_m.max(self.torque_end_n_m);
+        self.contacts_max = self.contacts_max.max(report.contacts);
+        self.penetration_max_m = self.penetration_max_m.max(report.penetration_m);
+    }
+}

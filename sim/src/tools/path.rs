@@ -1,0 +1,90 @@
+//! Where a tool goes: keys over time, linear in between.
+
+use nalgebra::Vector3;
+
+use crate::error::SimError;
+use crate::scene::Key;
+use crate::start::ScannerAxes;
+
+use super::path_csv;
+
+/// How far a tool is from where it started.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pose {
+    /// Displacement in scanner axes (right, anterior, superior), m.
+    pub move_m: [f64; 3],
+    /// Turn about the tool's axis, degrees.
+    pub turn_deg: f64,
+}
+
+/// A path in scanner axes, as solver axes see it.
+pub(crate) struct Path {
+    keys: Vec<Key>,
+    axes: ScannerAxes,
+}
+
+impl Path {
+    /// Of a scene's keys, or of a file in their place.
+    pub fn new(
+        keys: &[Key],
+        csv: Option<&std::path::Path>,
+        axes: ScannerAxes,
+    ) -> Result<Self, SimError> {
+        let keys = match csv {
+            Some(file) => path_csv::read(file)?,
+            None => keys.to_vec(),
+        };
+        Ok(Self { keys, axes })
+    }
+
+    /// The pose at time `t`: linear between keys, held at both ends.
+    pub fn pose(&self, t: f64) -> Pose {
+        let after = self.keys.partition_point(|key| key.time_s <= t);
+        match (after.checked_sub(1).map(|i| &self.keys[i]), self.keys.get(after)) {
+            (Some(a), Some(b)) => {
+                let s = (t - a.time_s) / (b.time_s - a.time_s);
+                let (move_a, move_b) = (Vector3::from(a.move_m), Vector3::from(b.move_m));
+                Pose {
+                    move_m: move_a.lerp(&move_b, s).into(),
+                    turn_deg: a.turn_deg + s * (b.turn_deg - a.turn_deg),
+                }
+            }
+            (Some(key), None) | (None, Some(key)) => {
+                Pose { move_m: key.move_m, turn_deg: key.turn_deg }
+            }
+            (None, None) => Pose::default(),
+        }
+    }
+
+    /// Displacement (solver axes, m) and turn (rad) at time `t`.
+    pub fn motion(&self, t: f64) -> (Vector3<f64>, f64) {
+        let Pose { move_m, turn_deg } = self.pose(t);
+        (self.axes.to_solver_direction(&Vector3::from(move_m)), turn_deg.to_radians())
+    }
+
+    /// From now on straight from where it is at `from_s` to `pose` at `to_s`, and stay there.
+    pub fn lead(&mut self, from_s: f64, to_s: f64, pose: Pose) {
+        let now = self.pose(from_s);
+        let key = |time_s, Pose { move_m, turn_deg }: Pose| Key { time_s, move_m, turn_deg };
+        self.keys.clear();
+        self.keys.extend([key(from_s, now), key(to_s, pose)]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_linear_between_its_keys_and_follows_its_leader() {
+        let key = |time_s, x, turn_deg| Key { time_s, move_m: [x, 0.0, 0.0], turn_deg };
+        let keys = [key(1.0, 0.0, 0.0), key(3.0, 4.0, 10.0)];
+        let mut path = Path::new(&keys, None, ScannerAxes::identity()).unwrap();
+        assert_eq!(path.pose(0.0), Pose::default());
+        assert_eq!(path.pose(2.5), Pose { move_m: [3.0, 0.0, 0.0], turn_deg: 7.5 });
+        assert_eq!(path.pose(9.0).move_m[0], 4.0);
+        path.lead(2.0, 2.5, Pose { move_m: [2.0, 1.0, 0.0], turn_deg: 0.0 });
+        assert_eq!(path.pose(2.25), Pose { move_m: [2.0, 0.5, 0.0], turn_deg: 2.5 });
+        assert_eq!(path.pose(8.0).move_m, [2.0, 1.0, 0.0]);
+    }
+}

@@ -1,0 +1,101 @@
+//! `pressure`: a pressure on a patch of the surface.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Skin, Tool};
+use crate::scene::{Normal, PressureKey};
+use crate::state::State;
+
+/// f_v = −p(t) Σ w_v a over the patch's pieces, a their area vectors outward: those at rest
+/// (`dead`), or a = cof(F) A with F the deformation gradient of the piece's coarse tetrahedron
+/// (`following`; Nanson's formula).
+pub(super) struct Pressure {
+    centre: Vector3<f64>,
+    keys: Vec<PressureKey>,
+    normal: Normal,
+    skin: Skin,
+}
+
+impl Pressure {
+    pub fn new(centre: Vector3<f64>, keys: &[PressureKey], normal: Normal, skin: Skin) -> Self {
+        Self { centre, keys: keys.to_vec(), normal, skin }
+    }
+
+    /// p(t), Pa: linear between keys, held at both ends.
+    fn pressure(&self, t: f64) -> f64 {
+        let after = self.keys.partition_point(|key| key.time_s <= t);
+        match (after.checked_sub(1).map(|i| &self.keys[i]), self.keys.get(after)) {
+            (Some(a), Some(b)) => {
+                let s = (t - a.time_s) / (b.time_s - a.time_s);
+                a.pressure_pa + s * (b.pressure_pa - a.pressure_pa)
+            }
+            (Some(key), None) | (None, Some(key)) => key.pressure_pa,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl Tool for Pressure {
+    fn kind(&self) -> &'static str {
+        "pressure"
+    }
+
+    fn acts_at(&self, _: f64) -> bool {
+        true
+    }
+
+    fn reference(&self, _: f64) -> Vector3<f64> {
+        self.centre
+    }
+
+    fn skin(&self) -> Option<&Skin> {
+        Some(&self.skin)
+    }
+
+    fn skin_mut(&mut self) -> Option<&mut Skin> {
+        Some(&mut self.skin)
+    }
+
+    fn loads(&self) -> bool {
+        true
+    }
+
+    fn add_loads(&self, state: &State, t: f64, loads: &mut [Vector3<f64>]) {
+        let pressure = self.pressure(t);
+        for (tet, range) in self.skin.groups() {
+            let Some(element) = state.body.element(*tet) else { continue };
+            let turn = match self.normal {
+                Normal::Dead => Matrix3::identity(),
+                Normal::Following => cofactor(&element.deformation_gradient(&state.positions)),
+            };
+            for &i in &self.skin.order()[range.clone()] {
+                let Some(point) = self.skin.point(i) else { continue };
+                let force = turn * self.skin.area(i) * -pressure;
+                for (&v, weight) in point.vertices.iter().zip(point.weights) {
+                    loads[v] += weight * force;
+                }
+            }
+        }
+    }
+}
+
+/// cof F = det(F) F⁻ᵀ, finite where F is flat.
+fn cofactor(f: &Matrix3<f64>) -> Matrix3<f64> {
+    Matrix3::from_columns(&[
+        f.column(1).cross(&f.column(2)),
+        f.column(2).cross(&f.column(0)),
+        f.column(0).cross(&f.column(1)),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cofactor_is_that_of_the_inverse() {
+        let f = Matrix3::new(1.1, 0.2, -0.1, 0.0, 0.9, 0.3, 0.05, 0.1, 1.2);
+        let want = f.try_inverse().unwrap().transpose() * f.determinant();
+        assert!((cofactor(&f) - want).amax() < 1e-14);
+    }
+}
