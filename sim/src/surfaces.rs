@@ -141,7 +141,7 @@ impl Surfaces {
 }
 
 /// Found from the gradient alone, so that a position does not depend on the way to it.
-fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
     polar_warm(f, &Matrix3::identity())
 }
 
