@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
 use yawara_bench::studies::{
-    Arguments, drift, elements, homogenisation, mesh, scaling, table1, validate,
+    Arguments, compare, drift, elements, homogenisation, mesh, pareto, scaling, table1, validate,
 };
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
@@ -41,6 +41,10 @@ enum Study {
     Elements(elements::Arguments),
     /// Cases with a known solution: beams, spheres, rotation; errors and their slopes.
     Validate(validate::Arguments),
+    /// Error against run time: every stage varied on one scene, against a converged reference.
+    Pareto(pareto::Arguments),
+    /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
+    Compare(compare::Arguments),
 }
 
 impl Study {
@@ -51,15 +55,19 @@ impl Study {
             Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
-            Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) | Self::Validate(_) => {
-                Ok(())
-            }
+            Self::Mesh(_)
+            | Self::Homogenisation(_)
+            | Self::Elements(_)
+            | Self::Validate(_)
+            | Self::Pareto(_)
+            | Self::Compare(_) => Ok(()),
         }
     }
 }
 
-fn run(study: &Study) -> Result<String, BenchError> {
-    match study {
+/// What is printed, and whether all is as it should be.
+fn run(study: &Study) -> Result<(String, bool), BenchError> {
+    let printed = match study {
         #[cfg(feature = "gpu")]
         Study::Table1 { arguments, gpu: true } => yawara_bench::studies::table1_gpu::run(arguments),
         #[cfg(not(feature = "gpu"))]
@@ -71,7 +79,13 @@ fn run(study: &Study) -> Result<String, BenchError> {
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
-    }
+        Study::Pareto(arguments) => pareto::run(arguments),
+        Study::Compare(arguments) => {
+            let found = compare::compare(arguments)?;
+            return Ok((found.markdown(), found.worse.is_empty()));
+        }
+    };
+    printed.map(|text| (text, true))
 }
 
 fn main() -> ExitCode {
@@ -88,10 +102,10 @@ fn main() -> ExitCode {
         return refuse(&error.to_string());
     }
     match run(&cli.study) {
-        Ok(report) => {
+        Ok((report, good)) => {
             // All is in the files: a reader that leaves early misses nothing.
             let _ = write!(std::io::stdout(), "{report}");
-            ExitCode::SUCCESS
+            if good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
         Err(error) => refuse(&error.to_string()),
     }

@@ -1,16 +1,18 @@
 //! Competitors side by side: one study per file, with its report; two of them share their race.
 
 mod arguments;
+pub mod compare;
 pub mod drift;
 pub mod elements;
 pub mod homogenisation;
 mod homogenisation_cases;
 mod homogenisation_solve;
 mod homogenisation_tables;
-mod markdown;
+pub(crate) mod markdown;
 pub mod mesh;
 pub mod mesh_updates;
 pub mod mesh_volumes;
+pub mod pareto;
 mod race;
 mod race_tables;
 pub mod scaling;
