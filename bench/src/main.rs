@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
 use yawara_bench::studies::{
-    Arguments, compare, drift, elements, homogenisation, mesh, pareto, scaling, table1, validate,
+    Arguments, ablation, compare, drift, elements, extremes, homogenisation, mesh, pareto, scaling,
+    stiff, table1, validate,
 };
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
@@ -43,6 +44,12 @@ enum Study {
     Validate(validate::Arguments),
     /// Error against run time: every stage varied on one scene, against a converged reference.
     Pareto(pareto::Arguments),
+    /// Stiffness ratios up to 1e9 and Poisson's ratios up to .4999.
+    Stiff(stiff::Arguments),
+    /// Thin vessels, long voxels, fast tools, long steps, many updates.
+    Extremes(extremes::Arguments),
+    /// What the plan leaves out, against the same with everything switched on.
+    Ablation(ablation::Arguments),
     /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
     Compare(compare::Arguments),
 }
@@ -60,6 +67,9 @@ impl Study {
             | Self::Elements(_)
             | Self::Validate(_)
             | Self::Pareto(_)
+            | Self::Stiff(_)
+            | Self::Extremes(_)
+            | Self::Ablation(_)
             | Self::Compare(_) => Ok(()),
         }
     }
@@ -80,6 +90,9 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Elements(arguments) => elements::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
+        Study::Stiff(arguments) => stiff::run(arguments),
+        Study::Extremes(arguments) => extremes::run(arguments),
+        Study::Ablation(arguments) => ablation::run(arguments),
         Study::Compare(arguments) => {
             let found = compare::compare(arguments)?;
             return Ok((found.markdown(), found.worse.is_empty()));

@@ -114,10 +114,10 @@ mod tests {
 
     #[test]
     fn combinations_are_read_as_they_are_typed() {
-        let text = "row only: stages.corotation=row, gravity_m_s2=[0, 0, -1],name=\"a, b\"";
+        let text = "row only: stages.corotation=row, gravity_m_s2=[0, 0, -1],description=\"a, b\"";
         let candidate = Candidate::parse(text).unwrap();
         assert_eq!((&candidate.group[..], &candidate.name[..]), ("named", "row only"));
-        let want = ["stages.corotation=row", "gravity_m_s2=[0, 0, -1]", "name=\"a, b\""];
+        let want = ["stages.corotation=row", "gravity_m_s2=[0, 0, -1]", "description=\"a, b\""];
         assert_eq!(candidate.overrides, want);
         let scene = candidate.scene("beam", &["time.steps=3".into()]).unwrap();
         assert_eq!((scene.time.steps, &scene.stages.corotation[..]), (3, "row"));
