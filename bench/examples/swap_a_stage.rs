@@ -74,20 +74,19 @@ impl InverseMaintainer for Gradients {
             }
             self.0.apply(&p, &mut product)?;
             let step = rz / dot(&p, &product);
-            (0..u.len()).for_each(|j| (u[j] += step * p[j], r[j] -= step * product[j]).0);
+            u.iter_mut().zip(&p).for_each(|(u, p)| *u += step * p);
+            r.iter_mut().zip(&product).for_each(|(r, q)| *r -= step * q);
             z = scaled(&r);
             let next = dot(&r, &z);
-            (0..p.len()).for_each(|j| p[j] = z[j] + next / rz * p[j]);
+            p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + next / rz * *p);
             rz = next;
         }
         Ok(())
     }
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         let (m, n) = (self.0.block(), self.0.dofs());
-        let row = |j: usize| m * slots[j / m] + j % m;
-        self.solve_many(
-            Mat::from_fn(n, m * slots.len(), |i, j| f64::from(u8::from(i == row(j)))).as_ref(),
-        )
+        let unit = |i, j| f64::from(u8::from(i == m * slots[j / m] + j % m));
+        self.solve_many(Mat::from_fn(n, m * slots.len(), unit).as_ref())
     }
     fn rebuild(&mut self) -> Result<(), InverseError> {
         Ok(())

@@ -41,7 +41,7 @@ pub enum BenchError {
         name: String,
     },
     /// A case that takes too long.
-    #[error("stopped after {seconds} s in step {step} of {steps}: more than --cap-s allows")]
+    #[error("stopped after {seconds} s in step {step} of {steps}: a case has no more time")]
     TimeIsUp {
         /// The time that it was allowed.
         seconds: f64,

@@ -6,6 +6,7 @@ use yawara::scene::Scene;
 use yawara::{Simulation, Stages};
 use yawara_mesh::lattice::MAX_LEVEL;
 
+use super::deadline::Deadline;
 use super::measure::run_steps;
 use super::path::Path;
 use crate::cases::Folder;
@@ -15,8 +16,10 @@ use crate::progress::Progress;
 /// The relative residual of its steps.
 pub const RESIDUAL: f64 = 1e-10;
 
-/// Iterations that it may take for them.
-const ITERATIONS: usize = 1000;
+/// Iterations that each method may take for them, and how often a step may be halved: where that is
+/// not enough the last digits are rounding, and more would take for ever.
+const ITERATIONS: usize = 200;
+const HALVINGS: u32 = 3;
 
 /// How a kept reference begins.
 const MAGIC: &str = "yawara-reference-1";
@@ -55,15 +58,15 @@ pub struct ReferenceSummary {
 
 impl Reference {
     /// The reference of `scene` on the finest uniform mesh of at most `limit` vertices: as kept in
-    /// `folder` under `name`, or else computed and kept.
+    /// `folder` under `name`, or else computed in at most `cap_s` seconds and kept.
     ///
     /// `laminate` down to voxels, element co-rotation, the element by plan, [`RESIDUAL`].
     /// Cost: what a run on such a mesh costs.
     /// # Errors
-    /// [`BenchError::Sim`]; [`BenchError::Damaged`], [`BenchError::Io`].
+    /// [`BenchError::TimeIsUp`]; [`BenchError::Sim`]; [`BenchError::Damaged`], [`BenchError::Io`].
     pub fn of(
         scene: &Scene,
-        limit: usize,
+        (limit, cap_s): (usize, f64),
         folder: &Folder,
         name: &str,
     ) -> Result<Self, BenchError> {
@@ -75,12 +78,12 @@ impl Reference {
             };
             return decode(&bytes).map_err(damaged);
         }
-        let reference = Self::compute(scene, limit)?;
+        let reference = Self::compute(scene, limit, cap_s)?;
         folder.write(&name, encode(&reference))?;
         Ok(reference)
     }
 
-    fn compute(scene: &Scene, limit: usize) -> Result<Self, BenchError> {
+    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self, BenchError> {
         let begin = std::time::Instant::now();
         let level = finest_level(scene, limit)?;
         let mut fine = scene.clone();
@@ -91,14 +94,17 @@ impl Reference {
         fine.mesh.max_vertices = limit;
         fine.solver.residual = RESIDUAL;
         fine.solver.max_iterations = ITERATIONS;
+        fine.solver.max_halvings = HALVINGS;
         fine.stages = yawara::scene::StageNames::default();
-        let mut simulation = Simulation::new(&fine, Stages::by_name(&fine.stages)?)?;
+        let mut stages = Stages::by_name(&fine.stages)?;
+        stages.inverse = Deadline::after(cap_s).guard(stages.inverse);
+        let mut simulation = Simulation::new(&fine, stages)?;
         let points_level = level.max(scene.mesh.finest_level());
         let mut probe = simulation.probe(points_level)?;
         let mut path = Path::of(&probe, points_level);
         let mut progress = Progress::new(1.0);
         let share = 1.0 / fine.time.steps as f64;
-        run_steps(&mut simulation, f64::INFINITY, |simulation, report, _| {
+        run_steps(&mut simulation, cap_s, |simulation, report, _| {
             progress.advance("the reference", share);
             path.push(simulation, &mut probe, report.force_n)
         })?;
@@ -214,10 +220,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(root.path(), &serde_json::json!({}), false).unwrap();
         let scene = beam(&["mesh.max_level=0", "time.steps=2", "tools.0.path.1.time_s=0.3"]);
-        let made = Reference::of(&scene, 45 * 3, &folder, "reference").unwrap();
+        let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
         assert_eq!((made.summary.converged, made.path.steps()), (2, 2));
         assert!(made.summary.residual_max <= RESIDUAL);
-        let kept = Reference::of(&scene, 45 * 3, &folder, "reference").unwrap();
+        let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
         assert_eq!((&kept.path, &kept.summary), (&made.path, &made.summary));
     }
 

@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     points.extend(voxels(quick));
     points.extend(tools(quick));
     points.extend(updates(quick));
-    sweep::run("extremes", &points, &arguments.selection)
+    sweep::run("extremes", &points, sweep::cap_s(quick), &arguments.selection)
 }
 
 fn point(group: &'static str, name: String, scene: &'static str, own: &[&str]) -> Point {
@@ -52,7 +52,7 @@ fn point(group: &'static str, name: String, scene: &'static str, own: &[&str]) -
 
 /// The same vessels, a hundred times as stiff, in ever larger voxels: down to less than one across.
 fn vessels(quick: bool) -> Vec<Point> {
-    let edges: &[f64] = if quick { &[4.0, 16.0] } else { &[2.0, 4.0, 8.0, 16.0] };
+    let edges: &[f64] = if quick { &[4.0, 12.0] } else { &[2.0, 4.0, 8.0, 12.0] };
     let one = |edge: &f64| {
         let own = format!("image.voxel_mm={edge}");
         point("vessels", format!("voxels of {edge} mm"), "liver", &[&own])
@@ -109,6 +109,7 @@ fn updates(quick: bool) -> Vec<Point> {
                 format!("time.steps={}", 8 * count),
                 "time.step_s=0.25".to_owned(),
                 "refinement.dwell_steps=1".to_owned(),
+                "refinement.merge_fraction=0.3".to_owned(),
                 format!("stages.inverse={inverse}"),
             ];
             let name = format!("{count} cycles, {inverse}");

@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
             }
         }
     }
-    sweep::run("stiff", &points, &arguments.selection)
+    sweep::run("stiff", &points, sweep::cap_s(quick), &arguments.selection)
 }
 
 fn point(

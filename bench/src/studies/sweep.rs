@@ -38,8 +38,10 @@ const COLUMNS: &[&str] = &[
     "step_p50_ms",
 ];
 
-/// Seconds that a point may take, its reference aside.
-const CAP_S: f64 = 120.0;
+/// Seconds that a point may take, and as many its reference.
+pub(super) fn cap_s(quick: bool) -> f64 {
+    if quick { 5.0 } else { 60.0 }
+}
 
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md; what
 /// is printed.
@@ -49,12 +51,14 @@ const CAP_S: f64 = 120.0;
 pub(super) fn run(
     study: &str,
     points: &[Point],
+    cap_s: f64,
     selection: &Selection,
 ) -> Result<String, BenchError> {
     let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
     let options = json!({
         "study": study,
         "version": env!("CARGO_PKG_VERSION"),
+        "cap_s": cap_s,
         "points": points.iter().map(point).collect::<Vec<_>>(),
     });
     let folder = Folder::open(&selection.out, &options, selection.force)?;
@@ -70,10 +74,10 @@ pub(super) fn run(
             }
             let (scene, _) = scene_file::load(one.scene, &overrides)?;
             let name = format!("reference-{number:03}");
-            let reference = Reference::of(&scene, one.reference_vertices, folder, &name)?;
+            let reference = Reference::of(&scene, (one.reference_vertices, cap_s), folder, &name)?;
             let stages = Stages::by_name(&scene.stages)?;
             let mut found =
-                measure(&scene, stages, &reference.path, CAP_S, advance, &mut |_| Ok(()))?;
+                measure(&scene, stages, &reference.path, cap_s, advance, &mut |_| Ok(()))?;
             found.figures.put("reference_converged", reference.summary.converged);
             found.figures.put("reference_residual", reference.summary.residual_max);
             Ok(found)
