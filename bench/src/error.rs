@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use thiserror::Error;
+use yawara::SimError;
 use yawara_corot::CorotError;
 use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
@@ -21,6 +22,93 @@ pub enum BenchError {
     /// The co-rotation stage refused.
     #[error(transparent)]
     Corot(#[from] CorotError),
+    /// The simulation refused.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// A combination of stages that can't be read.
+    #[error(
+        "--combination {text:?}: want \"NAME: KEY=VALUE, KEY=VALUE\", e.g. \"row only: \
+         stages.corotation=row\""
+    )]
+    Combination {
+        /// What was given.
+        text: String,
+    },
+    /// Two cases of one name.
+    #[error("two cases are named {name:?}, want every name once")]
+    SameName {
+        /// The name.
+        name: String,
+    },
+    /// A case that takes too long.
+    #[error("stopped after {seconds} s in step {step} of {steps}: a case has no more time")]
+    TimeIsUp {
+        /// The time that it was allowed.
+        seconds: f64,
+        /// The step it was in, 0 before the first.
+        step: usize,
+        /// Steps of the scene.
+        steps: usize,
+    },
+    /// A run whose body has other points than the reference.
+    #[error(
+        "the body has {got} points at level {level}, the reference {want} or others: they are \
+         different bodies (another image, other base cells or other parts held)"
+    )]
+    OtherPoints {
+        /// Points of the run.
+        got: usize,
+        /// Points of the reference.
+        want: usize,
+        /// The level of the points.
+        level: u8,
+    },
+    /// A folder of a study with other options.
+    #[error(
+        "{}: an earlier run had {key} = {old}, this one has {new}; give the same options to go on, \
+         another --out, or --force to start anew",
+        path.display()
+    )]
+    OptionsDiffer {
+        /// The file of the options.
+        path: PathBuf,
+        /// The first that differs.
+        key: String,
+        /// Its value then.
+        old: String,
+        /// Its value now.
+        new: String,
+    },
+    /// A kept file that can't be read.
+    #[error("{}: {reason}; remove it to have it made again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file that is no result of a study.
+    #[error("{}: {reason}; want a study's JSON file with a list `rows`", path.display())]
+    NoResult {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A tolerance that is none.
+    #[error("--tolerance is {value}, want a fraction that is finite and at least 0, e.g. 0.05")]
+    Tolerance {
+        /// The value.
+        value: f64,
+    },
+    /// A picture that can't be drawn.
+    #[error("{}: {reason}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// What the drawing library says.
+        reason: String,
+    },
     /// An equilibrium that was not found.
     #[error("`{case}`: `{method}` ended at a relative residual of {reached:e}, want {limit:e}")]
     NotConverged {

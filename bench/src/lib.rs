@@ -9,6 +9,7 @@
 mod accuracy;
 mod beams;
 mod block;
+pub mod cases;
 mod direct;
 mod error;
 mod history;
@@ -16,6 +17,8 @@ mod machine;
 mod material_edits;
 mod organ;
 mod output;
+pub mod pareto;
+mod picture;
 mod plot;
 mod progress;
 mod random;

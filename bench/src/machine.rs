@@ -1,6 +1,8 @@
 //! Where a study was measured.
 
-use serde::Serialize;
+use std::process::Command;
+
+use serde::{Deserialize, Serialize};
 
 use crate::stream::Stream;
 
@@ -23,6 +25,58 @@ pub struct Machine {
     pub memcpy_gb_s: f64,
 }
 
+/// Where a row of a study is from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Place {
+    /// The processor's own name, `unknown` where the system does not tell.
+    pub cpu: String,
+    /// The sources' commit, with `+` if they differ from it; `unknown` outside a checkout.
+    pub commit: String,
+}
+
+impl Place {
+    /// Asks the system, and git for the state of these sources.
+    pub fn here() -> Self {
+        Self { cpu: cpu(), commit: commit().unwrap_or_else(|| "unknown".to_owned()) }
+    }
+}
+
+fn cpu() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    field(&text, "model name").unwrap_or("unknown").to_owned()
+}
+
+fn commit() -> Option<String> {
+    let git = |arguments: &[&str]| {
+        let mut command = Command::new("git");
+        let output = command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+        let output = output.ok().filter(|output| output.status.success())?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    let mark = match git(&["status", "--porcelain", "--untracked-files=no"])?.is_empty() {
+        true => "",
+        false => "+",
+    };
+    Some(git(&["rev-parse", "--short=12", "HEAD"])? + mark)
+}
+
+/// Most bytes that this process has held in memory since [`reset_peak`], if the system tells.
+pub(crate) fn peak_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    field(&text, "VmHWM").and_then(kibibytes)
+}
+
+/// Bytes that this process holds in memory now, if the system tells.
+pub(crate) fn resident_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    field(&text, "VmRSS").and_then(kibibytes)
+}
+
+/// Starts [`peak_bytes`] anew; false where the system does not let it.
+pub(crate) fn reset_peak() -> bool {
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
 /// Numbers that no cache holds.
 const LARGE: usize = 1 << 24;
 
@@ -30,10 +84,9 @@ impl Machine {
     /// Asks the system, and copies 128 MiB a few times.
     pub fn here() -> Self {
         let read = |path| std::fs::read_to_string(path).unwrap_or_default();
-        let cpu = field(&read("/proc/cpuinfo"), "model name").unwrap_or("unknown").to_owned();
         let available = field(&read("/proc/meminfo"), "MemAvailable").and_then(kibibytes);
         Self {
-            cpu,
+            cpu: cpu(),
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             threads_available: std::thread::available_parallelism().map_or(1, usize::from),
             threads_used: 1,
@@ -79,6 +132,18 @@ mod tests {
         assert_eq!(field(cpuinfo, "nothing"), None);
         assert_eq!(kibibytes("12 kB"), Some(12288));
         assert_eq!(kibibytes("12 MB"), None);
+    }
+
+    #[test]
+    fn the_peak_follows_what_is_held() {
+        if !reset_peak() {
+            return;
+        }
+        let before = resident_bytes().unwrap();
+        let held = vec![1u8; 64 << 20];
+        assert!(std::hint::black_box(&held).iter().all(|&byte| byte == 1));
+        drop(held);
+        assert!(peak_bytes().unwrap() > before + (32 << 20));
     }
 
     #[test]

@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
 use yawara_bench::studies::{
-    Arguments, Common, drift, elements, homogenisation, mesh, scaling, table1, validate,
+    Arguments, Common, ablation, compare, drift, elements, extremes, homogenisation, mesh, pareto,
+    scaling, stiff, table1, validate,
 };
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
@@ -45,6 +46,16 @@ enum Study {
     /// Cases with a known solution: beams, spheres, rotation; errors and their slopes (quick: one
     /// refinement less of each).
     Validate(Common),
+    /// Error against run time: every stage varied on one scene, against a converged reference.
+    Pareto(pareto::Arguments),
+    /// Stiffness ratios up to 1e9 and Poisson's ratios up to .4999.
+    Stiff(stiff::Arguments),
+    /// Thin vessels, long voxels, fast tools, long steps, many updates.
+    Extremes(extremes::Arguments),
+    /// What the plan leaves out, against the same with everything switched on.
+    Ablation(ablation::Arguments),
+    /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
+    Compare(compare::Arguments),
 }
 
 impl Study {
@@ -55,15 +66,22 @@ impl Study {
             Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_) => {
                 rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
             }
-            Self::Mesh(_) | Self::Homogenisation(_) | Self::Elements(_) | Self::Validate(_) => {
-                Ok(())
-            }
+            Self::Mesh(_)
+            | Self::Homogenisation(_)
+            | Self::Elements(_)
+            | Self::Validate(_)
+            | Self::Pareto(_)
+            | Self::Stiff(_)
+            | Self::Extremes(_)
+            | Self::Ablation(_)
+            | Self::Compare(_) => Ok(()),
         }
     }
 }
 
-fn run(study: &Study) -> Result<String, BenchError> {
-    match study {
+/// What is printed, and whether all is as it should be.
+fn run(study: &Study) -> Result<(String, bool), BenchError> {
+    let printed = match study {
         #[cfg(feature = "gpu")]
         Study::Table1 { arguments, gpu: true } => yawara_bench::studies::table1_gpu::run(arguments),
         #[cfg(not(feature = "gpu"))]
@@ -75,7 +93,16 @@ fn run(study: &Study) -> Result<String, BenchError> {
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
-    }
+        Study::Pareto(arguments) => pareto::run(arguments),
+        Study::Stiff(arguments) => stiff::run(arguments),
+        Study::Extremes(arguments) => extremes::run(arguments),
+        Study::Ablation(arguments) => ablation::run(arguments),
+        Study::Compare(arguments) => {
+            let found = compare::compare(arguments)?;
+            return Ok((found.markdown(), found.worse.is_empty()));
+        }
+    };
+    printed.map(|text| (text, true))
 }
 
 fn main() -> ExitCode {
@@ -92,10 +119,10 @@ fn main() -> ExitCode {
         return refuse(&error.to_string());
     }
     match run(&cli.study) {
-        Ok(report) => {
+        Ok((report, good)) => {
             // All is in the files: a reader that leaves early misses nothing.
             let _ = write!(std::io::stdout(), "{report}");
-            ExitCode::SUCCESS
+            if good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
         Err(error) => refuse(&error.to_string()),
     }

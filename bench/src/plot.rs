@@ -40,6 +40,7 @@ pub fn log_log(title: &str, axes: [&str; 2], lines: &[Line]) -> Option<String> {
         (high > 0.0).then_some((low / 1.5)..(high * 1.5))
     };
     let (x, y) = (range(|p| p.0)?, range(|p| p.1)?);
+    crate::picture::register_font();
     let mut svg = String::new();
     draw(&mut svg, title, axes, lines, x, y).ok()?;
     Some(svg)

@@ -25,8 +25,8 @@ pub(crate) type RestTest = Box<dyn Fn(&Vector3<f64>) -> bool + Send>;
 /// What splits and merges go by: the forest and its content. It changes a [`State`].
 pub(crate) struct Refiner {
     pub forest: BisectionForest,
-    embedding: Embedding,
-    placement: Placement,
+    pub embedding: Embedding,
+    pub placement: Placement,
     label_values: Vec<i64>,
     /// Whether a rest position lies in a fixed region.
     is_fixed: RestTest,

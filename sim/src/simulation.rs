@@ -49,7 +49,7 @@ pub struct Simulation {
     pub(crate) tool_loads: Vec<Vector3<f64>>,
     pub(crate) state: State,
     /// None for a mesh from a file.
-    refiner: Option<Refiner>,
+    pub(crate) refiner: Option<Refiner>,
     surfaces: Option<Surfaces>,
     pub(crate) inverse: InverseLink,
     /// Gravity in solver axes, m/s².

@@ -147,7 +147,7 @@ pub(crate) fn carrier(setup: &Setup, level: u8) -> Domain {
 }
 
 /// Found from the gradient alone, so that a position does not depend on the way to it.
-fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
     polar_warm(f, &Matrix3::identity())
 }
 

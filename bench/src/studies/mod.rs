@@ -1,19 +1,25 @@
 //! Competitors side by side: one study per file, with its report; two of them share their race.
 
+pub mod ablation;
 mod arguments;
+pub mod compare;
 pub mod drift;
 pub mod elements;
+pub mod extremes;
 pub mod homogenisation;
 mod homogenisation_cases;
 mod homogenisation_solve;
 mod homogenisation_tables;
-mod markdown;
+pub(crate) mod markdown;
 pub mod mesh;
 pub mod mesh_updates;
 pub mod mesh_volumes;
+pub mod pareto;
 mod race;
 mod race_tables;
 pub mod scaling;
+pub mod stiff;
+mod sweep;
 pub mod table1;
 #[cfg(feature = "gpu")]
 pub mod table1_gpu;

@@ -1,0 +1,177 @@
+//! Cases, files, tables: a study as a list of cases that are run one by one and kept one by one.
+//!
+//! A [`Case`] makes a [`Row`]; [`Folder`] keeps every finished row as a file of its own, so that an
+//! interrupted study goes on where it was and several processes share one folder; [`table`] makes
+//! tables of the rows. What a row says in `figures` is the same on every run, what it says in
+//! `measured` (times, memory) is not.
+
+mod folder;
+mod row;
+mod selection;
+mod table;
+
+pub use folder::Folder;
+pub use row::{Figures, Row};
+pub use selection::{Selection, Shard};
+pub(crate) use table::rounded;
+pub use table::{csv, markdown};
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::error::BenchError;
+use crate::progress::Progress;
+
+/// What a case found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Findings {
+    /// The same on every run.
+    pub figures: Figures,
+    /// Times and memory.
+    pub measured: Figures,
+}
+
+/// Tells the fraction of a case that is done.
+pub type Advance<'a> = &'a mut dyn FnMut(f64);
+
+/// What a case does.
+pub type Work<'a> = Box<dyn Fn(Advance<'_>) -> Result<Findings, BenchError> + 'a>;
+
+/// One unit of a study.
+pub struct Case<'a> {
+    /// Unique within the study.
+    pub name: String,
+    /// What it belongs to, e.g. the factor that is varied.
+    pub group: String,
+    /// How long it takes, in whatever unit the study's other cases count by.
+    pub weight: f64,
+    /// Its work; an error, and a panic too, becomes a row with a reason.
+    pub work: Work<'a>,
+}
+
+impl<'a> Case<'a> {
+    /// A case of weight 1.
+    pub fn new(
+        group: impl Into<String>,
+        name: impl Into<String>,
+        work: impl Fn(Advance<'_>) -> Result<Findings, BenchError> + 'a,
+    ) -> Self {
+        Self { name: name.into(), group: group.into(), weight: 1.0, work: Box::new(work) }
+    }
+
+    fn run(&self, advance: Advance<'_>) -> Row {
+        let mut row = Row::new(&self.group, &self.name);
+        // What a failed case leaves half done is dropped with it.
+        match catch_unwind(AssertUnwindSafe(|| (self.work)(advance))) {
+            Ok(Ok(Findings { figures, measured })) => {
+                (row.figures, row.measured) = (figures, measured);
+            }
+            Ok(Err(error)) => row.failure = Some(error.to_string()),
+            Err(panic) => row.failure = Some(format!("panicked: {}", panic_message(&*panic))),
+        }
+        row
+    }
+}
+
+fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(|text| &text[..])).unwrap_or("no message")
+}
+
+/// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it is
+/// finished. Returns the rows of all cases, in order, if every one of them is there, else `None`.
+///
+/// # Errors
+/// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read.
+pub fn run(
+    folder: &Folder,
+    cases: &[Case<'_>],
+    shard: Shard,
+) -> Result<Option<Vec<Row>>, BenchError> {
+    let mut waiting = Vec::new();
+    for (number, case) in cases.iter().enumerate() {
+        if shard.takes(number) && folder.row(number, &case.name)?.is_none() {
+            waiting.push((number, case));
+        }
+    }
+    let mut progress = Progress::new(waiting.iter().map(|(_, case)| case.weight).sum());
+    for (number, case) in waiting {
+        let mut done = 0.0;
+        progress.advance(&case.name, 0.0);
+        let mut row = case.run(&mut |fraction: f64| {
+            let fraction = fraction.clamp(done, 1.0);
+            progress.advance(&case.name, case.weight * (fraction - done));
+            done = fraction;
+        });
+        row.on = folder.place().clone();
+        progress.advance(&case.name, case.weight * (1.0 - done));
+        folder.keep(number, &row)?;
+    }
+    let rows: Result<Option<Vec<Row>>, _> =
+        cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name)).collect();
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+
+    fn findings(value: f64) -> Findings {
+        let mut found = Findings::default();
+        found.figures.put("value", value);
+        found
+    }
+
+    /// Three cases, the second of which fails and the third of which panics; `log` tells who ran.
+    fn cases<'a>(log: &'a RefCell<Vec<&'static str>>) -> Vec<Case<'a>> {
+        vec![
+            Case::new("g", "one", |_| {
+                log.borrow_mut().push("one");
+                Ok(findings(1.0 / 3.0))
+            }),
+            Case::new("g", "two", |_| {
+                log.borrow_mut().push("two");
+                Err(BenchError::NoRing { vertices: 7 })
+            }),
+            Case::new("g", "three", |_| {
+                log.borrow_mut().push("three");
+                panic!("a bug")
+            }),
+        ]
+    }
+
+    fn open(root: &std::path::Path) -> Folder {
+        let options = serde_json::json!({ "study": "test" });
+        Folder::open(&root.join("study"), &options, false).unwrap()
+    }
+
+    #[test]
+    fn failures_are_rows_and_finished_cases_are_not_run_again() {
+        let root = tempfile::tempdir().unwrap();
+        let log = RefCell::default();
+        let rows = run(&open(root.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        assert_eq!(*log.borrow(), ["one", "two", "three"]);
+        assert_eq!(rows[0].figures.number("value"), Some(1.0 / 3.0));
+        assert!(rows[1].failure.as_ref().unwrap().contains("no ring left"), "{rows:?}");
+        assert_eq!(rows[2].failure.as_deref(), Some("panicked: a bug"));
+        let again = run(&open(root.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        assert_eq!((log.borrow().len(), again), (3, rows));
+    }
+
+    #[test]
+    fn shards_make_the_rows_of_one_process() {
+        let root = tempfile::tempdir().unwrap();
+        let log = RefCell::default();
+        let folder = open(root.path());
+        let shard = |number| Shard { number, of: 2 };
+        assert_eq!(run(&folder, &cases(&log), shard(2)).unwrap(), None);
+        assert_eq!(*log.borrow(), ["two"]);
+        let rows = run(&folder, &cases(&log), shard(1)).unwrap().unwrap();
+        assert_eq!(*log.borrow(), ["two", "one", "three"]);
+        let other = tempfile::tempdir().unwrap();
+        let alone = run(&open(other.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        let names = |rows: &[Row]| rows.iter().map(|row| row.case.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&rows), names(&alone));
+        assert!(rows.iter().zip(&alone).all(|(a, b)| a.figures == b.figures));
+    }
+}

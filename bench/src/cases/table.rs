@@ -1,0 +1,99 @@
+//! Rows as tables.
+
+use super::Row;
+use crate::studies::markdown;
+
+/// All rows as CSV: group, case, every figure and measurement that a row has, in order of first
+/// appearance, and why a row has none.
+pub fn csv(rows: &[Row]) -> String {
+    let columns = columns(rows);
+    let mut text = format!("group,case,{},failure\n", columns.join(","));
+    for row in rows {
+        let mut cells = vec![quoted(&row.group), quoted(&row.case)];
+        cells.extend(columns.iter().map(|name| quoted(&row.cell(name))));
+        cells.push(quoted(row.failure.as_deref().unwrap_or_default()));
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}
+
+/// The columns `names` of all rows in Markdown, numbers to three digits; a row without figures has
+/// its reason below the table.
+pub fn markdown(rows: &[Row], names: &[&str]) -> String {
+    let heads: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
+    let line = |row: &Row| {
+        let cells = names.iter().map(|name| rounded(row, name)).collect();
+        (format!("{}: {}", row.group, row.case), cells)
+    };
+    let lines: Vec<_> = rows.iter().map(line).collect();
+    let mut text = markdown::table("case", &heads, &lines);
+    for row in rows {
+        if let Some(reason) = &row.failure {
+            text += &format!("- {}: {}: {reason}\n", row.group, row.case);
+        }
+    }
+    text
+}
+
+/// Names of all figures, then of all measurements.
+pub(crate) fn columns(rows: &[Row]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    let figures = rows.iter().flat_map(|row| row.figures.names());
+    for name in figures.chain(rows.iter().flat_map(|row| row.measured.names())) {
+        if !names.iter().any(|known| known == name) {
+            names.push(name.into());
+        }
+    }
+    names
+}
+
+/// A cell for people: three digits of what is not a whole number.
+pub(crate) fn rounded(row: &Row, name: &str) -> String {
+    match row.number(name) {
+        Some(value) if value.fract() == 0.0 && value.abs() < 1e6 => format!("{value}"),
+        Some(value) if (0.01..1e4).contains(&value.abs()) => {
+            let digits = 2 - value.abs().log10().floor() as i32;
+            format!("{value:.*}", digits.max(0) as usize)
+        }
+        Some(value) => format!("{value:.2e}"),
+        None => row.cell(name),
+    }
+}
+
+fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"', '\n']) {
+        return format!("\"{}\"", cell.replace('"', "\"\""));
+    }
+    cell.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows() -> Vec<Row> {
+        let mut one = Row::new("inverse", "lu, dense");
+        one.figures.put("error", 0.012345);
+        one.measured.put("ms", 12.0);
+        let mut two = Row::new("inverse", "none");
+        two.failure = Some("has \"no\" inverse".into());
+        two.figures.put("drift", 1.25e-9);
+        vec![one, two]
+    }
+
+    #[test]
+    fn csv_holds_every_figure_and_quotes_what_needs_it() {
+        let want = "group,case,error,drift,ms,failure\n\
+                    inverse,\"lu, dense\",0.012345,,12.0,\n\
+                    inverse,none,,1.25e-9,,\"has \"\"no\"\" inverse\"\n";
+        assert_eq!(csv(&rows()), want);
+    }
+
+    #[test]
+    fn markdown_rounds_and_gives_reasons() {
+        let text = markdown(&rows(), &["error", "drift", "ms"]);
+        assert!(text.contains("| inverse: lu, dense | 0.0123 |"), "{text}");
+        assert!(text.contains("| 1.25e-9 |"), "{text}");
+        assert!(text.ends_with("- inverse: none: has \"no\" inverse\n"), "{text}");
+    }
+}

@@ -1,0 +1,139 @@
+//! One run of a scene: its time, its memory, and its errors against the reference.
+
+use std::time::Instant;
+
+use yawara::report::StepReport;
+use yawara::scene::Scene;
+use yawara::{Simulation, Stages};
+
+use super::deadline::Deadline;
+use super::path::{Distance, Path};
+use crate::cases::{Advance, Findings};
+use crate::error::BenchError;
+use crate::machine;
+use crate::statistics::percentile;
+
+/// Bytes in a megabyte.
+const MEGA: f64 = 1e6;
+
+/// Less growth than this says nothing: what an earlier run gave back may be in use again.
+const MEMORY_FLOOR_MB: f64 = 4.0;
+
+/// Runs `scene` with `stages` for at most `cap_s` seconds and compares it with `reference`; `watch`
+/// sees the simulation after every step, outside of what is timed.
+///
+/// # Errors
+/// [`BenchError::TimeIsUp`]; [`BenchError::OtherPoints`]; what the simulation refuses.
+pub fn measure(
+    scene: &Scene,
+    mut stages: Stages,
+    reference: &Path,
+    cap_s: f64,
+    advance: Advance<'_>,
+    watch: &mut dyn FnMut(&Simulation) -> Result<(), BenchError>,
+) -> Result<Findings, BenchError> {
+    let before = machine::resident_bytes().filter(|_| machine::reset_peak());
+    let begin = Instant::now();
+    stages.inverse = Deadline::after(cap_s).guard(stages.inverse);
+    let steps = scene.time.steps;
+    let ended = |error: yawara::SimError, step: usize| match Deadline::ended(&error) {
+        true => BenchError::TimeIsUp { seconds: cap_s, step, steps },
+        false => error.into(),
+    };
+    let mut simulation = Simulation::new(scene, stages).map_err(|error| ended(error, 0))?;
+    let precompute_s = begin.elapsed().as_secs_f64();
+    let peak = machine::peak_bytes();
+    let mut probe = simulation.probe(reference.level)?;
+    let mut distance = Distance::from(reference, &probe)?;
+    // The probe is the study's, not the run's.
+    let probed = machine::resident_bytes().filter(|_| machine::reset_peak());
+    let mut totals = Totals::default();
+    run_steps(&mut simulation, cap_s, |simulation, report, ms| {
+        let x = simulation.probe_positions(&mut probe)?;
+        distance.add(&probe, &x, report.force_n);
+        totals.add(report, ms);
+        advance(report.step as f64 / steps as f64);
+        watch(simulation)
+    })?;
+    let summary = simulation.summary()?;
+    let grown = |from: Option<u64>, to: Option<u64>| Some(to?.saturating_sub(from?) as f64 / MEGA);
+    let start_mb = grown(before, peak);
+    let more_mb = grown(probed, machine::peak_bytes());
+    let mut found = Findings::default();
+    let figures = &mut found.figures;
+    figures.put("error_displacement", distance.displacement());
+    figures.put("error_force", distance.force());
+    figures.put("error_volume", distance.volume());
+    figures.put("steps", summary.steps.count);
+    figures.put("converged", summary.steps.converged);
+    figures.put("residual_max", summary.steps.residual_max);
+    figures.put("iterations", totals.iterations);
+    figures.put("fallbacks", totals.fallbacks);
+    figures.put("halvings", summary.steps.halvings);
+    figures.put("vertices_max", summary.mesh.vertices.max);
+    figures.put("vertices_end", summary.mesh.vertices.end);
+    figures.put("updates", summary.inverse.updates);
+    figures.put("rebuilds", summary.inverse.rebuilds);
+    figures.put("failed_pivots", summary.inverse.failed_pivots);
+    figures.put("drift_max", summary.inverse.drift_max);
+    figures.put("element", choice(&simulation, "element"));
+    figures.put("inverse", summary.inverse.choice);
+    let measured = &mut found.measured;
+    measured.put("step_p50_ms", percentile(&totals.step_ms, 50.0));
+    measured.put("step_p99_ms", percentile(&totals.step_ms, 99.0));
+    measured.put("update_p50_ms", summary.inverse.time_ms.p50);
+    measured.put("precompute_s", precompute_s);
+    let memory_mb = start_mb.zip(more_mb).map(|(start, more)| start + more);
+    measured.put("memory_mb", memory_mb.filter(|megabytes| *megabytes >= MEMORY_FLOOR_MB));
+    measured.put("total_s", begin.elapsed().as_secs_f64());
+    Ok(found)
+}
+
+fn choice(simulation: &Simulation, stage: &str) -> String {
+    let row = simulation.plan().iter().find(|row| row.stage == stage);
+    row.map_or_else(String::new, |row| row.choice.clone())
+}
+
+#[derive(Default)]
+struct Totals {
+    iterations: usize,
+    fallbacks: usize,
+    step_ms: Vec<f64>,
+}
+
+impl Totals {
+    fn add(&mut self, report: &StepReport, ms: f64) {
+        self.iterations += report.iterations;
+        self.fallbacks += report.fallbacks;
+        self.step_ms.push(ms);
+    }
+}
+
+/// Makes all steps; `visit` sees each with its time in ms, outside of what is timed.
+///
+/// # Errors
+/// [`BenchError::TimeIsUp`] once the steps have taken more than `cap_s` seconds.
+pub(crate) fn run_steps(
+    simulation: &mut Simulation,
+    cap_s: f64,
+    mut visit: impl FnMut(&Simulation, &StepReport, f64) -> Result<(), BenchError>,
+) -> Result<(), BenchError> {
+    let begin = Instant::now();
+    let steps = simulation.steps_left();
+    while simulation.steps_left() > 0 {
+        let step = steps - simulation.steps_left() + 1;
+        let ended = BenchError::TimeIsUp { seconds: cap_s, step, steps };
+        if begin.elapsed().as_secs_f64() > cap_s {
+            return Err(ended);
+        }
+        let start = Instant::now();
+        let report = simulation.step();
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let report = report.map_err(|error| match Deadline::ended(&error) {
+            true => ended,
+            false => error.into(),
+        })?;
+        visit(simulation, &report, ms)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,314 @@
+//! Error against time, with the front.
+
+use super::front::front;
+use crate::cases::Row;
+use crate::picture::{Anchor, Picture, Role, Shape};
+
+/// The sides of the plot within the picture: left, top, right, bottom.
+const FRAME: [f64; 4] = [76.0, 56.0, 640.0, 420.0];
+
+const SIZE: (u32, u32) = (860, 480);
+
+/// Height of a line of the smallest text.
+const LINE: f64 = 13.0;
+
+/// What is on the axes: a row's figure or measurement, and what to call it.
+pub(crate) struct Axis<'a> {
+    pub name: &'a str,
+    pub title: &'a str,
+}
+
+/// A scatter plot with logarithmic axes, the front as a line with its rows named; `None` where no row
+/// has both values.
+///
+/// A row that did not converge in every step has a hollow mark and is not on the front. `named`
+/// rows have their names beside them wherever they are.
+pub(crate) fn scatter(
+    title: &str,
+    x: &Axis<'_>,
+    y: &Axis<'_>,
+    rows: &[Row],
+    named: &[&str],
+) -> Option<Picture> {
+    let point = |row: &Row| (number(row, x.name), number(row, y.name));
+    let points: Vec<(f64, f64)> = rows.iter().map(point).collect();
+    let [xs, ys] = [Scale::of(points.iter().map(|p| p.0))?, Scale::of(points.iter().map(|p| p.1))?];
+    let place = |(a, b): (f64, f64)| {
+        let [left, top, right, bottom] = FRAME;
+        (left + xs.at(a) * (right - left), bottom - ys.at(b) * (bottom - top))
+    };
+    let mut shapes = axes(title, x, y, &xs, &ys);
+    let on_front = front_of(rows, x.name, y.name);
+    let corners: Vec<(f64, f64)> = on_front.iter().map(|&i| place(points[i])).collect();
+    shapes.push(Shape::Line { points: stairs(&corners), width: 1.5, role: Role::Ink });
+    let groups = groups(rows);
+    let mut labels = Labels::default();
+    for step in stairs(&corners).windows(2) {
+        labels.block_line(step[0], step[1]);
+    }
+    for (i, row) in rows.iter().enumerate().filter(|&(i, _)| points[i].0 * points[i].1 > 0.0) {
+        let at = place(points[i]);
+        let role = Role::Series(groups.iter().position(|group| *group == row.group).unwrap_or(0));
+        let title = format!("{}: {:.3e}, {:.3e}", row.case, points[i].0, points[i].1);
+        let radius = if row.group == "default" { 7.0 } else { 5.0 };
+        shapes.push(Shape::Disc { at, radius, hollow: !converged(row), role, title });
+        labels.block(at, radius);
+        if on_front.contains(&i) || named.contains(&&row.group[..]) {
+            labels.want(at, &row.case);
+        }
+    }
+    shapes.extend(labels.shapes());
+    shapes.extend(legend(&groups));
+    Some(Picture { width: SIZE.0, height: SIZE.1, shapes })
+}
+
+/// The rows that converged in every step and that no other such row beats in both values.
+pub(crate) fn front_of(rows: &[Row], x: &str, y: &str) -> Vec<usize> {
+    let point = |row: &Row| match converged(row) {
+        true => (number(row, x), number(row, y)),
+        false => (f64::NAN, f64::NAN),
+    };
+    front(&rows.iter().map(point).collect::<Vec<_>>())
+}
+
+/// Whether every step converged.
+pub(crate) fn converged(row: &Row) -> bool {
+    row.failure.is_none() && row.number("converged") == row.number("steps")
+}
+
+fn number(row: &Row, name: &str) -> f64 {
+    row.number(name).filter(|value| *value > 0.0).unwrap_or(f64::NAN)
+}
+
+fn groups(rows: &[Row]) -> Vec<&str> {
+    let mut groups: Vec<&str> = Vec::new();
+    for row in rows {
+        if !groups.contains(&&row.group[..]) {
+            groups.push(&row.group);
+        }
+    }
+    groups
+}
+
+/// From point to point by a level and a vertical line: what lies above and to the right is beaten.
+fn stairs(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut points = Vec::new();
+    for pair in corners.windows(2) {
+        points.extend([pair[0], (pair[1].0, pair[0].1)]);
+    }
+    points.extend(corners.last());
+    points
+}
+
+/// A logarithmic axis.
+struct Scale {
+    low: f64,
+    high: f64,
+}
+
+impl Scale {
+    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (mut low, mut high) = (f64::INFINITY, 0.0f64);
+        for value in values.filter(|value| value.is_finite() && *value > 0.0) {
+            (low, high) = (low.min(value), high.max(value));
+        }
+        (high > 0.0).then_some(Self { low: low / 1.4, high: high * 1.4 })
+    }
+
+    /// 0 at the low end, 1 at the high one.
+    fn at(&self, value: f64) -> f64 {
+        (value / self.low).ln() / (self.high / self.low).ln()
+    }
+
+    /// Round values within, with fewer digits where there are many decades.
+    fn ticks(&self) -> Vec<f64> {
+        let decades = (self.high / self.low).log10();
+        let steps: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        let first = self.low.log10().floor() as i32;
+        let last = self.high.log10().ceil() as i32;
+        let stride = (decades / 8.0).ceil().max(1.0) as usize;
+        (first..=last)
+            .step_by(stride)
+            .flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)))
+            .filter(|value| (self.low..=self.high).contains(value))
+            .collect()
+    }
+}
+
+fn tick_name(value: f64) -> String {
+    match value {
+        v if (0.001..10_000.0).contains(&v) => format!("{}", (v * 1e6).round() / 1e6),
+        v => format!("{v:.0e}"),
+    }
+}
+
+fn axes(title: &str, x: &Axis<'_>, y: &Axis<'_>, xs: &Scale, ys: &Scale) -> Vec<Shape> {
+    let [left, top, right, bottom] = FRAME;
+    let text = |at, size, anchor, text: &str| Shape::Text { at, size, anchor, text: text.into() };
+    let line = |points| Shape::Line { points, width: 1.0, role: Role::Faint };
+    let mut shapes = vec![text((left, 18.0), 16.0, Anchor::Start, title)];
+    for value in xs.ticks() {
+        let at = left + xs.at(value) * (right - left);
+        shapes.push(line(vec![(at, top), (at, bottom)]));
+        shapes.push(text((at, bottom + 14.0), 12.0, Anchor::Middle, &tick_name(value)));
+    }
+    for value in ys.ticks() {
+        let at = bottom - ys.at(value) * (bottom - top);
+        shapes.push(line(vec![(left, at), (right, at)]));
+        shapes.push(text((left - 6.0, at), 12.0, Anchor::End, &tick_name(value)));
+    }
+    let frame = vec![(left, top), (left, bottom), (right, bottom)];
+    shapes.push(Shape::Line { points: frame, width: 1.0, role: Role::Ink });
+    shapes.push(text((0.5 * (left + right), bottom + 38.0), 13.0, Anchor::Middle, x.title));
+    shapes.push(text((4.0, top - 16.0), 13.0, Anchor::Start, y.title));
+    shapes
+}
+
+fn legend(groups: &[&str]) -> Vec<Shape> {
+    let mut shapes = Vec::new();
+    for (number, group) in groups.iter().enumerate() {
+        let at = (FRAME[2] + 28.0, FRAME[1] + 20.0 * number as f64);
+        let role = Role::Series(number);
+        let title = (*group).to_owned();
+        shapes.push(Shape::Disc { at, radius: 5.0, hollow: false, role, title });
+        let text = (*group).to_owned();
+        let at = (at.0 + 12.0, at.1);
+        shapes.push(Shape::Text { at, size: 13.0, anchor: Anchor::Start, text });
+    }
+    let y = FRAME[1] + 20.0 * groups.len() as f64 + 6.0;
+    for (number, text) in
+        ["hollow: a step did not converge", "line: Pareto front"].iter().enumerate()
+    {
+        let at = (FRAME[2] + 22.0, y + 17.0 * number as f64);
+        let text = (*text).to_owned();
+        shapes.push(Shape::Text { at, size: 12.0, anchor: Anchor::Start, text });
+    }
+    shapes
+}
+
+/// Names beside points, moved up or down until they lie on no other and on no mark.
+#[derive(Default)]
+struct Labels {
+    /// Boxes that are taken: left, top, right, bottom.
+    taken: Vec<[f64; 4]>,
+    wanted: Vec<((f64, f64), String)>,
+}
+
+impl Labels {
+    fn block(&mut self, (x, y): (f64, f64), radius: f64) {
+        self.taken.push([x - radius, y - radius, x + radius, y + radius]);
+    }
+
+    /// A level or vertical line.
+    fn block_line(&mut self, a: (f64, f64), b: (f64, f64)) {
+        self.taken.push([a.0.min(b.0), a.1.min(b.1), a.0.max(b.0), a.1.max(b.1)]);
+    }
+
+    fn want(&mut self, at: (f64, f64), name: &str) {
+        self.wanted.push((at, name.to_owned()));
+    }
+
+    fn shapes(mut self) -> Vec<Shape> {
+        let mut shapes = Vec::new();
+        for ((x, y), text) in std::mem::take(&mut self.wanted) {
+            // A letter of this size is about so wide.
+            let width = 6.2 * text.chars().count() as f64;
+            let fits = x + 9.0 + width < FRAME[2];
+            let (from, anchor) = match fits {
+                true => (x + 9.0, Anchor::Start),
+                false => (x - 9.0 - width, Anchor::End),
+            };
+            let box_at = |y: f64| [from, y - 0.5 * LINE, from + width, y + 0.5 * LINE];
+            let free = |y: &f64| {
+                let a = box_at(*y);
+                let apart = |b: &[f64; 4]| a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] < a[1];
+                a[1] > FRAME[1] && a[3] < FRAME[3] && self.taken.iter().all(apart)
+            };
+            let shifts =
+                (0..14).map(|n| f64::from((n + 1) / 2) * if n % 2 == 0 { 8.0 } else { -8.0 });
+            let height = shifts.map(|shift| y + shift).find(free).unwrap_or(y);
+            self.taken.push(box_at(height));
+            let at = (if fits { from } else { from + width }, height);
+            shapes.push(Shape::Text { at, size: 12.0, anchor, text });
+        }
+        shapes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, ms: f64, error: f64, converged: usize) -> Row {
+        let mut row = Row::new("g", name);
+        row.figures.put("error", error);
+        row.figures.put("steps", 2);
+        row.figures.put("converged", converged);
+        row.measured.put("ms", ms);
+        row
+    }
+
+    const X: Axis<'static> = Axis { name: "ms", title: "ms per step" };
+    const Y: Axis<'static> = Axis { name: "error", title: "error" };
+
+    #[test]
+    fn marks_lie_where_their_values_are_and_the_front_is_named() {
+        let mut rows = vec![
+            row("fast", 1.0, 0.1, 2),
+            row("slow", 100.0, 0.001, 2),
+            row("beaten", 100.0, 0.1, 2),
+            row("lost", 0.5, 1e-4, 1),
+        ];
+        rows.push(Row { failure: Some("no".into()), ..Row::new("g", "failed") });
+        assert_eq!(front_of(&rows, "ms", "error"), [0, 1]);
+        let picture = scatter("t", &X, &Y, &rows, &[]).unwrap();
+        let discs = picture.shapes.iter().filter_map(|shape| match shape {
+            Shape::Disc { at, hollow, title, .. } if title.contains(':') => Some((*at, *hollow)),
+            _ => None,
+        });
+        let discs: Vec<_> = discs.collect();
+        assert_eq!(
+            discs.iter().map(|disc| disc.1).collect::<Vec<_>>(),
+            [false, false, false, true]
+        );
+        // Two decades of either axis are as long as any other two.
+        assert!((discs[1].0.0 - discs[0].0.0 - (discs[2].0.0 - discs[0].0.0)).abs() < 1e-9);
+        assert!(discs[1].0.1 > discs[0].0.1 && (discs[2].0.1 - discs[0].0.1).abs() < 1e-9);
+        let svg = picture.svg();
+        for (name, shown) in [("fast", 2), ("slow", 2), ("beaten", 1), ("lost", 1)] {
+            assert_eq!(svg.matches(&format!(">{name}")).count(), shown, "{name}");
+        }
+    }
+
+    #[test]
+    fn names_do_not_cover_each_other() {
+        let mut labels = Labels::default();
+        for i in 0..5 {
+            labels.want((200.0, 200.0 + 2.0 * f64::from(i)), "a name of some length");
+        }
+        let heights: Vec<f64> = labels
+            .shapes()
+            .iter()
+            .map(|shape| match shape {
+                Shape::Text { at, .. } => at.1,
+                _ => unreachable!(),
+            })
+            .collect();
+        for (i, a) in heights.iter().enumerate() {
+            assert!(heights[..i].iter().all(|b| (a - b).abs() >= LINE), "{heights:?}");
+        }
+    }
+
+    #[test]
+    fn ticks_are_few_and_within() {
+        for (low, high) in [(1.0, 2.0), (1e-9, 1e9), (3.0, 3.1), (1e-4, 0.5)] {
+            let scale = Scale { low, high };
+            let ticks = scale.ticks();
+            assert!(
+                ticks.len() < 14 && ticks.iter().all(|t| (low..=high).contains(t)),
+                "{ticks:?}"
+            );
+        }
+        assert!(scatter("t", &X, &Y, &[], &[]).is_none());
+    }
+}

@@ -1,0 +1,113 @@
+//! The files of a finished study.
+
+use serde_json::json;
+
+use super::report;
+use super::scatter::{Axis, converged, front_of, scatter};
+use super::{ERROR, Results, TIME, own_error};
+use crate::cases::{self, Folder};
+use crate::error::BenchError;
+use crate::machine::Machine;
+
+/// The picture of the body.
+pub(crate) const PICTURE: &str = "cases/picture.svg";
+
+/// Columns of the table that is printed.
+const COLUMNS: &[&str] = &[
+    TIME,
+    "step_p99_ms",
+    "precompute_s",
+    "memory_mb",
+    "vertices_max",
+    ERROR,
+    "error_force",
+    "error_volume",
+    "steps",
+    "converged",
+    "fallbacks",
+];
+
+/// Rows that are named in the plots wherever they are.
+const NAMED: &[&str] = &["default", "paper", "own", "named"];
+
+/// What is on the axes of the plots.
+pub(crate) const X: Axis<'static> = Axis { name: TIME, title: "time per step, median, ms" };
+const DISPLACEMENT: Axis<'static> =
+    Axis { name: ERROR, title: "error of displacement, relative L2" };
+const FORCE: Axis<'static> = Axis { name: "error_force", title: "error of force, relative" };
+
+/// Writes pareto.csv, .json, .md, .svg, .png and report.html; returns the table.
+///
+/// # Errors
+/// [`BenchError::Io`], [`BenchError::Picture`].
+pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchError> {
+    let Results { scene, plan, reference, rows } = results;
+    let machine = Machine::here();
+    let on_front: Vec<&str> =
+        front_of(rows, TIME, ERROR).iter().map(|&i| &rows[i].case[..]).collect();
+    let json = json!({
+        "study": "pareto",
+        "scene": scene.name,
+        "machine": machine,
+        "reference": reference,
+        "reference_own_error": own_error(results),
+        "left_out": plan.iter().filter(|row| !row.runs).collect::<Vec<_>>(),
+        "front": on_front,
+        "rows": rows,
+    });
+    folder.write("pareto.json", format!("{json:#}\n"))?;
+    folder.write("pareto.csv", cases::csv(rows))?;
+    let text = summary(results, &machine, &on_front);
+    folder.write("pareto.md", &text)?;
+    let title = format!("{}: error against time", scene.name);
+    let plots: Vec<_> = [&DISPLACEMENT, &FORCE]
+        .iter()
+        .filter_map(|y| scatter(&title, &X, y, rows, NAMED))
+        .collect();
+    if let Some(first) = plots.first() {
+        folder.write("pareto.svg", first.svg())?;
+        let picture = |reason| BenchError::Picture { path: folder.at("pareto.png"), reason };
+        folder.write("pareto.png", first.png().map_err(picture)?)?;
+    }
+    let body = folder.read(PICTURE)?.and_then(|bytes| String::from_utf8(bytes).ok());
+    let page = report::page(&report::Content {
+        results,
+        machine: &machine,
+        front: &on_front,
+        plots: plots.iter().map(|plot| plot.svg()).collect(),
+        body,
+    });
+    folder.write("report.html", page)?;
+    Ok(text)
+}
+
+fn summary(results: &Results, machine: &Machine, on_front: &[&str]) -> String {
+    let Results { scene, plan, reference, rows } = results;
+    let mut text = format!(
+        "# {}: error against time\n\n{}, {} threads. Reference: uniform level {} with {} vertices, \
+         {}, {} of {} steps to {:.1e}, {:.0} s.\n\n",
+        scene.name,
+        machine.cpu,
+        machine.threads_available,
+        reference.level,
+        reference.vertices,
+        reference.element,
+        reference.converged,
+        reference.steps,
+        reference.residual_max,
+        reference.total_s,
+    );
+    if let Some(error) = own_error(results) {
+        text += &format!("By the uniform levels, its own error is about {error:.1e}.\n\n");
+    }
+    text += &cases::markdown(rows, COLUMNS);
+    text += &format!("\nOn the front: {}.\n", on_front.join("; "));
+    let lost = rows.iter().filter(|row| row.failure.is_none() && !converged(row)).count();
+    if lost > 0 {
+        text += &format!("{lost} candidate(s) did not converge in every step.\n");
+    }
+    for row in plan.iter().filter(|row| !row.runs) {
+        text += &format!("Left out by the plan: {} ({}).\n", row.stage, row.why);
+    }
+    text
+}
