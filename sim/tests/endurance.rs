@@ -71,7 +71,7 @@ fn endure(steps: usize, dynamic: bool) {
         (splits, merges) = (splits + report.splits, merges + report.merges);
         (fallbacks, substeps) = (fallbacks + report.fallbacks, substeps + report.substeps);
         missed += usize::from(!report.converged);
-        if report.step % (steps / 10).max(1) == 0 {
+        if report.step.is_multiple_of((steps / 10).max(1)) {
             memory.extend(resident());
             let frame = simulation.frame().unwrap();
             assert!(frame.points_mm.iter().flatten().all(|x| x.is_finite()));
