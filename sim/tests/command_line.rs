@@ -47,7 +47,9 @@ fn steps(bench: &Workbench, file: &str) -> Vec<Vec<String>> {
 fn scenes_are_listed_with_a_description() {
     let text = Workbench::new().succeed(&["scenes"]);
     let first: Vec<&str> = text.lines().map(|line| line.split_once(' ').unwrap().0).collect();
-    assert_eq!(first, ["liver", "liver_ct", "beam", "twist", "abdomen_ct", "organs_ct"]);
+    let bodies = ["liver", "liver_ct", "beam", "twist"];
+    let hard = ["drop", "stiff", "near_incompressible", "extreme", "homogeneous"];
+    assert_eq!(first, [&bodies[..], &hard, &["abdomen_ct", "organs_ct"]].concat());
     assert!(text.lines().all(|line| line.len() > 20), "{text}");
 }
 
