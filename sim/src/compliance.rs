@@ -19,8 +19,7 @@ impl InverseLink {
         vertices: &[usize],
         held: &[usize],
     ) -> Result<Vec<f64>, SimError> {
-        let slots: Vec<usize> =
-            vertices.iter().chain(held).filter_map(|&v| self.slot(v)).collect();
+        let slots: Vec<usize> = vertices.iter().chain(held).filter_map(|&v| self.slot(v)).collect();
         let all = self.maintainer().compliance(&slots)?;
         let m = self.element().unknowns();
         let (n, h) = (3 * vertices.len(), 3 * held.len());

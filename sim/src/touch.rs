@@ -99,8 +99,16 @@ impl Touch {
                 (equilibrium.solve(problem, positions, internal, tolerance), None)
             } else {
                 self.cover(&pairs, problem, positions, around)?;
-                let touched =
-                    self.round(&pairs, depth, problem, equilibrium, positions, internal, tolerance, around);
+                let touched = self.round(
+                    &pairs,
+                    depth,
+                    problem,
+                    equilibrium,
+                    positions,
+                    internal,
+                    tolerance,
+                    around,
+                );
                 (touched.outcome, Some(touched))
             };
             let so_far = total.map_or((0, 0), |t| (t.iterations, t.evaluations));
@@ -120,7 +128,8 @@ impl Touch {
             }
             pairs.extend(deeper);
         }
-        let mut total = total.unwrap_or_else(|| equilibrium.solve(problem, positions, internal, tolerance));
+        let mut total =
+            total.unwrap_or_else(|| equilibrium.solve(problem, positions, internal, tolerance));
         total.converged = false;
         Ok(total)
     }

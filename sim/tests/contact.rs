@@ -50,7 +50,8 @@ fn the_force_is_that_of_hertz_and_comes_nearer_under_refinement() {
         // Held at full depth while the mesh still gets finer.
         -last.tools[0].force_n[2] / want - 1.0
     };
-    let (coarse, fine) = (error("refinement.split_above=1e-7"), error("refinement.split_above=1e-9"));
+    let (coarse, fine) =
+        (error("refinement.split_above=1e-7"), error("refinement.split_above=1e-9"));
     println!("relative error of the force: {coarse:.3} coarse, {fine:.3} fine");
     // Linear elements are too stiff, so both are above.
     assert!(fine > -0.02 && fine < 0.6 * coarse, "{coarse} {fine}");
@@ -92,7 +93,7 @@ fn what_pushes_is_carried_by_the_support_with_the_weight() {
     assert!(last.converged && last.tools[0].contacts > 0);
     let support = simulation.support_force();
     let volume = 0.16 * 0.16 * 0.08;
-    let weight = [0.3, 0.0, -2.0].map(|g| 1000.0 * volume * g);
+    let weight: [f64; 3] = [0.3, 0.0, -2.0].map(|g| 1000.0 * volume * g);
     let scale = weight[2].abs();
     for axis in 0..3 {
         let sum = support[axis] + weight[axis] + last.tools[0].force_n[axis];

@@ -11,8 +11,8 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Image, Key, MaterialEntry, MeshOptions, Output, Phantom, Refinement, Region, Scene, Solver,
-    Normal, PressureKey, StageNames, SurfaceEntry, Time, Tool, Void,
+    Image, Key, MaterialEntry, MeshOptions, Normal, Output, Phantom, PressureKey, Refinement,
+    Region, Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -291,13 +291,7 @@ fn example(phantom: Phantom) -> Scene {
         mesh,
         fixed: vec![boxed.clone(), sphere.clone()],
         gravity_m_s2: [0.0; 3],
-        tools: vec![
-            grab(boxed.clone()),
-            grab(sphere.clone()),
-            probe,
-            press(boxed),
-            press(sphere),
-        ],
+        tools: vec![grab(boxed.clone()), grab(sphere.clone()), probe, press(boxed), press(sphere)],
         time: Time { steps: 1, step_s: 0.1 },
         stages: StageNames::default(),
         refinement: Refinement::default(),

@@ -65,8 +65,7 @@ impl Path {
     /// From now on straight from where it is at `from_s` to `pose` at `to_s`, and stay there.
     pub fn lead(&mut self, from_s: f64, to_s: f64, pose: Pose) {
         let now = self.pose(from_s);
-        let key =
-            |time_s, Pose { move_m, turn_deg }: Pose| Key { time_s, move_m, turn_deg };
+        let key = |time_s, Pose { move_m, turn_deg }: Pose| Key { time_s, move_m, turn_deg };
         self.keys.clear();
         self.keys.extend([key(from_s, now), key(to_s, pose)]);
     }

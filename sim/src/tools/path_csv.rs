@@ -110,8 +110,7 @@ fn key(text: &str, order: &[usize], place: &str, last: Option<f64>) -> Result<Ke
     }
     let mut values = [0.0; COLUMNS.len()];
     for (field, &at) in fields.iter().zip(order) {
-        let wrong =
-            |want: String| refusal(place.into(), COLUMNS[at], format!("{field:?}"), want);
+        let wrong = |want: String| refusal(place.into(), COLUMNS[at], format!("{field:?}"), want);
         let value: f64 = field.parse().map_err(|_| wrong("a number".into()))?;
         let limit = if (1..NEEDED).contains(&at) { FARTHEST_M } else { f64::MAX };
         if !(value.abs() <= limit) {
@@ -166,7 +165,10 @@ mod tests {
             (&format!("{head}0,0,0,0\n0,1,1,1"), "p.csv, line 3: time_s is 0.0, want more than"),
             (&format!("{head}0,0,nan,0"), "p.csv, line 2: y_m is \"nan\", want a finite number"),
             (&format!("{head}0,0,inf,0"), "p.csv, line 2: y_m is \"inf\""),
-            (&format!("{head}0,2e3,0,0"), "p.csv, line 2: x_m is \"2e3\", want a finite number, at"),
+            (
+                &format!("{head}0,2e3,0,0"),
+                "p.csv, line 2: x_m is \"2e3\", want a finite number, at",
+            ),
             (&format!("{head}nan,0,0,0"), "p.csv, line 2: time_s is \"nan\""),
             (&format!("{head}0,one,0,0"), "p.csv, line 2: x_m is \"one\", want a number"),
             (&format!("{head}{}", "1".repeat(5000)), "p.csv, line 2: its length is longer"),

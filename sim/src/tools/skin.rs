@@ -89,7 +89,8 @@ impl Skin {
             }
             let corners = element.vertices.map(|v| state.rest[v]);
             let low = corners.iter().fold(corners[0], |low, x| low.inf(x)).add_scalar(-self.reach);
-            let high = corners.iter().fold(corners[0], |high, x| high.sup(x)).add_scalar(self.reach);
+            let high =
+                corners.iter().fold(corners[0], |high, x| high.sup(x)).add_scalar(self.reach);
             let first = lost.partition_point(|&i| self.rest[i].x < low.x);
             for &i in &lost[first..] {
                 let x = &self.rest[i];

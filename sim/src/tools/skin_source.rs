@@ -93,8 +93,7 @@ fn outline(scene: &Scene, setup: &Setup) -> Result<Triangles, SimError> {
     let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
     let placement = setup.tree.grid().placement(voxel_m, domain.lattice());
     let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
-    let Outlines { forest, surfaces } =
-        Outlines::new(&volume, &setup.tree, domain, level, &asked)?;
+    let Outlines { forest, surfaces } = Outlines::new(&volume, &setup.tree, domain, level, &asked)?;
     let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
     for v in forest.vertices() {
         rest[v.index()] = placement.position(forest.point(v));
