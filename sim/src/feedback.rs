@@ -1,6 +1,6 @@
 //! What tools feel, and where they are led.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::VertexId;
 
 use crate::error::SimError;
@@ -66,11 +66,13 @@ impl Simulation {
         if !held.is_empty() {
             let inverse = self.inverse.constrained(&held)?.stiffness();
             let rotations = self.state.body.vertex_rotations();
+            // Vertices that have come in since the last solve have none yet.
+            let rotation = |v: usize| rotations.get(v).copied().unwrap_or_else(Matrix3::identity);
             let mine = |v: usize| self.state.holds[v] == Hold::Grabbed(tool);
             for (i, &v) in held.iter().enumerate().filter(|(_, v)| mine(**v)) {
                 for (j, &w) in held.iter().enumerate().filter(|(_, w)| mine(**w)) {
                     let block = inverse.fixed_view::<3, 3>(3 * i, 3 * j);
-                    stiffness += rotations[v] * block * rotations[w].transpose();
+                    stiffness += rotation(v) * block * rotation(w).transpose();
                 }
             }
         }
@@ -81,13 +83,17 @@ impl Simulation {
         Ok([0, 1, 2].map(|i| [0, 1, 2].map(|j| 0.5 * (columns[j][i] + columns[i][j]))))
     }
 
-    /// Σ (f_int − f_ext) over all fixed vertices: the force of the support on the body in scanner
-    /// axes, N. With the tools' forces and the weight it sums up to nothing in equilibrium.
+    /// Σ (f_int − f_ext) over all fixed vertices at the last equilibrium: the force of the support on
+    /// the body in scanner axes, N. With the tools' forces and the weight it sums up to nothing.
     pub fn support_force(&self) -> [f64; 3] {
+        self.axes.to_ras_direction(&self.support).into()
+    }
+
+    /// The same now, before the mesh changes, solver axes.
+    pub(crate) fn measured_support(&self) -> Vector3<f64> {
         let fixed = |v: &VertexId| self.state.holds[v.index()] == Hold::Fixed;
         let vertices: Vec<VertexId> = self.state.vertices().filter(fixed).collect();
-        let sum: Vector3<f64> = self.reaction(&vertices, self.reached_s).iter().sum();
-        self.axes.to_ras_direction(&sum).into()
+        self.reaction(&vertices, self.reached_s).iter().sum()
     }
 
     fn held_by(&self, tool: usize) -> impl Iterator<Item = VertexId> + '_ {

@@ -47,6 +47,8 @@ pub struct Simulation {
     /// Forces of tools on vertices at the last equilibrium, by vertex number, N; shorter by those
     /// that have come in since.
     pub(crate) tool_loads: Vec<Vector3<f64>>,
+    /// Force of the fixed vertices on the body at the last equilibrium, N.
+    pub(crate) support: Vector3<f64>,
     pub(crate) state: State,
     /// None for a mesh from a file.
     pub(crate) refiner: Option<Refiner>,
@@ -158,6 +160,7 @@ impl Simulation {
             tools,
             touch: Touch::default(),
             tool_loads: Vec::new(),
+            support: Vector3::zeros(),
             internal: vec![Vector3::zeros(); state.vertex_capacity()],
             tally: Tally::new(begin, &state),
             state,
@@ -206,6 +209,7 @@ impl Simulation {
         let mut times = StageTimes::default();
         self.let_go(span);
         let outcome = self.advance(span, &mut times)?;
+        self.support = self.measured_support();
         let felt = self.tool_reports();
         let force_n = [0, 1, 2].map(|axis| felt.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
