@@ -27,7 +27,7 @@ use std::collections::BTreeSet;
 use serde_json::json;
 use yawara::report::PlanRow;
 use yawara::scene::Scene;
-use yawara::{Simulation, Stages, scene_file};
+use yawara::{SimError, Simulation, Stages, scene_file};
 
 use crate::cases::{self, Case, Folder, Row, Selection};
 use crate::error::BenchError;
@@ -54,12 +54,19 @@ pub struct Options {
     pub reference_vertices: usize,
 }
 
+/// Vertices that a quick study's candidates may have, unless the start mesh alone has more.
+const QUICK_VERTICES: usize = 600;
+
+fn max_vertices(count: usize) -> String {
+    format!("mesh.max_vertices={count}")
+}
+
 impl Options {
     /// The defaults for a scene, with and without `quick`.
     pub fn new(scene: &str, quick: bool) -> Self {
         let (cap_s, reference_vertices) = if quick { (10.0, 3_000) } else { (40.0, 30_000) };
         let overrides = match quick {
-            true => vec!["mesh.max_vertices=600".to_owned()],
+            true => vec![max_vertices(QUICK_VERTICES)],
             false => Vec::new(),
         };
         Self { scene: scene.into(), overrides, quick, cap_s, reference_vertices }
@@ -96,10 +103,18 @@ impl Study {
     /// Cost: the start of two simulations.
     /// # Errors
     /// [`BenchError::Sim`] if the scene is refused.
-    pub fn new(options: Options) -> Result<Self, BenchError> {
-        let (scene, _) = scene_file::load(&options.scene, &options.overrides)?;
+    pub fn new(mut options: Options) -> Result<Self, BenchError> {
+        let (mut scene, _) = scene_file::load(&options.scene, &options.overrides)?;
         let level = converged::finest_level(&scene, options.reference_vertices)?;
-        let simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+        let start = |scene: &Scene| Simulation::new(scene, Stages::by_name(&scene.stages)?);
+        let simulation = match start(&scene) {
+            Err(SimError::TooManyVertices { count, limit: QUICK_VERTICES }) if options.quick => {
+                options.overrides.push(max_vertices(count + count / 4));
+                scene = scene_file::load(&options.scene, &options.overrides)?.0;
+                start(&scene)?
+            }
+            other => other?,
+        };
         let plan = simulation.plan().to_vec();
         let choices = Choices {
             scene: &scene,
@@ -195,4 +210,19 @@ pub(crate) fn part_done(folder: &Folder, cases: &[Case<'_>]) -> Result<String, B
          again without --shard, over the same folder)\n",
         cases.len()
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quick_study_leaves_room_for_the_start_mesh() {
+        let study = Study::new(Options::new("beam", true)).unwrap();
+        assert_eq!(study.scene.mesh.max_vertices, QUICK_VERTICES);
+        // The liver starts with 736 vertices.
+        let study = Study::new(Options::new("liver", true)).unwrap();
+        assert_eq!(study.scene.mesh.max_vertices, 736 + 184);
+        assert!(study.candidates.iter().any(|one| one.group == "homogenisation"));
+    }
 }
