@@ -13,7 +13,7 @@ pub struct Arguments {
     #[command(flatten)]
     #[allow(missing_docs)]
     pub selection: Selection,
-    /// Fewer values: less than a minute.
+    /// Fewer values, 20 s for each at most and as many for its reference.
     #[arg(long)]
     pub quick: bool,
 }

@@ -40,7 +40,7 @@ const COLUMNS: &[&str] = &[
 
 /// Seconds that a point may take, and as many its reference.
 pub(super) fn cap_s(quick: bool) -> f64 {
-    if quick { 5.0 } else { 60.0 }
+    if quick { 20.0 } else { 120.0 }
 }
 
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md; what
