@@ -77,6 +77,12 @@ fn depth(probing: &[Probing], tolerance: &Tolerance) -> f64 {
     tolerance.residual * least
 }
 
+/// The points of `pairs` with the number of their probe.
+fn points(pairs: &[Push], around: &Surroundings<'_>) -> Vec<(SurfacePoint, usize)> {
+    let of = |tool: usize| around.probing.iter().position(|p| p.tool == tool).unwrap_or(0);
+    pairs.iter().map(|pair| (pair.point, of(pair.tool))).collect()
+}
+
 impl Touch {
     /// Moves the free vertices into equilibrium with the probes where they are.
     ///
@@ -92,6 +98,8 @@ impl Touch {
         around: &Surroundings<'_>,
     ) -> Result<Outcome, SimError> {
         let depth = depth(around.probing, tolerance);
+        let obstacles: Vec<&dyn Obstacle> =
+            around.probing.iter().map(|p| &p.sphere as &dyn Obstacle).collect();
         let mut pairs = self.near(around, positions);
         let mut total: Option<Outcome> = None;
         for _ in 0..ROUNDS {
@@ -99,24 +107,30 @@ impl Touch {
                 (equilibrium.solve(problem, positions, internal, tolerance), None)
             } else {
                 self.cover(&pairs, problem, positions, around)?;
-                let touched = self.round(
-                    &pairs,
-                    depth,
+                let points = points(&pairs, around);
+                let forces: Vec<f64> = pairs.iter().map(|pair| pair.force).collect();
+                let block = self.block.as_ref();
+                let (vertices, compliance) =
+                    block.map_or((&[][..], &[][..]), |b| (&b.vertices, &b.entries));
+                let (points, obstacles) = (&points[..], &obstacles[..]);
+                let contact = Contact { points, obstacles, vertices, compliance, depth };
+                let touched = solve_with_contact(
                     problem,
                     equilibrium,
+                    &contact,
+                    &forces,
                     positions,
                     internal,
                     tolerance,
-                    around,
                 );
                 (touched.outcome, Some(touched))
             };
-            let so_far = total.map_or((0, 0), |t| (t.iterations, t.evaluations));
-            let sum = Outcome {
-                iterations: so_far.0 + outcome.iterations,
-                evaluations: so_far.1 + outcome.evaluations,
+            let sum = total.map_or(outcome, |before| Outcome {
+                iterations: before.iterations + outcome.iterations,
+                evaluations: before.evaluations + outcome.evaluations,
+                fallbacks: before.fallbacks + outcome.fallbacks,
                 ..outcome
-            };
+            });
             total = Some(sum);
             if !outcome.converged {
                 return Ok(sum);
@@ -185,32 +199,6 @@ impl Touch {
         let entries = around.inverse.compliance_of(&vertices, around.held)?;
         self.block = Some(Block { updates, held: around.held.to_vec(), vertices, entries });
         Ok(())
-    }
-
-    /// One solve with contact at `pairs`.
-    #[allow(clippy::too_many_arguments)]
-    fn round(
-        &self,
-        pairs: &[Push],
-        depth: f64,
-        problem: &mut Problem<'_>,
-        equilibrium: &mut dyn Equilibrium,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-        around: &Surroundings<'_>,
-    ) -> ContactOutcome {
-        let obstacles: Vec<&dyn Obstacle> =
-            around.probing.iter().map(|p| &p.sphere as &dyn Obstacle).collect();
-        let of = |tool: usize| around.probing.iter().position(|p| p.tool == tool).unwrap_or(0);
-        let points: Vec<(SurfacePoint, usize)> =
-            pairs.iter().map(|pair| (pair.point, of(pair.tool))).collect();
-        let forces: Vec<f64> = pairs.iter().map(|pair| pair.force).collect();
-        let (vertices, compliance) =
-            self.block.as_ref().map_or((&[][..], &[][..]), |b| (&b.vertices, &b.entries));
-        let contact =
-            Contact { points: &points, obstacles: &obstacles, vertices, compliance, depth };
-        solve_with_contact(problem, equilibrium, &contact, &forces, positions, internal, tolerance)
     }
 
     /// Remembers what pushes in an equilibrium.

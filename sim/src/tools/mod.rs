@@ -84,12 +84,11 @@ pub(crate) trait Tool {
     }
 }
 
-/// All tools of a scene, and what each start vertex is held by (by vertex number).
-#[allow(clippy::type_complexity)]
-pub(crate) fn all(
-    scene: &Scene,
-    start: &Start,
-) -> Result<(Vec<Box<dyn Tool>>, Vec<Hold>), SimError> {
+/// Tools, and what each start vertex is held by (by vertex number).
+type Equipment = (Vec<Box<dyn Tool>>, Vec<Hold>);
+
+/// All tools of a scene.
+pub(crate) fn all(scene: &Scene, start: &Start) -> Result<Equipment, SimError> {
     let mut holds = vec![Hold::Free; start.rest.len()];
     for &v in &start.vertices {
         if start.is_fixed(scene, v) {
