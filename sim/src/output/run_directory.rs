@@ -349,11 +349,12 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let target = root.path().join("runs/liver");
         let mut run = RunDirectory::create(&target, false).unwrap();
+        run.write_scene(&crate::scene_file::load("beam", &[]).unwrap().0).unwrap();
         run.write_frame(&frame(0.0), 0).unwrap();
         run.write_frame(&frame(0.1), 12).unwrap();
         assert_eq!(run.finish().unwrap(), target);
         assert_eq!(names(&root.path().join("runs")), ["liver"]);
-        assert_eq!(names(&target), ["frames", "frames.pvd", "steps.csv"]);
+        assert_eq!(names(&target), ["frames", "frames.pvd", "scene.toml", "steps.csv"]);
         assert_eq!(names(&target.join("frames")), ["step_000000.vtu", "step_000012.vtu"]);
         let list = fs::read_to_string(target.join("frames.pvd")).unwrap();
         assert!(list.contains("timestep=\"0.1\" part=\"0\" file=\"frames/step_000012.vtu\""));
