@@ -296,12 +296,14 @@ impl Simulation {
 
     /// The probes that act at time `t`.
     fn probing(&self, t: f64) -> Vec<Probing> {
-        let at = |(tool, one): (usize, &Box<dyn Tool>)| {
-            let sphere = one.obstacle(t)?;
-            let moved = (sphere.centre - one.reference(self.reached_s)).norm();
-            Some(Probing { tool, sphere, moved })
-        };
-        self.tools.iter().enumerate().filter_map(at).collect()
+        let mut probing = Vec::new();
+        for (tool, one) in self.tools.iter().enumerate() {
+            if let Some(sphere) = one.obstacle(t) {
+                let moved = (sphere.centre - one.reference(self.reached_s)).norm();
+                probing.push(Probing { tool, sphere, moved });
+            }
+        }
+        probing
     }
 
     /// Loads of tools on vertices at time `t`, where the body is now, by vertex number, N.
