@@ -1,7 +1,7 @@
 //! Cases, files, tables: a study as a list of cases that are run one by one and kept one by one.
 //!
 //! A [`Case`] makes a [`Row`]; [`Folder`] keeps every finished row as a file of its own, so that an
-//! interrupted study goes on where it was and several processes share one folder; [`table`] makes
+//! interrupted study goes on where it was and several processes share one folder; [`csv`] and [`markdown`] make
 //! tables of the rows. What a row says in `figures` is the same on every run, what it says in
 //! `measured` (times, memory) is not.
 
