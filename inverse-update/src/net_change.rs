@@ -42,7 +42,14 @@ impl NetChange {
             j if j < q => less[(i, j - p)],
             j => released[(i, j - q)],
         });
-        let qr = all.qr();
+        // Displacements and pressures have sizes of their own: rows of equal size keep the digits
+        // of both.
+        let size = |i: usize| match all.row(i).norm_l2() {
+            norm if negative > 0 && norm > 0.0 => norm,
+            _ => 1.0,
+        };
+        let scale: Vec<f64> = (0..r).map(size).collect();
+        let qr = Mat::from_fn(r, k, |i, j| all[(i, j)] / scale[i]).qr();
         let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
         let sign = |j: usize| match j {
             j if j < p => 1.0,
@@ -67,7 +74,9 @@ impl NetChange {
         let side = |sign: f64| {
             let kept: Vec<usize> =
                 (0..values.len()).filter(|&j| sign * values[j] > floor).collect();
-            Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])] * values[kept[j]].abs().sqrt())
+            Mat::from_fn(r, kept.len(), |i, j| {
+                scale[i] * vectors[(i, kept[j])] * values[kept[j]].abs().sqrt()
+            })
         };
         Ok(Self { gained: side(1.0), lost: side(-1.0) })
     }

@@ -83,6 +83,9 @@ impl SignedRoot {
             |row, value| InverseError::Singular { what, row, value, limit: E::PIVOT_FLOOR };
         let g = capacitance(change, product);
         let k = g.nrows();
+        if k == 0 {
+            return Ok(Self { root: Mat::zeros(0, 0), signs: Vec::new(), softening: 1.0 });
+        }
         if let Some(row) = (0..k).find(|&i| !(0..k).all(|j| g[(i, j)].is_finite())) {
             return Err(failed(row, f64::NAN));
         }
