@@ -24,9 +24,10 @@ struct Refinement {
     negative: DMatrix<f64>,
 }
 
-/// A column at most 0.9 long.
+/// A column at most ½ long: what is lost then softens a patch by a third at most, which the bounds on
+/// errors need not know of.
 fn shrinking(column: &DMatrix<f64>, unit: f64) -> DMatrix<f64> {
-    column * (0.9 / column.norm().max(unit))
+    column * (0.5 / column.norm().max(unit))
 }
 
 /// An independent model of K: it knows parts and names, and is assembled anew when asked.
