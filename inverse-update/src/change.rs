@@ -133,7 +133,9 @@ impl RingChange {
     }
 
     /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ: the largest
-    /// entry of the difference, each relative to √(s_i s_j) with s_i = max(K_c,ii, K_p,ii).
+    /// entry of the difference, each relative to √(s_i s_j) with s_i the largest of the terms'
+    /// diagonals, signs left out: in a quasi-definite ring K_c,ii and K_p,ii may be what little is
+    /// left of large terms, and rounding is that of the terms.
     ///
     /// Infinite where A22 is neither positive definite nor quasi-definite with its negative rows at
     /// the end, or the shapes do not fit.
@@ -168,8 +170,13 @@ impl RingChange {
         let factors = &self.positive * self.positive.transpose()
             - &self.negative * self.negative.transpose()
             - a22.signed_square(released.as_ref());
-        let size = |i: usize| self.k_c[(i, i)].abs().max(self.k_p[(i, i)].abs());
-        let scale: Vec<f64> = (0..change.nrows()).map(size).collect();
+        let terms = [&condensed, &released, &self.positive, &self.negative];
+        let scale: Vec<f64> = (0..change.nrows())
+            .map(|i| {
+                let own = self.k_c[(i, i)].abs().max(self.k_p[(i, i)].abs());
+                terms.iter().map(|term| term.row(i).squared_norm_l2()).fold(own, f64::max)
+            })
+            .collect();
         scaled_difference(change.as_ref(), factors.as_ref(), &scale, &scale)
     }
 }

@@ -51,6 +51,10 @@ pub struct Replay {
     least: HashMap<(usize, usize), f64>,
     /// The most that a change ever added to and took from each row's diagonal, both counted.
     passed: HashMap<(usize, usize), f64>,
+    /// The most that a diagonal ever shrank and stiffened: what it left behind in other rows stays
+    /// when its own are fixed or merged.
+    shrinkage: f64,
+    stiffening: f64,
     /// Σ over the steps of the condition number of the scaled K, times the growth.
     conditions: f64,
     steps: f64,
@@ -149,6 +153,8 @@ impl Replay {
             largest: HashMap::new(),
             least: HashMap::new(),
             passed: HashMap::new(),
+            shrinkage: 1.0,
+            stiffening: 1.0,
             conditions: 0.0,
             steps: 0.0,
             stride,
@@ -297,6 +303,8 @@ impl Replay {
                 *least = least.min(k[(i, i)].abs());
             }
         }
+        self.shrinkage = self.shrinkage.max(self.shrinkage_now(&k));
+        self.stiffening = self.stiffening.max(self.stiffening_now(&k));
     }
 
     fn note_change(&mut self, change: &StiffnessChange) {
@@ -313,7 +321,7 @@ impl Replay {
     /// How much smaller than now a diagonal has been, what changes pass through included: rounding
     /// of a soft C stays when K gets stiffer (one vertex: C − Y Yᵀ keeps the ε C of before). 1 where
     /// no C is updated.
-    fn stiffening(&self, k: &DMatrix<f64>) -> f64 {
+    fn stiffening_now(&self, k: &DMatrix<f64>) -> f64 {
         if !updates_inverse(self.maintainer.name()) {
             return 1.0;
         }
@@ -327,7 +335,7 @@ impl Replay {
     }
 
     /// How much larger than now a diagonal has been: rounding stays when stiffness goes.
-    fn shrinkage(&self, k: &DMatrix<f64>) -> f64 {
+    fn shrinkage_now(&self, k: &DMatrix<f64>) -> f64 {
         let block = self.model.block;
         let ratio = |i: usize| self.largest[&self.model.names[i / block]] / k[(i, i)].abs();
         (0..k.nrows()).map(ratio).fold(1.0, f64::max)
@@ -350,10 +358,10 @@ impl Replay {
         let k = self.model.assemble();
         let scaled = self.scaled(&k);
         let n = k.nrows();
-        let rho = self.shrinkage(&k);
+        let rho = self.shrinkage;
         let unit = 8.0 * (n + 1) as f64 * f64::EPSILON;
         let bound =
-            unit * scaled.condition * rho * self.stiffening(&k) * (self.conditions + self.steps)
+            unit * scaled.condition * rho * self.stiffening * (self.conditions + self.steps)
                 + self.residual * (n as f64).sqrt();
         assert_eq!(self.maintainer.vertices(), self.model.names.len());
         self.check_stiffness(&k, &scaled, unit * rho * self.steps);
