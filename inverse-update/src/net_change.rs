@@ -45,7 +45,7 @@ impl NetChange {
         // Displacements and pressures have sizes of their own: rows of equal size keep the digits
         // of both.
         let size = |i: usize| match all.row(i).norm_l2() {
-            norm if negative > 0 && less.ncols() > 0 && norm > 0.0 => norm,
+            norm if negative > 0 && norm > 0.0 => norm,
             _ => 1.0,
         };
         let scale: Vec<f64> = (0..r).map(size).collect();

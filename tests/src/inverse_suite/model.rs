@@ -24,6 +24,11 @@ struct Refinement {
     negative: DMatrix<f64>,
 }
 
+/// A column at most 0.9 long.
+fn shrinking(column: &DMatrix<f64>, unit: f64) -> DMatrix<f64> {
+    column * (0.9 / column.norm().max(unit))
+}
+
 /// An independent model of K: it knows parts and names, and is assembled anew when asked.
 ///
 /// No matrix is ever updated in it, so it has no drift.
@@ -169,8 +174,7 @@ impl Model {
         let mut random = |rows, cols| DMatrix::from_fn(rows, cols, |_, _| unit * number());
         let (w, extra) = (random(r, m), random(r, 2));
         let positive = random(r, rank);
-        // Real rings lose stiffness: `real_rings` and `mixed_histories`.
-        let negative = DMatrix::zeros(r, 0);
+        let negative = &extra * shrinking(&random(2, 1), unit);
         let spread = random(m, m);
         let a22 = &spread * spread.transpose() + DMatrix::identity(m, m) * scale;
         let theta = number().abs();
@@ -197,8 +201,9 @@ impl Model {
     /// The same for displacements u and pressures q: A and P are refined as above, each by itself;
     /// what couples u to q is arbitrary.
     ///
-    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ, b_uu; ·, A22_uu]
-    /// with b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ, and those of P are [4 V Vᵀ − F_q F_qᵀ, −b_qq; ·, p] with F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ:
+    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ − N_u N_uᵀ, b_uu; ·, A22_uu]
+    /// with b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ and N_u N_uᵀ ≤ E Eᵀ, and those of P are
+    /// [4 V Vᵀ − F_q F_qᵀ + N_q N_qᵀ, −b_qq; ·, p] with F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ:
     /// all positive semidefinite.
     fn add_mixed_patch(
         &mut self,
@@ -223,6 +228,7 @@ impl Model {
         let coupling = [on(false, random(r, 1)), on(true, random(r, 1))];
         let spread = random(solid, solid);
         let (in_solid, own, gap) = (on(false, random(r, rank)), random(1, rank), random(m, 1));
+        let softer = &extra * shrinking(&random(2, 1), unit) + on(true, random(r, 1));
         let mixed = random(r, m);
         let theta = number().abs();
 
@@ -244,8 +250,7 @@ impl Model {
         });
         let share = own.norm().max(unit);
         let positive = in_solid + &v * own / share;
-        // Rings of the mixed element itself lose stiffness: `real_rings` and `mixed_histories`.
-        let negative = DMatrix::zeros(r, 0);
+        let negative = softer;
         let halves = [&coupling[0] + &coupling[1], &coupling[0] - &coupling[1]];
         let half = 0.5_f64.sqrt();
         let added = DMatrix::from_fn(r, solid + 3, |i, j| match j {
