@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::BenchError;
 use yawara_bench::studies::{
-    Arguments, Common, ablation, compare, drift, elements, extremes, homogenisation, mesh, pareto,
-    scaling, stiff, table1, validate,
+    Arguments, CaseArguments, Common, ablation, compare, drift, elements, extremes, homogenisation,
+    mesh, pareto, scaling, stiff, table1, validate,
 };
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
@@ -30,7 +30,8 @@ enum Study {
         #[arg(long)]
         gpu: bool,
     },
-    /// What 10000 random updates leave of the inverse, and whether its monitor sees it.
+    /// What 10000 random updates leave of the inverse, and whether its monitor sees it (quick: three
+    /// of the twelve cases, a small mesh and 300 updates).
     Drift(drift::Arguments),
     /// How the operations grow with the mesh, up to 30000 vertices.
     Scaling(Arguments),
@@ -49,11 +50,11 @@ enum Study {
     /// Error against run time: every stage varied on one scene, against a converged reference.
     Pareto(pareto::Arguments),
     /// Stiffness ratios up to 1e9 and Poisson's ratios up to .4999.
-    Stiff(stiff::Arguments),
+    Stiff(CaseArguments),
     /// Thin vessels, long voxels, fast tools, long steps, many updates.
-    Extremes(extremes::Arguments),
+    Extremes(CaseArguments),
     /// What the plan leaves out, against the same with everything switched on.
-    Ablation(ablation::Arguments),
+    Ablation(CaseArguments),
     /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
     Compare(compare::Arguments),
 }

@@ -2,28 +2,17 @@
 
 use std::time::Instant;
 
-use clap::Args;
 use nalgebra::Vector3;
 use serde_json::json;
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
-use crate::cases::{self, Advance, Case, Findings, Folder, Selection};
+use super::arguments::CaseArguments;
+use crate::cases::{self, Advance, Case, Findings, Folder};
 use crate::error::BenchError;
 use crate::machine::{self, Machine};
 use crate::pareto::part_done;
 use crate::statistics::{median, ratios};
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub selection: Selection,
-    /// A few steps of each scene: less than a minute.
-    #[arg(long)]
-    pub quick: bool,
-}
 
 /// The built-in scenes that need no file.
 const SCENES: [&str; 3] = ["beam", "twist", "liver"];
@@ -94,7 +83,7 @@ const COLUMNS: &[&str] = &[
 ///
 /// # Errors
 /// Those of a study's folder; a part that fails is a row.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let selection = &arguments.selection;
     let options = json!({
         "study": "ablation",

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::race::{BURST, Settings};
+use crate::cases::Selection;
 use crate::direct::Direct;
 use crate::error::BenchError;
 use crate::machine::Machine;
@@ -23,15 +24,23 @@ pub struct Common {
     pub force: bool,
 }
 
+/// Which of a study's cases are run, and where to.
+#[derive(Args, Clone, Debug)]
+pub struct CaseArguments {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub selection: Selection,
+    /// Fewer values or steps, and less time for each; the study's page says which.
+    #[arg(long)]
+    pub quick: bool,
+}
+
 /// Sizes, limits and where to write.
 #[derive(Args, Clone, Debug)]
 pub struct Arguments {
-    /// Where the tables and plots go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Small meshes and few updates: under a minute.
-    #[arg(long)]
-    pub quick: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub common: Common,
     /// Numbers of free vertices, separated by commas.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub vertices: Vec<usize>,
@@ -48,9 +57,6 @@ pub struct Arguments {
     /// Picks the meshes, the places and the loads.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
 }
 
 /// What a study takes where nothing is asked for: with and without `--quick`.
@@ -86,7 +92,7 @@ impl Arguments {
         defaults: &Defaults,
         machine: &Machine,
     ) -> Result<Settings, BenchError> {
-        let quick = usize::from(self.quick);
+        let quick = usize::from(self.common.quick);
         let vertices = sizes(&self.vertices, defaults.vertices[quick])?;
         let pairs = self.pairs.unwrap_or(defaults.pairs[quick]);
         in_range("--pairs", pairs, PAIRS)?;

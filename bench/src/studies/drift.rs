@@ -3,14 +3,12 @@
 
 mod report;
 
-use std::path::PathBuf;
-
 use clap::Args;
 use yawara_embed::Material;
 use yawara_inverse_update::{InverseMaintainer, StiffnessChange, build, drift};
 
 use self::report::{Report, Row};
-use super::arguments::{in_range, sizes};
+use super::arguments::{Common, in_range, sizes};
 use super::json;
 use super::race::{maintainers, three_slots, unit_loads};
 use crate::error::BenchError;
@@ -26,12 +24,9 @@ use crate::reference::{Reference, relative_error};
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
 pub struct Arguments {
-    /// Where the tables and plots go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Three of the twelve cases, a small mesh and 300 updates.
-    #[arg(long)]
-    pub quick: bool,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub common: Common,
     /// Numbers of free vertices, separated by commas [default: 512].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub vertices: Vec<usize>,
@@ -41,9 +36,6 @@ pub struct Arguments {
     /// Picks the mesh, the places and the loads.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
 }
 
 /// Materials of the organ's labels, softest first: E in equal ratios, ν in equal steps.
@@ -77,11 +69,11 @@ const CHANGES: usize = 3;
 /// # Errors
 /// [`BenchError`] for bad arguments; nothing is written then.
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
-    let quick = arguments.quick;
+    let quick = arguments.common.quick;
     let vertices = sizes(&arguments.vertices, if quick { &[192] } else { &[512] })?;
     let updates = arguments.updates.unwrap_or(if quick { 300 } else { 10_000 });
     in_range("--updates", updates, UPDATES)?;
-    let mut output = Output::create(&arguments.out, arguments.force)?;
+    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let cases = cases(quick);
     let mut progress = Progress::new((vertices.len() * cases.len() * updates) as f64);
     let mut rows = Vec::new();
@@ -94,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     drop(progress);
     let report = Report::new(Machine::here(), arguments.seed, rows);
     let text = report.markdown();
-    output.write("drift.json", &json(&report, &arguments.out, "drift.json")?)?;
+    output.write("drift.json", &json(&report, &arguments.common.out, "drift.json")?)?;
     output.write("drift.csv", &report.csv())?;
     output.write("drift.md", &text)?;
     for (name, svg) in report.plots() {
@@ -275,12 +267,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("study");
         let arguments = Arguments {
-            out: out.clone(),
-            quick: true,
+            common: Common { out: out.clone(), quick: true, force: false },
             vertices: vec![160],
             updates: Some(60),
             seed: 3,
-            force: false,
         };
         let text = run(&arguments).unwrap();
         assert_eq!(std::fs::read_to_string(out.join("drift.md")).unwrap(), text);
@@ -313,12 +303,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("study");
         let arguments = Arguments {
-            out,
-            quick: true,
+            common: Common { out, quick: true, force: false },
             vertices: vec![],
             updates: Some(0),
             seed: 3,
-            force: false,
         };
         let error = run(&arguments).unwrap_err();
         assert!(matches!(error, BenchError::OutOfRange { option: "--updates", .. }), "{error}");

@@ -1,22 +1,9 @@
 //! `extremes`: thin vessels, long voxels, fast tools, long steps, many updates.
 
-use clap::Args;
-
+use super::arguments::CaseArguments;
 use super::stiff::SMALL_LIVER;
 use super::sweep::{self, Point};
-use crate::cases::Selection;
 use crate::error::BenchError;
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub selection: Selection,
-    /// Fewer values, 20 s for each at most and as many for its reference.
-    #[arg(long)]
-    pub quick: bool,
-}
 
 /// A beam of at most 425 vertices, which is also what its references have.
 const SMALL_BEAM: &[&str] = &["mesh.max_level=3", "mesh.max_vertices=425", "time.steps=10"];
@@ -34,7 +21,7 @@ const FINE_MM: f64 = 2.5;
 ///
 /// # Errors
 /// Those of a study's folder; a value that fails is a row.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let quick = arguments.quick;
     let mut points = vessels(quick);
     points.extend(voxels(quick));

@@ -25,7 +25,7 @@ pub mod table1;
 pub mod table1_gpu;
 pub mod validate;
 
-pub use arguments::{Arguments, Common};
+pub use arguments::{Arguments, CaseArguments, Common};
 
 use std::path::Path;
 

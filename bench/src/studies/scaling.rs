@@ -63,7 +63,7 @@ struct Report {
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let mut output = Output::create(&arguments.out, arguments.force)?;
+    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let mut progress = Progress::new(settings.vertices.iter().map(|&n| race::work(n)).sum());
     let fields = crate::direct::in_one_thread(|| race::run(&settings, &mut progress))?;
     drop(progress);
@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
         rows,
     };
     let text = report.markdown(&settings.vertices);
-    output.write("scaling.json", &json(&report, &arguments.out, "scaling.json")?)?;
+    output.write("scaling.json", &json(&report, &arguments.common.out, "scaling.json")?)?;
     output.write("scaling.csv", &race::csv(&report.rows, ("", |_: &Row| String::new())))?;
     output.write("scaling.md", &text)?;
     for family in FAMILIES {
@@ -146,6 +146,7 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::studies::Common;
     use serde_json::Value;
 
     #[test]
@@ -153,15 +154,13 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("study");
         let arguments = Arguments {
-            out: out.clone(),
-            quick: true,
+            common: Common { out: out.clone(), quick: true, force: false },
             vertices: vec![160, 240, 2200],
             pairs: Some(5),
             cap_s: 60,
             // Three times 6600² numbers are 1.05 GB.
             memory_gb: Some(1),
             seed: 2,
-            force: false,
         };
         let text = run(&arguments).unwrap();
         assert_eq!(std::fs::read_to_string(out.join("scaling.md")).unwrap(), text);

@@ -1,21 +1,8 @@
 //! `stiff`: how far apart the stiffness of materials may be, and how near to incompressible they.
 
-use clap::Args;
-
+use super::arguments::CaseArguments;
 use super::sweep::{self, Point};
-use crate::cases::Selection;
 use crate::error::BenchError;
-
-/// What is asked for on the command line.
-#[derive(Args, Clone, Debug)]
-pub struct Arguments {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub selection: Selection,
-    /// Fewer values, 20 s for each at most and as many for its reference.
-    #[arg(long)]
-    pub quick: bool,
-}
 
 /// A liver of large voxels: a few hundred vertices.
 pub(super) const SMALL_LIVER: &[&str] = &[
@@ -37,7 +24,7 @@ const SOFT_PA: f64 = 5e3;
 ///
 /// # Errors
 /// Those of a study's folder; a value that fails is a row.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let quick = arguments.quick;
     let powers: &[i32] = if quick { &[0, 3, 6, 9] } else { &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9] };
     let ratios: &[f64] =

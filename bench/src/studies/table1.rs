@@ -78,13 +78,13 @@ struct Report {
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let mut output = Output::create(&arguments.out, arguments.force)?;
+    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let mut progress = Progress::new(settings.vertices.iter().map(|&n| race::work(n)).sum());
     let fields = crate::direct::in_one_thread(|| race::run(&settings, &mut progress))?;
     drop(progress);
     let report = Report::new(machine, &fields);
     let text = report.markdown(&settings.vertices);
-    output.write("table1.json", &json(&report, &arguments.out, "table1.json")?)?;
+    output.write("table1.json", &json(&report, &arguments.common.out, "table1.json")?)?;
     output.write("table1.csv", &report.csv())?;
     output.write("table1.md", &text)?;
     for family in FAMILIES {
@@ -173,18 +173,17 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::studies::Common;
     use serde_json::Value;
 
     fn arguments(out: std::path::PathBuf) -> Arguments {
         Arguments {
-            out,
-            quick: true,
+            common: Common { out, quick: true, force: false },
             vertices: vec![160, 200],
             pairs: Some(10),
             cap_s: 60,
             memory_gb: Some(1),
             seed: 2,
-            force: false,
         }
     }
 

@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
     let device = Device::open(DeviceOptions::default())?;
-    let mut output = Output::create(&arguments.out, arguments.force)?;
+    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let copy = device.copy_rate(5)?;
     let mut rows = Vec::new();
     for &vertices in &settings.vertices {
@@ -159,7 +159,7 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
         rows,
     };
     let text = report.markdown();
-    output.write("table1_gpu.json", &json(&report, &arguments.out, "table1_gpu.json")?)?;
+    output.write("table1_gpu.json", &json(&report, &arguments.common.out, "table1_gpu.json")?)?;
     output.write("table1_gpu.md", &text)?;
     Ok(text)
 }

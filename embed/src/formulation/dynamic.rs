@@ -10,7 +10,7 @@ use crate::element::LinearTet;
 use crate::embedding::Embedding;
 use crate::error::EmbedError;
 use crate::mass::{Mass, signed_pair};
-use crate::ring::{Halved, RingStiffness};
+use crate::ring::{Halved, RingPart, RingStiffness};
 
 /// The weights of an element's mass and stiffness in a step of implicit Euler.
 ///
@@ -102,44 +102,45 @@ pub fn dynamic_by_name(
     }
 }
 
-impl ElementFormulation for Dynamic<P1> {
-    fn name(&self) -> &'static str {
-        self.element.name()
-    }
-
-    fn unknowns(&self) -> usize {
-        self.element.unknowns()
-    }
-
-    fn negative(&self) -> usize {
-        self.element.negative()
-    }
-
-    fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
-        self.element.stiffness(geometry, elasticity)
-    }
-
-    fn matrix(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>, density: f64) -> Mat<f64> {
-        self.weights.matrix(self.stiffness(geometry, elasticity), geometry.volume * density)
-    }
-
-    fn ring(
+/// An element whose ring's parts take mass, each by itself.
+trait TakesMass: ElementFormulation {
+    /// The ring of s K + c M, but for the mass by which halves differ from their parents.
+    fn weighted_ring(
         &self,
+        weights: &EulerWeights,
+        delta: &MeshDelta,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+    ) -> RingStiffness;
+}
+
+impl TakesMass for P1 {
+    fn weighted_ring(
+        &self,
+        weights: &EulerWeights,
         delta: &MeshDelta,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
     ) -> RingStiffness {
-        let EulerWeights { mass, mass_per_s2, stiffness } = self.weights;
-        let ring = RingStiffness::assemble(delta, embedding, position, |halved| {
-            let mut part = p1::part(halved).scaled(stiffness);
-            mass.add_to(&mut part, halved, mass_per_s2);
-            part
-        });
-        self.weights.add_excess(ring, delta, embedding, position)
+        let part = |halved: &Halved| weights.part(p1::part(halved), halved);
+        RingStiffness::assemble(delta, embedding, position, part)
     }
 }
 
-impl ElementFormulation for Dynamic<P1P1> {
+impl TakesMass for P1P1 {
+    fn weighted_ring(
+        &self,
+        weights: &EulerWeights,
+        delta: &MeshDelta,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+    ) -> RingStiffness {
+        let part = |halved: &Halved| weights.part(self.part(halved), halved);
+        RingStiffness::assemble(delta, embedding, position, part)
+    }
+}
+
+impl<E: TakesMass> ElementFormulation for Dynamic<E> {
     fn name(&self) -> &'static str {
         self.element.name()
     }
@@ -166,12 +167,7 @@ impl ElementFormulation for Dynamic<P1P1> {
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
     ) -> RingStiffness {
-        let EulerWeights { mass, mass_per_s2, .. } = self.weights;
-        let ring = RingStiffness::assemble(delta, embedding, position, |halved| {
-            let mut part = self.element.part(halved);
-            mass.add_to(&mut part, halved, mass_per_s2);
-            part
-        });
+        let ring = self.element.weighted_ring(&self.weights, delta, embedding, position);
         self.weights.add_excess(ring, delta, embedding, position)
     }
 }
@@ -188,6 +184,17 @@ impl EulerWeights {
             }
         }
         k
+    }
+
+    /// s times the part of a parent, with c times its mass.
+    fn part<const M: usize, const N: usize>(
+        &self,
+        part: RingPart<M, N>,
+        halved: &Halved,
+    ) -> RingPart<M, N> {
+        let mut part = part.scaled(self.stiffness);
+        self.mass.add_to(&mut part, halved, self.mass_per_s2);
+        part
     }
 
     /// Gives the ring the columns by which its halves' mass differs from the parents': the same
