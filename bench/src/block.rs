@@ -201,8 +201,8 @@ impl Block {
         Field { forest: Arc::clone(forest), displacement, pressure }
     }
 
-    /// How far `coarse` is from `fine`, which has to have linear pressures: in L² over the cube, and
-    /// pressures also over the part above [`ABOVE_CLAMP`].
+    /// How far `coarse` is from `fine`, which has to have linear pressures: in L² over the cube,
+    /// and pressures also over the part above [`ABOVE_CLAMP`].
     pub fn difference(&self, coarse: &Field, fine: &Field) -> Difference {
         let level = fine.forest.start_level();
         let mut sums = Sums::default();

@@ -30,8 +30,8 @@ enum Study {
         #[arg(long)]
         gpu: bool,
     },
-    /// What 10000 random updates leave of the inverse, and whether its monitor sees it (quick: three
-    /// of the twelve cases, a small mesh and 300 updates).
+    /// What 10000 random updates leave of the inverse, and whether its monitor sees it (quick:
+    /// three of the twelve cases, a small mesh and 300 updates).
     Drift(drift::Arguments),
     /// How the operations grow with the mesh, up to 30000 vertices.
     Scaling(Arguments),

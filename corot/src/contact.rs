@@ -69,15 +69,16 @@ const TURNS: usize = 40;
 /// residual is at most `tolerance.residual` and no point is deeper than `contact.depth` or pushed
 /// from farther away.
 ///
-/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where this iteration
-/// gives up, `equilibrium` solves under contact forces that stay as they are, and between its solves
-/// they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then counts it.
+/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where this
+/// iteration gives up, `equilibrium` solves under contact forces that stay as they are, and between
+/// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then
+/// counts it.
 ///
 /// Cost: two applications of the inverse and a force evaluation an iteration, and O(k² + k v) for k
 /// points of v vertices. On return `internal` holds the internal forces.
 /// # Source
-/// Duriez, Dubois, Kheddar, Andriot, Realistic haptic rendering of interacting deformable objects in
-/// virtual environments, IEEE TVCG 12(1), 2006 (compliance at the contacts, Gauss-Seidel).
+/// Duriez, Dubois, Kheddar, Andriot, Realistic haptic rendering of interacting deformable objects
+/// in virtual environments, IEEE TVCG 12(1), 2006 (compliance at the contacts, Gauss-Seidel).
 pub fn solve_with_contact(
     problem: &mut Problem<'_>,
     equilibrium: &mut dyn Equilibrium,
@@ -249,8 +250,8 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         self.evaluations += 1;
     }
 
-    /// How far from converged, at most 1 when it is: the residual and what is deeper or farther than
-    /// allowed, each in units of its limit.
+    /// How far from converged, at most 1 when it is: the residual and what is deeper or farther
+    /// than allowed, each in units of its limit.
     fn merit(&self) -> f64 {
         let off = self.gaps.iter().zip(&self.lambda).map(|(gap, lambda)| {
             let far = if *lambda > 0.0 { *gap } else { 0.0 };

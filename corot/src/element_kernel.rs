@@ -178,7 +178,8 @@ fn settle_in_doubt(packet: &mut Packet, buffers: &Buffers) {
     }
 }
 
-/// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of corner 0.
+/// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
+/// corner 0.
 #[inline(always)]
 fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
     let f = load33(simd, &buffers.gradient, part);

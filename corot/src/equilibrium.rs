@@ -147,8 +147,8 @@ impl Problem<'_> {
     /// inverse of Oishi et al., eq. (2), here the preconditioner.
     ///
     /// T turns displacements alone; the fourth entry of a step is h δq, m, the dual of
-    /// [`evaluate`](Self::evaluate)'s. All entries of a step then have one unit, whose squares mixing
-    /// may add up.
+    /// [`evaluate`](Self::evaluate)'s. All entries of a step then have one unit, whose squares
+    /// mixing may add up.
     pub fn precondition(&self, residual: &[f64], scratch: &mut [f64], step: &mut [f64]) {
         let m = self.unknowns_per_vertex();
         let rotations = self.body.vertex_rotations();

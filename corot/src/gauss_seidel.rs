@@ -3,8 +3,9 @@
 /// Finds λ ≥ 0 with s = b + W λ ≥ 0 and λᵀs = 0 by sweeps λ_i ← max(0, λ_i − s_i/W_ii), from the λ
 /// given, until no sweep changes an s_i by more than `tolerance` through its own λ_i.
 ///
-/// W: k × k, symmetric positive semi-definite, by rows, m/N; b in m; λ in N. Rows without compliance
-/// (W_ii = 0) are left at 0. Returns the sweeps made, at most `sweeps`. Cost: O(k²) a sweep.
+/// W: k × k, symmetric positive semi-definite, by rows, m/N; b in m; λ in N. Rows without
+/// compliance (W_ii = 0) are left at 0. Returns the sweeps made, at most `sweeps`. Cost: O(k²) a
+/// sweep.
 /// # Source
 /// Cottle, Pang, Stone, The Linear Complementarity Problem, 1992, section 5.2.
 pub(crate) fn projected_gauss_seidel(

@@ -7,9 +7,9 @@ use crate::body::Element;
 
 /// What the pressures of a body are made of.
 ///
-/// With θ = tr(RᵀF) − 3, q̄ the mean over an element's corners, a = μ²/κ and s = αμ, the element adds
-/// V μ q̄ I to its scaled stress, and to what its corners lack of equilibrium in volume
-/// r_i = (V/20)[(a+s) q_i + (a − s/4) Σ q] − μ (V/4) θ: the rows P q − G u of [`P1P1`].
+/// With θ = tr(RᵀF) − 3, q̄ the mean over an element's corners, a = μ²/κ and s = αμ, the element
+/// adds V μ q̄ I to its scaled stress, and to what its corners lack of equilibrium in volume r_i =
+/// (V/20)[(a+s) q_i + (a − s/4) Σ q] − μ (V/4) θ: the rows P q − G u of [`P1P1`].
 #[derive(Clone, Debug)]
 pub(crate) struct Pressures {
     stabilisation: f64,

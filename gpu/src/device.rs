@@ -69,7 +69,8 @@ impl Drop for Memory {
 impl Device {
     /// Opens a device with the adapter's own limits, 64-bit floating point if it has it.
     ///
-    /// Cost: as [`adapters`](crate::adapters) and 10–100 ms; kernels are translated when first used.
+    /// Cost: as [`adapters`](crate::adapters) and 10–100 ms; kernels are translated when first
+    /// used.
     /// # Errors
     /// [`GpuError::NoAdapter`], [`GpuError::NoVulkan`], [`GpuError::NoSuchAdapter`];
     /// [`GpuError::Limit`] if a limit is too low; [`GpuError::NotOpened`] if the driver refuses.

@@ -10,8 +10,8 @@ use crate::store::DeviceStore;
 
 /// The inverse on a device: C in `E`, up to 96 columns of updates beside it.
 ///
-/// In f64 scene name `gpu`; in f32 `gpu_f32`, where every solution and column is refined by K on the
-/// host in f64.
+/// In f64 scene name `gpu`; in f32 `gpu_f32`, where every solution and column is refined by K on
+/// the host in f64.
 pub type DeviceInverse<E> = Delayed<DeviceStore<E>>;
 
 /// The scene names that [`build`] knows.
@@ -20,8 +20,8 @@ pub const CHOICES: &[&str] = &["gpu", "gpu_f32"];
 /// Makes the maintainer of that name on a device and inverts `stiffness`. Cost: O(n³) on the host.
 ///
 /// # Errors
-/// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Storage`] around a
-/// [`GpuError`](crate::GpuError) if the device can't hold it; [`InverseError::Singular`].
+/// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Storage`] around
+/// a [`GpuError`](crate::GpuError) if the device can't hold it; [`InverseError::Singular`].
 pub fn build(
     name: &str,
     stiffness: SparseStiffness,

@@ -2,8 +2,8 @@
 //!
 //! Vulkan through wgpu. C lies on the device, in f64 or f32; updates, products and columns are
 //! computed there, and only small blocks and single columns come back to the host, which does the
-//! small algebra in f64. [`build`] makes it by name for a [`Device`] that is open; it is then used as
-//! any other [`InverseMaintainer`](yawara_inverse_update::InverseMaintainer).
+//! small algebra in f64. [`build`] makes it by name for a [`Device`] that is open; it is then used
+//! as any other [`InverseMaintainer`](yawara_inverse_update::InverseMaintainer).
 //!
 //! ```no_run
 //! for (index, adapter) in yawara_gpu::adapters()?.iter().enumerate() {

@@ -111,7 +111,8 @@ impl AdapterReport {
     }
 }
 
-/// Prints a paragraph of six lines: name, driver, ids, precision, memory, dispatch; no newline at the end.
+/// Prints a paragraph of six lines: name, driver, ids, precision, memory, dispatch; no newline at
+/// the end.
 impl fmt::Display for AdapterReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} ({}, {})", self.name, self.device_type, self.backend)?;

@@ -14,9 +14,9 @@ use crate::{GpuError, upload};
 
 /// A dense symmetric C on a device, its lower half in tiles of 64 × 64, in chunks of tiles.
 ///
-/// Small matrices go there in f64 rounded to `E`, small blocks and single columns come back. Growing
-/// adds tiles, and chunks for them, and never moves one. Results are the same in every run on the
-/// same device.
+/// Small matrices go there in f64 rounded to `E`, small blocks and single columns come back.
+/// Growing adds tiles, and chunks for them, and never moves one. Results are the same in every run
+/// on the same device.
 #[derive(Debug)]
 pub struct DeviceStore<E: DeviceScalar> {
     pub(crate) device: Arc<Device>,

@@ -55,8 +55,8 @@ impl RingChange {
     /// r = m · `slots.len()`, the vertices coupled to it. Units: N/m. Cost: O(r²).
     ///
     /// # Errors
-    /// [`InverseError`] for shapes that don't fit, a NaN or infinity, a slot listed twice, or an A22
-    /// that is not symmetric.
+    /// [`InverseError`] for shapes that don't fit, a NaN or infinity, a slot listed twice, or an
+    /// A22 that is not symmetric.
     pub fn freed(
         slots: Vec<usize>,
         a12: Mat<f64>,
@@ -132,10 +132,10 @@ impl RingChange {
         Err(InverseError::Inconsistent { what, error, limit: CONSISTENCY_LIMIT })
     }
 
-    /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ: the largest
-    /// entry of the difference, each relative to √(s_i s_j) with s_i the largest of the terms'
-    /// diagonals, signs left out: in a quasi-definite ring K_c,ii and K_p,ii may be what little is
-    /// left of large terms, and rounding is that of the terms.
+    /// How far the parts are from K_c − a12 A22⁻¹ a12ᵀ − K_p = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ: the
+    /// largest entry of the difference, each relative to √(s_i s_j) with s_i the largest of the
+    /// terms' diagonals, signs left out: in a quasi-definite ring K_c,ii and K_p,ii may be what
+    /// little is left of large terms, and rounding is that of the terms.
     ///
     /// Infinite where A22 is neither positive definite nor quasi-definite with its negative rows at
     /// the end, or the shapes do not fit.

@@ -29,14 +29,15 @@ pub const MOST_DELAYED: usize = 96;
 /// some [`MOST_DELAYED`] columns.
 ///
 /// An update K + U Λ Uᵀ on the ring's rows r reads the block C_rr alone: with
-/// Λ + Uᵀ C_rr U = L Σ Lᵀ and W = U L⁻ᵀ it adds the columns Y = C_:r W, C ← C − Y Σ Yᵀ; a new vertex
-/// adds the row C_m: = T C_r:, T = −A22⁻¹ a12ᵀ, and C_mm = A22⁻¹ + T C_rr Tᵀ. Both are columns
-/// C_:r X with X known on the host in f64. Reads between passes see the columns; a pass folds all of
-/// them in at once.
+/// Λ + Uᵀ C_rr U = L Σ Lᵀ and W = U L⁻ᵀ it adds the columns Y = C_:r W, C ← C − Y Σ Yᵀ; a new
+/// vertex adds the row C_m: = T C_r:, T = −A22⁻¹ a12ᵀ, and C_mm = A22⁻¹ + T C_rr Tᵀ. Both are
+/// columns C_:r X with X known on the host in f64. Reads between passes see the columns; a pass
+/// folds all of them in at once.
 ///
 /// Where C is kept in f32, solutions and columns are refined by K as those of
 /// [`WoodburyF32`](crate::WoodburyF32) are. A factor that fails makes it start afresh from K, which
-/// [`Counts`] tell. Cost: O(n r (3 + q)) per update, O(n² k) per pass of k columns, O(n²) per solve.
+/// [`Counts`] tell. Cost: O(n r (3 + q)) per update, O(n² k) per pass of k columns, O(n²) per
+/// solve.
 /// # Source
 /// McDaniel et al., Delayed Slater determinant update algorithms, J. Chem. Phys. 147, 2017; Yeung,
 /// Crouch, Pothen, Interactively cutting and constraining vertices in meshes using augmented

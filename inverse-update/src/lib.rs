@@ -121,7 +121,8 @@ pub trait InverseMaintainer: Send {
     /// Several vertices come in, one after the other: `changes[i].slots` may name those before.
     /// Returns their slots.
     ///
-    /// As [`split`](Self::split) for each; a maintainer may put off work and do it for many at once.
+    /// As [`split`](Self::split) for each; a maintainer may put off work and do it for many at
+    /// once.
     /// # Errors
     /// [`InverseError::Batch`] tells which split was refused and why; those before it are made, as
     /// after single splits, those from it on are not.
@@ -144,8 +145,8 @@ pub trait InverseMaintainer: Send {
     /// As [`split`](Self::split).
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
 
-    /// The vertex at `slot` is fixed from now on: its rows and columns leave K. Returns the slot that
-    /// was moved into `slot`, if any. The last vertex may be fixed too: nothing is left then.
+    /// The vertex at `slot` is fixed from now on: its rows and columns leave K. Returns the slot
+    /// that was moved into `slot`, if any. The last vertex may be fixed too: nothing is left then.
     ///
     /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
     /// [`merge`](Self::merge), with the vertex's neighbours as the ring.

@@ -46,7 +46,8 @@ const SOFTENED: f64 = 1e4;
 /// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
 ///
 /// New vertices are eliminated before all others and so join branches of the elimination tree that
-/// the order had kept apart: after a hundred splits in one place a walk comes by most of the factor.
+/// the order had kept apart: after a hundred splits in one place a walk comes by most of the
+/// factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RebaseOptions {
     /// Updates after which it does, and at least so many from the snapshot of K to the adoption of

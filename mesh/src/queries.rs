@@ -157,8 +157,8 @@ impl BisectionForest {
         true
     }
 
-    /// Fills `ring` with the coarse tetrahedra that an active vertex bisects, finer vertices or not;
-    /// none for a root vertex.
+    /// Fills `ring` with the coarse tetrahedra that an active vertex bisects, finer vertices or
+    /// not; none for a root vertex.
     pub fn ring_of(&self, vertex: VertexId, ring: &mut Vec<Tet>) {
         self.parents_of(self.vertices[vertex.index()].diamond, ring);
     }

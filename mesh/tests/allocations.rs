@@ -3,47 +3,14 @@
 //! Warm means that the mesh, and the lists of free numbers, have had their largest size: memory
 //! is kept and used again. The pages of the map of points are there from the start.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 
+use allocation_counter::measure;
 use yawara_mesh::{BisectionForest, ClosureQueue, Domain, LabelTree, Lattice, MeshDelta, Point};
 
-thread_local! {
-    /// Allocations of this thread: the test harness's own threads don't disturb.
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-// SAFETY: every call goes to the system's allocator unchanged. Counting does not allocate: the
-// counter is a `const`-initialised thread-local without a destructor.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller keeps the contract of `GlobalAlloc::alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: `pointer` came from `System` with this layout.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        // SAFETY: `pointer` came from `System` with this layout; the caller checked `size`.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.with(Cell::get);
-    work();
-    COUNT.with(Cell::get) - before
+/// Allocations of this thread: the test harness's own threads don't disturb.
+fn allocations(work: impl FnOnce()) -> u64 {
+    measure(work).count_total
 }
 
 fn forest(start: u8, max: u8) -> BisectionForest {

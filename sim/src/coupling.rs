@@ -4,15 +4,15 @@ use nalgebra::{Matrix3, Vector3};
 
 /// F = K (x_d − x_t) + B (v_d − v_t): what pulls the tool to the device, and the device back.
 ///
-/// A device that is sampled every T seconds and has damping b of its own, held against a spring K and
-/// damper B that are computed, stays passive (nobody's hand can make it swing) if and only if
+/// A device that is sampled every T seconds and has damping b of its own, held against a spring K
+/// and damper B that are computed, stays passive (nobody's hand can make it swing) if and only if
 ///
 /// b > K T/2 + |B|.
 ///
 /// # Source
-/// Colgate, Schenkel, Passivity of a class of sampled-data systems: application to haptic interfaces,
-/// J. Robotic Systems 14(1), 1997; the coupling: Colgate, Stanley, Brown, Issues in the haptic display
-/// of tool use, IROS 1995.
+/// Colgate, Schenkel, Passivity of a class of sampled-data systems: application to haptic
+/// interfaces, J. Robotic Systems 14(1), 1997; the coupling: Colgate, Stanley, Brown, Issues in the
+/// haptic display of tool use, IROS 1995.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VirtualCoupling {
     /// K ≥ 0, N/m.
@@ -21,7 +21,8 @@ pub struct VirtualCoupling {
     pub damping_n_s_m: f64,
 }
 
-/// What a tool meets near where it was last: F(x) = F₀ + S (x − x₀), forces of the tool on the body.
+/// What a tool meets near where it was last: F(x) = F₀ + S (x − x₀), forces of the tool on the
+/// body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceModel {
     /// x₀, m.
@@ -51,8 +52,9 @@ impl VirtualCoupling {
         (2.0 * (device_n_s_m - self.damping_n_s_m.abs()) / period_s).max(0.0)
     }
 
-    /// Where the tool, which has no mass, is a period after it was at `before`: the position at which
-    /// the coupling's force is what it meets, (K + B/T) I + S in front of it. With that force, N.
+    /// Where the tool, which has no mass, is a period after it was at `before`: the position at
+    /// which the coupling's force is what it meets, (K + B/T) I + S in front of it. With that
+    /// force, N.
     ///
     /// `device`: position now and before, m. At rest and without a body to meet, the tool is where
     /// the device is.
@@ -99,7 +101,8 @@ mod tests {
         assert!((driven.damping_limit(1e-3) - 0.45).abs() < 1e-15);
     }
 
-    /// A hand's worth of mass on a sampled spring: swings die out within the limit, grow far beyond.
+    /// A hand's worth of mass on a sampled spring: swings die out within the limit, grow far
+    /// beyond.
     #[test]
     fn a_device_within_the_limit_comes_to_rest_and_one_far_beyond_does_not() {
         let swing = |stiffness: f64, device_damping: f64| {

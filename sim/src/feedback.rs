@@ -15,8 +15,8 @@ impl Simulation {
     ///
     /// # Errors
     /// [`SimError::NoSuchTool`] if there is none of that number or it does not move (a pressure);
-    /// [`SimError::Pose`] for values that are not finite or farther than 1000 m. Nothing has changed
-    /// then.
+    /// [`SimError::Pose`] for values that are not finite or farther than 1000 m. Nothing has
+    /// changed then.
     pub fn set_tool_pose(&mut self, tool: usize, pose: Pose) -> Result<(), SimError> {
         let (count, now) = (self.tools.len(), self.reached_s);
         let end = self.step_end();
@@ -46,9 +46,9 @@ impl Simulation {
         Ok(tool.path_mut().ok_or_else(|| refused("does not move"))?.pose(t))
     }
 
-    /// How the force of a tool on the body grows with its displacement while what it holds or pushes
-    /// stays the same: the inverse of the 3 × 3 compliance that it feels, rows by scanner axis, N/m,
-    /// symmetric positive semi-definite. Zero without contact, and for a pressure.
+    /// How the force of a tool on the body grows with its displacement while what it holds or
+    /// pushes stays the same: the inverse of the 3 × 3 compliance that it feels, rows by scanner
+    /// axis, N/m, symmetric positive semi-definite. Zero without contact, and for a pressure.
     ///
     /// Grab: Σ_ij (C_pp⁻¹)_ij over the held vertices; probe: N (N Ĉ Nᵀ)⁻¹ Nᵀ over the points it
     /// pushes, N their normals. Ĉ = T C Tᵀ of the last equilibrium. Cost: a block of compliance at
@@ -83,8 +83,8 @@ impl Simulation {
         Ok([0, 1, 2].map(|i| [0, 1, 2].map(|j| 0.5 * (columns[j][i] + columns[i][j]))))
     }
 
-    /// Σ (f_int − f_ext) over all fixed vertices at the last equilibrium: the force of the support on
-    /// the body in scanner axes, N. With the tools' forces and the weight it sums up to nothing.
+    /// Σ (f_int − f_ext) over all fixed vertices at the last equilibrium: the force of the support
+    /// on the body in scanner axes, N. With the tools' forces and the weight it sums up to nothing.
     pub fn support_force(&self) -> [f64; 3] {
         self.axes.to_ras_direction(&self.support).into()
     }

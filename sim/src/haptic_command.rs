@@ -1,7 +1,5 @@
 //! `yawara haptic`: a simulated hand that follows a scene's path in real time.
 
-use std::path::Path;
-
 use yawara::haptic::{self, HapticOptions, HapticSummary};
 use yawara::{SimError, Simulation, Stages, VirtualCoupling, scene_file};
 
@@ -36,19 +34,13 @@ pub fn run(arguments: &HapticArguments, out: &mut Printer) -> Result<(), SimErro
     let device = |t: f64| points[(t / length * count as f64) as usize % points.len()];
     let summary = haptic::run(&mut simulation, &device, &options)?;
     out.print(&text(&summary))?;
-    arguments.out.as_deref().map_or(Ok(()), |path| write(path, &summary))
-}
-
-fn write(path: &Path, summary: &HapticSummary) -> Result<(), SimError> {
-    let io = |source| SimError::Io { path: path.into(), source };
-    let json = serde_json::to_string_pretty(summary).map_err(|error| io(error.into()))?;
-    std::fs::write(path, json + "\n").map_err(io)
+    arguments.out.as_deref().map_or(Ok(()), |path| summary.write_json(path))
 }
 
 fn text(summary: &HapticSummary) -> String {
     let HapticSummary { period_ms: period, age_ms: age, steps_per_second: rate, .. } = summary;
     format!(
-        "loop      {} ticks in {:.2} s, {:.2} % late; period {:.3} ms (99 %: {:.3}, most {:.3})\n\
+        "loop      {} ticks in {:.2} s, {:.2} % late; period {:.3} ms (99 %: {:.3}, most {:.3}); {}\n\
          block     {:.2} ms old (99 %: {:.2}, most {:.2}); extrapolation off by {:.4} N (99 %: {:.4})\n\
          steps     {} of {} converged, {:.0} a second (99 %: {:.0}), at most {} vertices\n\
          force     at most {:.4} N on the device\n\
@@ -59,6 +51,7 @@ fn text(summary: &HapticSummary) -> String {
         period.p50,
         period.p99,
         period.max,
+        if summary.is_realtime { "goes before all else" } else { "takes its turn" },
         age.p50,
         age.p99,
         age.max,

@@ -35,6 +35,8 @@ pub struct InverseLink {
     vertex_of: Vec<VertexId>,
     tools: Mutex<Option<Arc<Held>>>,
     pub(crate) update_ms: Vec<f64>,
+    /// Σ of those.
+    pub(crate) total_ms: f64,
     pub(crate) updates: usize,
     pub(crate) drift_max: f64,
 }
@@ -112,6 +114,7 @@ impl InverseLink {
             vertex_of,
             tools: Mutex::new(None),
             update_ms: Vec::new(),
+            total_ms: 0.0,
             updates: 0,
             drift_max: 0.0,
         })
@@ -160,7 +163,9 @@ impl InverseLink {
             (true, Change::Merge) => self.merge(vertex, &ring)?,
         }
         self.updates += 1;
-        self.update_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        let elapsed_ms = begin.elapsed().as_secs_f64() * 1e3;
+        self.update_ms.push(elapsed_ms);
+        self.total_ms += elapsed_ms;
         Ok(())
     }
 

@@ -39,6 +39,7 @@ mod tool_check;
 mod tool_report;
 mod tools;
 mod touch;
+mod trend;
 
 pub use coupling::{ForceModel, VirtualCoupling};
 pub use element_choice::{MIXED_FROM, choose_element};

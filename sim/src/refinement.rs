@@ -146,7 +146,7 @@ impl Refiner {
         times.indicator_ms = milliseconds(begin);
 
         let begin = Instant::now();
-        let inverse_before: f64 = inverse.update_ms.iter().sum();
+        let inverse_before = inverse.total_ms;
         let mut done = Remeshed::default();
         for v in leaving {
             self.merge(state, v, inverse)?;
@@ -164,7 +164,7 @@ impl Refiner {
                 done.splits += 1;
             }
         }
-        times.inverse_ms = inverse.update_ms.iter().sum::<f64>() - inverse_before;
+        times.inverse_ms = inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
         Ok(done)
     }

@@ -28,6 +28,7 @@ use crate::surfaces::Surfaces;
 use crate::tally::Tally;
 use crate::tools::{self, Hold, Tool};
 use crate::touch::Touch;
+use crate::trend::Trend;
 
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
@@ -60,6 +61,8 @@ pub struct Simulation {
     pub(crate) internal: Vec<Vector3<f64>>,
     /// Time up to which equilibrium has been followed, s: behind the clock after a failed step.
     pub(crate) reached_s: f64,
+    /// What a pressed body did in the last step.
+    pub(crate) trend: Trend,
     /// None for a quasi-static scene.
     pub(crate) motion: Option<Motion>,
     /// Forces that a tool has just let go of; they fade to zero within the step of the release.
@@ -159,6 +162,7 @@ impl Simulation {
             volume,
             tools,
             touch: Touch::default(),
+            trend: Trend::default(),
             tool_loads: Vec::new(),
             support: Vector3::zeros(),
             internal: vec![Vector3::zeros(); state.vertex_capacity()],

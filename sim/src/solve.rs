@@ -119,8 +119,8 @@ impl<'a> Held<'a> {
         Ok(Held { constrained: inverse.constrained(&numbers)?, vertices, free })
     }
 
-    /// Positions, and pressures, with the held vertices at their targets and the others dragged along as in the
-    /// warped linear body: the first iterate.
+    /// Positions, and pressures, with the held vertices at their targets and the others dragged
+    /// along as in the warped linear body: the first iterate.
     fn drag(&self, state: &State, tools: &[Box<dyn Tool>], t: f64) -> Result<Moved, SimError> {
         let mut positions = state.positions.clone();
         let mut pressures = state.body.pressures();
@@ -164,6 +164,7 @@ impl Simulation {
     ) -> Result<StepOutcome, SimError> {
         let mut total = StepOutcome::default();
         self.set_off(step);
+        self.begin_trend();
         let smallest = (step.to - step.from) / f64::from(1u32 << self.scene.solver.max_halvings);
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {
@@ -211,6 +212,7 @@ impl Simulation {
             self.fading.clear();
         }
         self.arrive();
+        self.end_trend(&total);
         Ok(total)
     }
 
@@ -226,13 +228,14 @@ impl Simulation {
         self.ease_in(step, span.to, &mut own);
         // Elements and vertices may have come in since the last solve: renew their rotations.
         self.evaluate_forces();
+        let probing = self.probing(span.to);
         if span == step {
             self.coast();
         }
+        let share = if span == step { self.follow_trend(&probing) } else { 0.0 };
         let held = Held::new(&self.state, &self.inverse)?;
         let numbers: Vec<usize> = held.vertices.iter().map(|&(v, _)| v).collect();
         let moved = held.drag(&self.state, &self.tools, span.to)?;
-        let probing = self.probing(span.to);
         times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
@@ -258,6 +261,7 @@ impl Simulation {
             probing: &probing,
             inverse: &self.inverse,
             held: &numbers,
+            share,
         };
         let mut pressed = self.pressed(span.to);
         let mut settling = Settling::new(&tolerance);
@@ -305,7 +309,7 @@ impl Simulation {
     fn probing(&self, t: f64) -> Vec<Probing> {
         let probes = self.tools.iter().enumerate().filter_map(|(tool, one)| {
             let sphere = one.obstacle(t)?;
-            let moved = (sphere.centre - one.reference(self.reached_s)).norm();
+            let moved = sphere.centre - one.reference(self.reached_s);
             Some(Probing { tool, sphere, moved })
         });
         probes.collect()

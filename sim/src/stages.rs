@@ -35,8 +35,8 @@ impl Stages {
     ///
     /// # Errors
     /// The stage's own error, listing its choices. An unknown inverse is refused when the
-    /// simulation is made. [`SimError::FeatureMissing`] for an inverse on a device that this program
-    /// was built without; `SimError::Gpu` if there is no device: nothing takes its place.
+    /// simulation is made. [`SimError::FeatureMissing`] for an inverse on a device that this
+    /// program was built without; `SimError::Gpu` if there is no device: nothing takes its place.
     pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
         if ON_DEVICE.contains(&&names.inverse[..]) {
             return Ok(Self { inverse: on_device(&names.inverse)?, ..Self::on_host(names)? });

@@ -7,13 +7,13 @@ use serde::Serialize;
 pub struct ToolReport {
     /// Its kind, as in the scene.
     pub kind: &'static str,
-    /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds, Σ λ n
-    /// over what a probe pushes, the load of a pressure.
+    /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds,
+    /// Σ λ n over what a probe pushes, the load of a pressure.
     pub force_n: [f64; 3],
     /// Torque of the tool on the body about the tool's reference point, scanner axes, N m.
     pub torque_n_m: [f64; 3],
-    /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has moved,
-    /// of a probe, of a pressure's region at rest.
+    /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has
+    /// moved, of a probe, of a pressure's region at rest.
     pub reference_mm: [f64; 3],
     /// Vertices held, points pushed, pieces of surface loaded.
     pub contacts: usize,

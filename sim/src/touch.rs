@@ -13,8 +13,8 @@ use crate::tools::Tool;
 /// Points this fraction of the radius outside a probe may come to touch it within a solve.
 const NEAR: f64 = 0.1;
 
-/// Corners of points up to this fraction of the radius outside are in a block of compliance, so that
-/// it serves some steps.
+/// Corners of points up to this fraction of the radius outside are in a block of compliance, so
+/// that it serves some steps.
 const AROUND: f64 = 0.3;
 
 /// Solves of one attempt at most; each after the first adds points that had come too deep.
@@ -29,8 +29,8 @@ const REGULAR: f64 = 1e-6;
 pub(crate) struct Probing {
     pub tool: usize,
     pub sphere: Sphere,
-    /// How far it has come since the last equilibrium, m.
-    pub moved: f64,
+    /// How far and where to it has come since the last equilibrium, m.
+    pub moved: Vector3<f64>,
 }
 
 /// A point that a probe pushes.
@@ -42,6 +42,8 @@ struct Push {
     point: SurfacePoint,
     normal: Vector3<f64>,
     force: f64,
+    /// By how much it grew in the last step, N.
+    growth: f64,
 }
 
 /// Compliance of some vertices while others are held.
@@ -58,12 +60,16 @@ pub(crate) struct Surroundings<'a> {
     pub probing: &'a [Probing],
     pub inverse: &'a InverseLink,
     pub held: &'a [usize],
+    /// How much of their last growth pushes begin with.
+    pub share: f64,
 }
 
 /// The contacts of the last equilibrium, and what is kept for the next.
 #[derive(Default)]
 pub(crate) struct Touch {
     pushes: Vec<Push>,
+    /// Those when the step under way began.
+    before: Vec<Push>,
     /// n Ĉ nᵀ of all pairs of `pushes`, m/N.
     compliance: Vec<f64>,
     penetration: f64,
@@ -152,7 +158,7 @@ impl Touch {
     fn near(&self, around: &Surroundings<'_>, positions: &[Vector3<f64>]) -> Vec<Push> {
         let mut pairs = Vec::new();
         for probing in around.probing {
-            let reach = NEAR * probing.sphere.radius + probing.moved;
+            let reach = NEAR * probing.sphere.radius + probing.moved.norm();
             each_within(around, probing, positions, reach, |number, point, _| {
                 pairs.push(push(probing.tool, number, *point));
             });
@@ -160,7 +166,7 @@ impl Touch {
         for old in &self.pushes {
             let same = |p: &&mut Push| (p.tool, p.number) == (old.tool, old.number);
             if let Some(pair) = pairs.iter_mut().find(same) {
-                pair.force = old.force;
+                pair.force = (old.force + around.share * old.growth).max(0.0);
             }
         }
         pairs
@@ -224,6 +230,25 @@ impl Touch {
         }
     }
 
+    /// Begins a step.
+    pub fn begin(&mut self) {
+        self.before.clone_from(&self.pushes);
+    }
+
+    /// Ends a step; forces have a growth if it went as a whole.
+    pub fn end(&mut self, is_whole: bool) {
+        for push in &mut self.pushes {
+            let same = |old: &&Push| (old.tool, old.number) == (push.tool, push.number);
+            let old = self.before.iter().find(same).map_or(0.0, |old| old.force);
+            push.growth = if is_whole { push.force - old } else { 0.0 };
+        }
+    }
+
+    /// Whether any probe pushes.
+    pub fn is_pressed(&self) -> bool {
+        !self.pushes.is_empty()
+    }
+
     /// Adds the forces of all contacts to `loads`, by vertex number, N.
     pub fn add_loads(&self, loads: &mut [Vector3<f64>]) {
         for push in &self.pushes {
@@ -252,8 +277,8 @@ impl Touch {
     }
 
     /// ∂force/∂(displacement) of a tool while its contacts stay: −N (N Ĉ Nᵀ)⁻¹ Nᵀ in the sense of
-    /// [`of_tool`](Self::of_tool), N/m, symmetric negative; with the sign turned, the inverse of the
-    /// compliance that the tool feels. Zero without contact.
+    /// [`of_tool`](Self::of_tool), N/m, symmetric negative; with the sign turned, the inverse of
+    /// the compliance that the tool feels. Zero without contact.
     pub fn stiffness(&self, tool: usize) -> Matrix3<f64> {
         let k = self.pushes.len();
         let mine: Vec<usize> = (0..k).filter(|&i| self.pushes[i].tool == tool).collect();
@@ -274,7 +299,7 @@ impl Touch {
 }
 
 fn push(tool: usize, number: usize, point: SurfacePoint) -> Push {
-    Push { tool, number, point, normal: Vector3::zeros(), force: 0.0 }
+    Push { tool, number, point, normal: Vector3::zeros(), force: 0.0, growth: 0.0 }
 }
 
 /// Calls `visit` with number, point and gap of all points within `reach` (m) of a probe.

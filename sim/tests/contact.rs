@@ -1,5 +1,5 @@
-//! A ball against a block: the force is that of Hertz on a layer, it pushes and never pulls, nothing
-//! goes in deeper than promised, and what is pressed comes back.
+//! A ball against a block: the force is that of Hertz on a layer, it pushes and never pulls,
+//! nothing goes in deeper than promised, and what is pressed comes back.
 
 use yawara::report::{Frame, StepReport};
 use yawara::{Pose, SimError, Simulation, Stages, scene_file};
@@ -22,8 +22,8 @@ fn largest_displacement_mm(frame: &Frame) -> f64 {
     frame.displacement_mm.iter().flatten().fold(0.0, |m: f64, u| m.max(u.abs()))
 }
 
-/// F = 4/3 E/(1−ν²) √R d^{3/2} on a half space, times the series in χ = √(R d)/h for a layer of height
-/// h bonded to a rigid floor (Dimitriadis et al., Biophysical Journal 82, 2002, eq. 10).
+/// F = 4/3 E/(1−ν²) √R d^{3/2} on a half space, times the series in χ = √(R d)/h for a layer of
+/// height h bonded to a rigid floor (Dimitriadis et al., Biophysical Journal 82, 2002, eq. 10).
 fn hertz_on_a_layer(young: f64, poisson: f64, radius: f64, depth: f64, height: f64) -> f64 {
     use std::f64::consts::PI;
     let half_space =

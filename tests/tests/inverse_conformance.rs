@@ -58,8 +58,8 @@ fn fresh_starts(name: &'static str, block: (usize, usize), ops: &[Op]) -> usize 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2, max_shrink_iters: 16, ..Default::default() })]
 
-    /// With moduli up to 1e3 apart an update softens C by more than 1e3, where half of the digits of
-    /// f32 are lost, in far less than one step of fifty; none loses half of f64's.
+    /// With moduli up to 1e3 apart an update softens C by more than 1e3, where half of the digits
+    /// of f32 are lost, in far less than one step of fifty; none loses half of f64's.
     #[test]
     fn fresh_starts_are_rare(ops in ops(1200..1201)) {
         for (name, block, most) in [

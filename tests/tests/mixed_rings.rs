@@ -43,11 +43,11 @@ fn assemble<'a>(
 struct Bounds([f64; 3]);
 
 impl Bounds {
-    /// Equal to 1e-11 of both rings' largest entry of their kind. Corners are rounded to 24 ε of the
-    /// shortest edge (their distance from the origin over it), gradients to three times that and
-    /// energies to twice as much; eigenvectors of n = 10 rows are off by n² ε times a norm of up to n
-    /// entries; up to eight tetrahedra add up. Soft rows see the rounding of stiff ones where a
-    /// tetrahedron is stiff in one direction alone, or in one half.
+    /// Equal to 1e-11 of both rings' largest entry of their kind. Corners are rounded to 24 ε of
+    /// the shortest edge (their distance from the origin over it), gradients to three times that
+    /// and energies to twice as much; eigenvectors of n = 10 rows are off by n² ε times a norm of
+    /// up to n entries; up to eight tetrahedra add up. Soft rows see the rounding of stiff ones
+    /// where a tetrahedron is stiff in one direction alone, or in one half.
     fn check(&self, what: &str, got: &DMatrix<f64>, want: &DMatrix<f64>) {
         for (i, j) in (0..got.nrows()).flat_map(|i| (0..got.ncols()).map(move |j| (i, j))) {
             let limit = 1e-11 * self.0[kind(i, j)];

@@ -1,9 +1,9 @@
 //! Cases, files, tables: a study as a list of cases that are run one by one and kept one by one.
 //!
 //! A [`Case`] makes a [`Row`]; [`Folder`] keeps every finished row as a file of its own, so that an
-//! interrupted study goes on where it was and several processes share one folder; [`csv`] and [`markdown`] make
-//! tables of the rows. What a row says in `figures` is the same on every run, what it says in
-//! `measured` (times, memory) is not.
+//! interrupted study goes on where it was and several processes share one folder; [`csv`] and
+//! [`markdown`] make tables of the rows. What a row says in `figures` is the same on every run,
+//! what it says in `measured` (times, memory) is not.
 
 mod folder;
 mod row;
@@ -77,8 +77,9 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
     text.or_else(|| panic.downcast_ref::<String>().map(|text| &text[..])).unwrap_or("no message")
 }
 
-/// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it is
-/// finished. Returns the rows of all cases, in order, if every one of them is there, else `None`.
+/// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it
+/// is finished. Returns the rows of all cases, in order, if every one of them is there, else
+/// `None`.
 ///
 /// # Errors
 /// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read.

@@ -18,8 +18,8 @@ pub(crate) struct Axis<'a> {
     pub title: &'a str,
 }
 
-/// A scatter plot with logarithmic axes, the front as a line with its rows named; `None` where no row
-/// has both values.
+/// A scatter plot with logarithmic axes, the front as a line with its rows named; `None` where no
+/// row has both values.
 ///
 /// A row that did not converge in every step has a hollow mark and is not on the front. `named`
 /// rows have their names beside them wherever they are.

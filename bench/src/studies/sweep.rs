@@ -43,8 +43,8 @@ pub(super) fn cap_s(quick: bool) -> f64 {
     if quick { 20.0 } else { 120.0 }
 }
 
-/// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md; what
-/// is printed.
+/// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md;
+/// what is printed.
 ///
 /// # Errors
 /// Those of [`Folder::open`]; [`BenchError::Io`]. A point that fails is a row.

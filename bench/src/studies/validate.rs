@@ -66,7 +66,8 @@ impl Report {
     /// Runs all cases.
     ///
     /// # Errors
-    /// [`BenchError::NotConverged`] if a solve does not reach its tolerance; [`BenchError::Inverse`].
+    /// [`BenchError::NotConverged`] if a solve does not reach its tolerance;
+    /// [`BenchError::Inverse`].
     pub fn new(quick: bool) -> Result<Self, BenchError> {
         let sizes: &[usize] = if quick { &[4, 8] } else { &[4, 8, 16] };
         let mut rows = Vec::new();

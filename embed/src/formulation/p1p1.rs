@@ -320,8 +320,8 @@ impl Pieces {
     ///
     /// It is a form X in the strain and in q along the orthonormal
     /// y₀ = ½(1,1,1,1), y₁ = (1,−1,0,0)/√2, y₂ = (0,0,1,−1)/√2, y₃ = ½(1,1,−1,−1) on a, b, c, d:
-    /// ten rows in Pa; of rank 8 under `laminate`. Its eigenvectors have no part that cancels, unlike the
-    /// laminate's own factors: D̄ − D_p is of the size of κ, D̄' − D'_p of that of μ.
+    /// ten rows in Pa; of rank 8 under `laminate`. Its eigenvectors have no part that cancels,
+    /// unlike the laminate's own factors: D̄ − D_p is of the size of κ, D̄' − D'_p of that of μ.
     fn excess_columns(&self, halved: &Halved) -> (Vec<SVector<f64, 16>>, Vec<SVector<f64, 16>>) {
         let (mut positive, mut negative) = (Vec::new(), Vec::new());
         if self.homogeneous {

@@ -6,8 +6,9 @@
 //! - rows i below: w_i ← w_i − L_ij w_j, then L_ij ← L_ij + w_i G.
 //!
 //! Only columns that the change reaches are touched. Positive columns go first, with a Θ of their
-//! own: with both signs at once G can be large where D' is not, a hyperbolic rotation near its pole,
-//! which lost two digits more in a thousand updates. Quasi-definite matrices have no such choice.
+//! own: with both signs at once G can be large where D' is not, a hyperbolic rotation near its
+//! pole, which lost two digits more in a thousand updates. Quasi-definite matrices have no such
+//! choice.
 
 use faer::MatRef;
 

@@ -56,7 +56,8 @@ impl LowRank {
     /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; walking with such
     /// columns would harden the factor and soften it again, which costs as many digits as they
     /// differ in. The rows are scaled to equal size first, so that soft ones keep their digits.
-    /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k columns.
+    /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k
+    /// columns.
     fn compressed(self) -> Self {
         let (rows, count) = self.columns.shape();
         if rows == 0 || self.signs.windows(2).all(|pair| pair[0] == pair[1]) {

@@ -75,7 +75,8 @@ impl Header {
     }
 }
 
-/// Whether the bytes are big-endian, by `sizeof_hdr`, the first field, or why this is no NIfTI-1 file.
+/// Whether the bytes are big-endian, by `sizeof_hdr`, the first field, or why this is no NIfTI-1
+/// file.
 pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<bool, MeshError> {
     let refuse = |value: String| {
         let want = "348 in either byte order";

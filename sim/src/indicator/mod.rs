@@ -37,8 +37,8 @@ pub struct RingMember {
 }
 
 impl RingMember {
-    /// Strain of the co-rotated displacement; where there are pressures, with their dilation for its
-    /// own, which is no part of their stress and near incompressibility is all noise.
+    /// Strain of the co-rotated displacement; where there are pressures, with their dilation for
+    /// its own, which is no part of their stress and near incompressibility is all noise.
     pub fn strain(&self) -> Strain {
         let local = self.rotation.transpose() * self.deformation_gradient;
         let mut strain = strain_from_gradient(&(local - Matrix3::identity()));

@@ -12,7 +12,8 @@ pub(super) const FOLDER: &str = "fields";
 pub(super) const FILES: [&str; 3] =
     ["fields/displacement_mm.nii.gz", "fields/von_mises_pa.nii.gz", "fields/label.nii.gz"];
 
-/// Writes the three fields into a run directory's folder; each appears under its name when it is complete.
+/// Writes the three fields into a run directory's folder; each appears under its name when it is
+/// complete.
 ///
 /// # Errors
 /// [`SimError::Io`], or [`SimError::Mesh`] with the file, if they can't be written.

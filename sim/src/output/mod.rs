@@ -7,8 +7,10 @@ mod pvd;
 mod run_directory;
 mod steps_csv;
 mod vtu;
+mod whole;
 
 #[cfg(feature = "gmsh")]
 pub use msh::write_msh;
 pub use run_directory::RunDirectory;
 pub use vtu::write_vtu;
+pub(crate) use whole::write_whole;

@@ -71,7 +71,8 @@ impl RunDirectory {
         })
     }
 
-    /// Writes the scene with all defaults and overrides filled in, and the first line of `steps.csv`.
+    /// Writes the scene with all defaults and overrides filled in, and the first line of
+    /// `steps.csv`.
     ///
     /// # Errors
     /// [`SimError::Io`].
@@ -134,8 +135,8 @@ impl RunDirectory {
     /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
     ///
     /// # Errors
-    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in a build without
-    /// NIfTI.
+    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in
+    /// a build without NIfTI.
     pub fn write_fields(&mut self, fields: &Fields) -> Result<(), SimError> {
         fields::write(&self.aside, fields)
     }

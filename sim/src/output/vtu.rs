@@ -1,7 +1,6 @@
 //! One frame as a VTK unstructured grid (XML, base64 binary) for ParaView and meshio.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use vtkio::IOBuffer;
 use vtkio::model::{
@@ -9,6 +8,7 @@ use vtkio::model::{
     VertexNumbers, Vtk,
 };
 
+use super::write_whole;
 use crate::SimError;
 use crate::report::Frame;
 
@@ -24,14 +24,11 @@ use crate::report::Frame;
 /// left that was not there before.
 pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
     check(frame)?;
-    let aside = Aside::new(path)?;
-    let io = |source| SimError::Io { path: path.into(), source };
     let refuse = |reason: String| SimError::Vtk { path: path.into(), reason };
     let mut bytes = Vec::new();
     model(frame).write_xml(&mut bytes).map_err(|error| refuse(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|error| refuse(error.to_string()))?;
-    fs::write(&aside.path, signed_topology(text)).map_err(io)?;
-    fs::rename(&aside.path, path).map_err(io)
+    write_whole(path, signed_topology(text))
 }
 
 /// Declares connectivity and offsets as signed, as ParaView writes them: the bits are the same,
@@ -41,31 +38,6 @@ fn signed_topology(text: String) -> String {
         let tag = |kind: &str| format!("type=\"{kind}\" Name=\"{name}\"");
         text.replacen(&tag("UInt64"), &tag("Int64"), 1)
     })
-}
-
-/// A file beside the one wanted; removed if it is still there when dropped.
-struct Aside {
-    path: PathBuf,
-}
-
-impl Aside {
-    fn new(path: &Path) -> Result<Self, SimError> {
-        let Some(name) = path.file_name() else {
-            let source = std::io::Error::from(std::io::ErrorKind::InvalidFilename);
-            return Err(SimError::Io { path: path.into(), source });
-        };
-        let mut aside = std::ffi::OsString::from(".");
-        aside.push(name);
-        aside.push(format!(".{}.partial", std::process::id()));
-        Ok(Self { path: path.with_file_name(aside) })
-    }
-}
-
-impl Drop for Aside {
-    fn drop(&mut self) {
-        // After the rename there is nothing left to remove, and that is no error.
-        let _ = fs::remove_file(&self.path);
-    }
 }
 
 fn model(frame: &Frame) -> Vtk {
@@ -146,6 +118,7 @@ mod tests {
     use vtkio::model::Piece;
 
     use super::*;
+    use std::fs;
 
     fn frame() -> Frame {
         Frame {

@@ -8,7 +8,8 @@ use yawara_mesh::TetId;
 
 use crate::state::State;
 
-/// Weights as found again after a change of the mesh that differ by this are those of another place.
+/// Weights as found again after a change of the mesh that differ by this are those of another
+/// place.
 const SAME: f64 = 1e-9;
 
 /// Points of the surface at rest, each bound to the coarse tetrahedron around it by its barycentric

@@ -319,8 +319,8 @@ impl Replay {
     }
 
     /// How much smaller than now a diagonal has been, what changes pass through included: rounding
-    /// of a soft C stays when K gets stiffer (one vertex: C − Y Yᵀ keeps the ε C of before). 1 where
-    /// no C is updated.
+    /// of a soft C stays when K gets stiffer (one vertex: C − Y Yᵀ keeps the ε C of before). 1
+    /// where no C is updated.
     fn stiffening_now(&self, k: &DMatrix<f64>) -> f64 {
         if !updates_inverse(self.maintainer.name()) {
             return 1.0;

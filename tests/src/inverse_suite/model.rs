@@ -201,10 +201,10 @@ impl Model {
     /// The same for displacements u and pressures q: A and P are refined as above, each by itself;
     /// what couples u to q is arbitrary.
     ///
-    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ − N_u N_uᵀ, b_uu; ·, A22_uu]
-    /// with b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ and N_u N_uᵀ ≤ E Eᵀ, and those of P are
-    /// [4 V Vᵀ − F_q F_qᵀ + N_q N_qᵀ, −b_qq; ·, p] with F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ:
-    /// all positive semidefinite.
+    /// In the basis (u_old, d) the parts of A are [W Wᵀ + E Eᵀ + F_u F_uᵀ − N_u N_uᵀ, b_uu; ·,
+    /// A22_uu] with b_uu A22_uu⁻¹ b_uuᵀ = θ² W Wᵀ and N_u N_uᵀ ≤ E Eᵀ, and those of P are [4 V Vᵀ −
+    /// F_q F_qᵀ + N_q N_qᵀ, −b_qq; ·, p] with F_q F_qᵀ ≤ V Vᵀ, b_qq p⁻¹ b_qqᵀ = θ² V Vᵀ: all
+    /// positive semidefinite.
     fn add_mixed_patch(
         &mut self,
         vertices: Vec<usize>,

@@ -93,8 +93,9 @@ const ELASTICA: [(usize, f64, f64); 4] = [
     (10, 0.810_61, 0.555_00),
 ];
 
-/// A cantilever twenty times as long as high and wide, one element across, ν = 0, under a dead force
-/// at its end. (A narrow one would buckle sideways. The elastica neither shears nor stretches: at this slenderness that is worth 2·10⁻³.)
+/// A cantilever twenty times as long as high and wide, one element across, ν = 0, under a dead
+/// force at its end. (A narrow one would buckle sideways. The elastica neither shears nor
+/// stretches: at this slenderness that is worth 2·10⁻³.)
 pub(super) fn elastica(n: usize) -> Result<Vec<Row>, BenchError> {
     let (length, young) = (20.0, 1e4);
     let solid = Solid::block([20 * n, 1, n], [length, 1.0, 1.0], isotropic(young, 0.0));
