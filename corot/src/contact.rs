@@ -57,6 +57,9 @@ pub struct ContactOutcome {
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
 
+/// Changes of the set of points that push, in one solve, after which the set is settled first.
+const FLIPS: usize = 3;
+
 /// Solves under given contact forces at most.
 const TURNS: usize = 40;
 
@@ -108,6 +111,8 @@ struct Run<'a, 'b, 'p> {
     internal: &'a mut [Vector3<f64>],
     tolerance: &'a Tolerance,
     lambda: Vec<f64>,
+    /// Which points push, where that is settled for now: with a force of either sign, and no other.
+    set: Option<Vec<bool>>,
     gaps: Vec<f64>,
     normals: Vec<Vector3<f64>>,
     /// Loads with the contact forces.
@@ -138,6 +143,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             residual: vec![0.0; n],
             scratch: vec![0.0; n],
             push: vec![0.0; n],
+            set: None,
             gaps: vec![0.0; k],
             normals: vec![Vector3::zeros(); k],
             compliance: Vec::new(),
@@ -160,9 +166,18 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         let mut damping = 1.0;
         let mut best = start.clone();
         let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
-        let mut pushing = vec![false; self.lambda.len()];
+        let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
+        let mut flips = 0;
         while !(self.merit() <= 1.0) && self.iterations < self.tolerance.max_iterations {
-            if !(self.merit() <= growth * best.0) {
+            if let Some(set) = &self.set
+                && self.merit_of_set(set) <= 1.0
+            {
+                // Settled for this set, but not the right one.
+                self.set = Some(self.next_set(set));
+                best = (f64::INFINITY, self.problem.iterate(positions), self.lambda.clone());
+                memory.clear();
+            }
+            if !(self.progress() <= growth * best.0) {
                 damping *= 0.5;
                 if damping < MIN_DAMPING {
                     break;
@@ -172,18 +187,49 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             }
             let renewed = self.plain_step(&mut step);
             self.iterations += 1;
-            let push = |i: usize| renewed[i] > 0.0;
+            let push = |i: usize| match &self.set {
+                Some(set) => set[i],
+                None => renewed[i] > 0.0,
+            };
             if (0..pushing.len()).any(|i| pushing[i] != push(i)) {
                 memory.clear();
+                flips += 1;
                 (0..pushing.len()).for_each(|i| pushing[i] = push(i));
             }
             memory.mix(&mut step, damping);
             self.take(&step, &pushing, positions);
-            if self.merit() < best.0 {
-                best = (self.merit(), self.problem.iterate(positions), self.lambda.clone());
+            if self.set.is_none() && flips > FLIPS {
+                // Some point comes in and goes out again and again.
+                self.set = Some(pushing.clone());
+                best.0 = f64::INFINITY;
+            }
+            if self.progress() < best.0 {
+                best = (self.progress(), self.problem.iterate(positions), self.lambda.clone());
             }
         }
+        self.set = None;
         self.merit() <= 1.0
+    }
+
+    /// What an iteration is to make smaller.
+    fn progress(&self) -> f64 {
+        self.set.as_ref().map_or_else(|| self.merit(), |set| self.merit_of_set(set))
+    }
+
+    /// How far from converged with the points of `set` at their obstacles and no other pushed.
+    fn merit_of_set(&self, set: &[bool]) -> f64 {
+        let off = self.gaps.iter().zip(set).filter(|(_, is_in)| **is_in).map(|(gap, _)| gap.abs());
+        self.merit_with(off)
+    }
+
+    /// Without those that are pulled, with those that are too deep.
+    fn next_set(&self, set: &[bool]) -> Vec<bool> {
+        (0..set.len())
+            .map(|i| match set[i] {
+                true => self.lambda[i] > 0.0,
+                false => self.gaps[i] < -self.contact.depth,
+            })
+            .collect()
     }
 
     /// Positions under given forces, then forces by the gaps, in turn.
@@ -253,10 +299,16 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     /// How far from converged, at most 1 when it is: the residual and what is deeper or farther
     /// than allowed, each in units of its limit.
     fn merit(&self) -> f64 {
-        let off = self.gaps.iter().zip(&self.lambda).map(|(gap, lambda)| {
+        if self.lambda.iter().any(|&force| force < 0.0) {
+            return f64::INFINITY;
+        }
+        self.merit_with(self.gaps.iter().zip(&self.lambda).map(|(gap, lambda)| {
             let far = if *lambda > 0.0 { *gap } else { 0.0 };
             (-gap).max(far)
-        });
+        }))
+    }
+
+    fn merit_with(&self, off: impl Iterator<Item = f64>) -> f64 {
         // A NaN must stay one.
         off.fold(self.size / self.tolerance.residual, |merit, off| {
             if off / self.contact.depth <= merit { merit } else { off / self.contact.depth }
@@ -304,7 +356,8 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         }
         let mut renewed = self.lambda.clone();
         let fine = 0.01 * self.contact.depth;
-        projected_gauss_seidel(&self.compliance, &slack, &mut renewed, fine, SWEEPS);
+        let set = self.set.as_deref();
+        projected_gauss_seidel(&self.compliance, &slack, &mut renewed, set, fine, SWEEPS);
         renewed
     }
 
@@ -336,8 +389,11 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         for i in 0..k {
             let give = self.compliance[(k + 1) * i];
             let change = if give > 0.0 { step[n + i] / give } else { 0.0 };
-            let mixed = (self.lambda[i] + change).max(0.0);
-            self.lambda[i] = if pushing[i] { mixed } else { 0.0 };
+            self.lambda[i] = match (pushing[i], &self.set) {
+                (false, _) => 0.0,
+                (true, Some(_)) => self.lambda[i] + change,
+                (true, None) => (self.lambda[i] + change).max(0.0),
+            };
         }
         self.evaluate(positions);
     }

@@ -1,7 +1,7 @@
 //! Projected Gauss-Seidel: forces that push where there is contact and vanish where there is not.
 
-/// Finds λ ≥ 0 with s = b + W λ ≥ 0 and λᵀs = 0 by sweeps λ_i ← max(0, λ_i − s_i/W_ii), from the λ
-/// given, until no sweep changes an s_i by more than `tolerance` through its own λ_i.
+/// Finds λ ≥ 0 with s = b + W λ ≥ 0 and λᵀs = 0 by sweeps λ_i ← max(0, λ_i − s_i/W_ii), or with a
+/// `set` given s_i = 0 in it and λ_i = 0 outside, whatever the signs; from the λ given, until no sweep changes an s_i by more than `tolerance` through its own λ_i.
 ///
 /// W: k × k, symmetric positive semi-definite, by rows, m/N; b in m; λ in N. Rows without
 /// compliance (W_ii = 0) are left at 0. Returns the sweeps made, at most `sweeps`. Cost: O(k²) a
@@ -12,6 +12,7 @@ pub(crate) fn projected_gauss_seidel(
     w: &[f64],
     b: &[f64],
     lambda: &mut [f64],
+    set: Option<&[bool]>,
     tolerance: f64,
     sweeps: usize,
 ) -> usize {
@@ -20,12 +21,15 @@ pub(crate) fn projected_gauss_seidel(
         let mut largest: f64 = 0.0;
         for i in 0..k {
             let row = &w[k * i..k * (i + 1)];
-            if !(row[i] > 0.0) {
+            if !(row[i] > 0.0) || set.is_some_and(|set| !set[i]) {
                 lambda[i] = 0.0;
                 continue;
             }
             let slack = b[i] + row.iter().zip(lambda.iter()).map(|(w, l)| w * l).sum::<f64>();
-            let renewed = (lambda[i] - slack / row[i]).max(0.0);
+            let renewed = match set {
+                None => (lambda[i] - slack / row[i]).max(0.0),
+                Some(_) => lambda[i] - slack / row[i],
+            };
             largest = largest.max((renewed - lambda[i]).abs() * row[i]);
             lambda[i] = renewed;
         }
@@ -56,7 +60,7 @@ mod tests {
                 })
                 .collect();
             let mut lambda = vec![0.0; 6];
-            let sweeps = projected_gauss_seidel(&w, &b, &mut lambda, 1e-14, 10_000);
+            let sweeps = projected_gauss_seidel(&w, &b, &mut lambda, None, 1e-14, 10_000);
             prop_assert!(sweeps < 10_000);
             for i in 0..6 {
                 let slack = b[i] + (0..6).map(|j| w[6 * i + j] * lambda[j]).sum::<f64>();
@@ -68,9 +72,9 @@ mod tests {
 
     #[test]
     fn nothing_to_do_and_points_that_cannot_move() {
-        assert_eq!(projected_gauss_seidel(&[], &[], &mut [], 1e-9, 5), 1);
+        assert_eq!(projected_gauss_seidel(&[], &[], &mut [], None, 1e-9, 5), 1);
         let mut lambda = [3.0];
-        projected_gauss_seidel(&[0.0], &[-1.0], &mut lambda, 1e-9, 5);
+        projected_gauss_seidel(&[0.0], &[-1.0], &mut lambda, None, 1e-9, 5);
         assert_eq!(lambda, [0.0]);
     }
 }
