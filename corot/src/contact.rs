@@ -168,7 +168,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
         let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
         let mut flips = 0;
-        while !(self.merit() <= 1.0) && self.iterations < self.tolerance.max_iterations {
+        while !self.is_done() && self.iterations < self.tolerance.max_iterations {
             if let Some(set) = &self.set
                 && self.merit_of_set(set) <= 1.0
             {
@@ -209,6 +209,13 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         }
         self.set = None;
         self.merit() <= 1.0
+    }
+
+    /// Converged, and by an iteration of its own where something pushes: a start that was carried on
+    /// from the last solve, and only just good enough, would be carried on again.
+    fn is_done(&self) -> bool {
+        let is_touched = self.lambda.iter().any(|&force| force > 0.0);
+        self.merit() <= 1.0 && (self.iterations > 0 || !is_touched)
     }
 
     /// What an iteration is to make smaller.

@@ -57,7 +57,7 @@ fn scenes_are_listed_with_a_description() {
 #[test]
 fn help_and_version_go_to_standard_output() {
     let bench = Workbench::new();
-    for command in ["run", "plan", "mesh", "labels", "scenes", "devices"] {
+    for command in ["run", "plan", "mesh", "labels", "surface", "haptic", "scenes", "devices"] {
         assert!(bench.succeed(&["--help"]).contains(command));
     }
     assert!(bench.succeed(&["--version"]).starts_with("yawara "));
@@ -233,6 +233,28 @@ fn mesh_takes_the_phantom() {
     let text = bench.succeed(&["mesh", "phantom", "--level", "0", "--out", "a.vtu"]);
     assert!(text.contains("labels 1, 2, 3, 4"), "{text}");
     assert_eq!(bench.files().len(), 1);
+}
+
+#[test]
+fn a_simulated_hand_leaves_a_summary() {
+    let bench = bar();
+    let text = bench.succeed(&["haptic", "bar.toml", "--seconds", "0.2", "--out", "hand.json"]);
+    for word in ["ticks", "late", "steps", "force", "stable for a device"] {
+        assert!(text.contains(word), "no {word:?} in {text}");
+    }
+    let summary: Value = serde_json::from_str(&bench.read("hand.json")).unwrap();
+    assert!(summary["ticks"].as_u64().unwrap() > 10 && summary["is_realtime"].is_boolean());
+    assert!(summary["converged"].as_u64().unwrap() > 0, "{summary}");
+    assert!(summary["force_max_n"].as_f64().unwrap() > 0.0, "{summary}");
+    let files = [bench.path("bar.toml"), bench.path("hand.json")].map(|path| path.exists());
+    assert_eq!((files, bench.files().len()), ([true; 2], 2), "nothing else is left behind");
+
+    bench.refused(&["haptic", "bar.toml", "--tool", "4"], &["tool 4", "1"]);
+    bench.refused(&["haptic", "bar.toml", "--seconds", "0"], &["seconds", "0"]);
+    bench.refused(
+        &["haptic", "bar.toml", "--seconds", "0.1", "--out", "no/such.json"],
+        &["no/such"],
+    );
 }
 
 #[test]

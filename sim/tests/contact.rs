@@ -104,6 +104,44 @@ fn what_pushes_is_carried_by_the_support_with_the_weight() {
 }
 
 #[test]
+fn a_grab_led_through_the_interface_does_what_its_path_would() {
+    let short = ["time.steps=3", "mesh.max_level=1"];
+    let by_path = run(&mut simulation("twist", &short));
+    let (mut led, mut teacher) = (simulation("twist", &short), simulation("twist", &short));
+    for report in &by_path {
+        let pose = teacher.tool_pose(0, report.time_s).unwrap();
+        led.set_tool_pose(0, pose).unwrap();
+        let same = led.step().unwrap();
+        let off: f64 = (0..3).map(|i| (same.force_n[i] - report.force_n[i]).abs()).sum();
+        let size: f64 = report.force_n.iter().map(|f| f.abs()).sum();
+        assert!(off <= 1e-5 * (1.0 + size), "{:?} {:?}", same.force_n, report.force_n);
+        assert!(same.tools[0].torque_n_m.iter().any(|t| t.abs() > 1e-6), "{:?}", same.tools);
+    }
+}
+
+#[test]
+fn a_steady_push_needs_few_iterations_and_fewer_than_one_that_trembles() {
+    // The ball goes on evenly: every step begins near where it ends.
+    let set = ["time.steps=40", "time.step_s=0.01", "image.voxel_mm=4"];
+    let steady = run(&mut simulation("probe", &set));
+    let pressed: Vec<_> = steady.iter().filter(|report| report.force_n[2] < 0.0).collect();
+    assert!(pressed.len() > 10 && pressed.iter().all(|report| report.converged));
+    let total: usize = pressed.iter().map(|report| report.iterations).sum();
+    let (mut trembling, mut teacher) = (simulation("probe", &set), simulation("probe", &set));
+    // The same way, but two steps forth and one back.
+    let mut back_and_forth = 0;
+    for step in 0..40_u8 {
+        let at = 0.01 * f64::from(step - step % 3 + [1, 3, 2][usize::from(step % 3)]);
+        let pose = teacher.tool_pose(0, at).unwrap();
+        trembling.set_tool_pose(0, pose).unwrap();
+        let report = trembling.step().unwrap();
+        back_and_forth += if report.force_n[2] < 0.0 { report.iterations } else { 0 };
+    }
+    assert!(total < back_and_forth, "{total} {back_and_forth}");
+    assert!(total <= 4 * pressed.len(), "{total} in {}", pressed.len());
+}
+
+#[test]
 fn a_tool_led_through_the_interface_does_what_its_path_would() {
     let short = ["time.steps=6", "mesh.max_level=0"];
     let by_path = run(&mut simulation("indent", &short));
