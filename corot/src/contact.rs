@@ -1,8 +1,10 @@
 //! Equilibrium in the way of obstacles: they push, and never pull.
 
+mod in_turn;
+mod together;
+
 use nalgebra::{Matrix3, Vector3};
 
-use crate::anderson::{Anderson, MIN_DAMPING, Memory};
 use crate::equilibrium::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 use crate::gauss_seidel::projected_gauss_seidel;
 use crate::obstacle::Obstacle;
@@ -57,22 +59,18 @@ pub struct ContactOutcome {
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
 
-/// Changes of the set of points that push, in one solve, after which the set is settled first.
-const FLIPS: usize = 3;
-
-/// Solves under given contact forces at most.
-const TURNS: usize = 40;
-
 /// Finds x and λ with f_int(x) = f_ext + Σ λ_i n_i w_i, gap_i(x) ≥ 0, λ_i ≥ 0 and λ_i gap_i = 0.
 ///
 /// With Ĉ = T C Tᵀ, G the gaps' gradients, r the residual and h the gaps, an iteration solves
 /// 0 ≤ λ' ⊥ h + G Ĉ r + G Ĉ Gᵀ(λ' − λ) ≥ 0 and steps to x + Ĉ(r + Gᵀ(λ' − λ)) and λ', both mixed as
-/// in [`Anderson`]: at a fixed point r = 0 and the conditions hold, whatever Ĉ is. `multipliers`
-/// begin it (those of the last solve, or zeros; one per point). It has converged when the relative
-/// residual is at most `tolerance.residual` and no point is deeper than `contact.depth` or pushed
-/// from farther away.
+/// in [`Anderson`](crate::Anderson): at a fixed point r = 0 and the conditions hold, whatever Ĉ is.
+/// `multipliers` begin it (those of the last solve, or zeros; one per point). It has converged when
+/// the relative residual is at most `tolerance.residual` and no point is deeper than
+/// `contact.depth` or pushed from farther away.
 ///
-/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where this
+/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where that happens
+/// again and again the set of points that push is settled first, with forces of either sign on them
+/// and none on the others, and renewed by the signs of forces and gaps in its solution. Where this
 /// iteration gives up, `equilibrium` solves under contact forces that stay as they are, and between
 /// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then
 /// counts it.
@@ -159,129 +157,6 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         }
     }
 
-    /// Positions and forces in one iteration; true if it has converged.
-    fn together(&mut self, start: &Place, positions: &mut [Vector3<f64>]) -> bool {
-        let Anderson { depth, growth } = Anderson::default();
-        let mut memory = Memory::new(depth);
-        let mut damping = 1.0;
-        let mut best = start.clone();
-        let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
-        let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
-        let mut flips = 0;
-        while !self.is_done() && self.iterations < self.tolerance.max_iterations {
-            if let Some(set) = &self.set
-                && self.merit_of_set(set) <= 1.0
-            {
-                // Settled for this set, but not the right one.
-                self.set = Some(self.next_set(set));
-                best = (f64::INFINITY, self.problem.iterate(positions), self.lambda.clone());
-                memory.clear();
-            }
-            if !(self.progress() <= growth * best.0) {
-                damping *= 0.5;
-                if damping < MIN_DAMPING {
-                    break;
-                }
-                self.return_to(&best, positions);
-                memory.clear();
-            }
-            let renewed = self.plain_step(&mut step);
-            self.iterations += 1;
-            let push = |i: usize| match &self.set {
-                Some(set) => set[i],
-                None => renewed[i] > 0.0,
-            };
-            if (0..pushing.len()).any(|i| pushing[i] != push(i)) {
-                memory.clear();
-                flips += 1;
-                (0..pushing.len()).for_each(|i| pushing[i] = push(i));
-            }
-            memory.mix(&mut step, damping);
-            self.take(&step, &pushing, positions);
-            if self.set.is_none() && flips > FLIPS {
-                // Some point comes in and goes out again and again.
-                self.set = Some(pushing.clone());
-                best.0 = f64::INFINITY;
-            }
-            if self.progress() < best.0 {
-                best = (self.progress(), self.problem.iterate(positions), self.lambda.clone());
-            }
-        }
-        self.set = None;
-        self.merit() <= 1.0
-    }
-
-    /// Converged, and by an iteration of its own where something pushes: a start that was carried on
-    /// from the last solve, and only just good enough, would be carried on again.
-    fn is_done(&self) -> bool {
-        let is_touched = self.lambda.iter().any(|&force| force > 0.0);
-        self.merit() <= 1.0 && (self.iterations > 0 || !is_touched)
-    }
-
-    /// What an iteration is to make smaller.
-    fn progress(&self) -> f64 {
-        self.set.as_ref().map_or_else(|| self.merit(), |set| self.merit_of_set(set))
-    }
-
-    /// How far from converged with the points of `set` at their obstacles and no other pushed.
-    fn merit_of_set(&self, set: &[bool]) -> f64 {
-        let off = self.gaps.iter().zip(set).filter(|(_, is_in)| **is_in).map(|(gap, _)| gap.abs());
-        self.merit_with(off)
-    }
-
-    /// Without those that are pulled, with those that are too deep.
-    fn next_set(&self, set: &[bool]) -> Vec<bool> {
-        (0..set.len())
-            .map(|i| match set[i] {
-                true => self.lambda[i] > 0.0,
-                false => self.gaps[i] < -self.contact.depth,
-            })
-            .collect()
-    }
-
-    /// Positions under given forces, then forces by the gaps, in turn.
-    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut [Vector3<f64>]) {
-        self.fallbacks = 1;
-        let mut best: Option<Place> = None;
-        let mut damping = 1.0;
-        for _ in 0..TURNS {
-            let mut loaded = Problem {
-                body: &mut *self.problem.body,
-                corotation: self.problem.corotation,
-                external: &self.loads,
-                free: self.problem.free,
-                inverse: self.problem.inverse,
-            };
-            let solved = equilibrium.solve(&mut loaded, positions, self.internal, self.tolerance);
-            self.iterations += solved.iterations;
-            self.evaluations += solved.evaluations;
-            self.evaluate(positions);
-            let merit = self.merit();
-            match &best {
-                Some(least) if !(merit < least.0) => {
-                    damping *= 0.5;
-                    let least = least.clone();
-                    self.return_to(&least, positions);
-                }
-                _ => best = Some((merit, self.problem.iterate(positions), self.lambda.clone())),
-            }
-            if merit <= 1.0 || damping < MIN_DAMPING {
-                break;
-            }
-            let mut moves = vec![0.0; self.residual.len()];
-            let renewed = self.forces_by_gaps(&moves);
-            let damped: Vec<f64> = renewed
-                .iter()
-                .zip(&self.lambda)
-                .map(|(new, old)| old + damping * (new - old))
-                .collect();
-            self.add_push(&damped, &mut moves);
-            self.problem.advance(positions, &moves, 1.0);
-            self.lambda = damped;
-            self.evaluate(positions);
-        }
-    }
-
     /// Renews gaps, normals, loads, forces and residual where the positions are.
     fn evaluate(&mut self, positions: &[Vector3<f64>]) {
         self.loads.copy_from_slice(self.problem.external);
@@ -328,25 +203,6 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         self.evaluate(positions);
     }
 
-    /// Ĉ(r + Gᵀ(λ' − λ)), and behind it (λ' − λ) W_ii, which is in m too. Returns λ'.
-    fn plain_step(&mut self, step: &mut [f64]) -> Vec<f64> {
-        let (n, k) = (self.residual.len(), self.lambda.len());
-        let (moves, pushes) = step.split_at_mut(n);
-        moves.fill(0.0);
-        // Where forces balance already, only the contacts move.
-        if !(self.size <= self.tolerance.residual) {
-            self.problem.precondition(&self.residual, &mut self.scratch, moves);
-        }
-        let renewed = self.forces_by_gaps(moves);
-        for i in 0..k {
-            pushes[i] = (renewed[i] - self.lambda[i]) * self.compliance[(k + 1) * i];
-        }
-        if renewed != self.lambda {
-            self.add_push(&renewed, moves);
-        }
-        renewed
-    }
-
     /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0; renews W.
     fn forces_by_gaps(&mut self, moves: &[f64]) -> Vec<f64> {
         let k = self.lambda.len();
@@ -387,22 +243,6 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         for (d, p) in moves.iter_mut().zip(&pushed) {
             *d += p;
         }
-    }
-
-    /// Takes a mixed step; what does not push stays so.
-    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut [Vector3<f64>]) {
-        let (n, k) = (self.residual.len(), self.lambda.len());
-        self.problem.advance(positions, &step[..n], 1.0);
-        for i in 0..k {
-            let give = self.compliance[(k + 1) * i];
-            let change = if give > 0.0 { step[n + i] / give } else { 0.0 };
-            self.lambda[i] = match (pushing[i], &self.set) {
-                (false, _) => 0.0,
-                (true, Some(_)) => self.lambda[i] + change,
-                (true, None) => (self.lambda[i] + change).max(0.0),
-            };
-        }
-        self.evaluate(positions);
     }
 
     fn outcome(self) -> ContactOutcome {

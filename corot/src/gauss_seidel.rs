@@ -1,7 +1,8 @@
 //! Projected Gauss-Seidel: forces that push where there is contact and vanish where there is not.
 
 /// Finds λ ≥ 0 with s = b + W λ ≥ 0 and λᵀs = 0 by sweeps λ_i ← max(0, λ_i − s_i/W_ii), or with a
-/// `set` given s_i = 0 in it and λ_i = 0 outside, whatever the signs; from the λ given, until no sweep changes an s_i by more than `tolerance` through its own λ_i.
+/// `set` given s_i = 0 in it and λ_i = 0 outside, whatever the signs; from the λ given, until no
+/// sweep changes an s_i by more than `tolerance` through its own λ_i.
 ///
 /// W: k × k, symmetric positive semi-definite, by rows, m/N; b in m; λ in N. Rows without
 /// compliance (W_ii = 0) are left at 0. Returns the sweeps made, at most `sweeps`. Cost: O(k²) a

@@ -25,8 +25,8 @@ pub(crate) struct State {
     pub rest: Vec<Vector3<f64>>,
     pub positions: Vec<Vector3<f64>>,
     pub holds: Vec<Hold>,
-    /// By vertex number, m/s; in a quasi-static body those of the last step, zero where nothing goes
-    /// on.
+    /// By vertex number, m/s; in a quasi-static body those of the last step, zero where nothing
+    /// goes on.
     pub velocities: Vec<Vector3<f64>>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub masses: Vec<f64>,

@@ -1,0 +1,126 @@
+//! Positions and contact forces in one iteration.
+
+use nalgebra::Vector3;
+
+use super::{Place, Run};
+use crate::anderson::{Anderson, MIN_DAMPING, Memory};
+
+/// Changes of the set of points that push, in one solve, after which the set is settled first.
+const FLIPS: usize = 3;
+
+impl Run<'_, '_, '_> {
+    /// Positions and forces in one iteration; true if it has converged.
+    pub(super) fn together(&mut self, start: &Place, positions: &mut [Vector3<f64>]) -> bool {
+        let Anderson { depth, growth } = Anderson::default();
+        let mut memory = Memory::new(depth);
+        let mut damping = 1.0;
+        let mut best = start.clone();
+        let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
+        let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
+        let mut flips = 0;
+        while !self.is_done() && self.iterations < self.tolerance.max_iterations {
+            if let Some(set) = &self.set
+                && self.merit_of_set(set) <= 1.0
+            {
+                // Settled for this set, but not the right one.
+                self.set = Some(self.next_set(set));
+                best = (f64::INFINITY, self.problem.iterate(positions), self.lambda.clone());
+                memory.clear();
+            }
+            if !(self.progress() <= growth * best.0) {
+                damping *= 0.5;
+                if damping < MIN_DAMPING {
+                    break;
+                }
+                self.return_to(&best, positions);
+                memory.clear();
+            }
+            let renewed = self.plain_step(&mut step);
+            self.iterations += 1;
+            let push = |i: usize| match &self.set {
+                Some(set) => set[i],
+                None => renewed[i] > 0.0,
+            };
+            if (0..pushing.len()).any(|i| pushing[i] != push(i)) {
+                memory.clear();
+                flips += 1;
+                (0..pushing.len()).for_each(|i| pushing[i] = push(i));
+            }
+            memory.mix(&mut step, damping);
+            self.take(&step, &pushing, positions);
+            if self.set.is_none() && flips > FLIPS {
+                // Some point comes in and goes out again and again.
+                self.set = Some(pushing.clone());
+                best.0 = f64::INFINITY;
+            }
+            if self.progress() < best.0 {
+                best = (self.progress(), self.problem.iterate(positions), self.lambda.clone());
+            }
+        }
+        self.set = None;
+        self.merit() <= 1.0
+    }
+
+    /// Converged, and by an iteration of its own where something pushes: a start that was carried on
+    /// from the last solve, and only just good enough, would be carried on again.
+    fn is_done(&self) -> bool {
+        let is_touched = self.lambda.iter().any(|&force| force > 0.0);
+        self.merit() <= 1.0 && (self.iterations > 0 || !is_touched)
+    }
+
+    /// What an iteration is to make smaller.
+    fn progress(&self) -> f64 {
+        self.set.as_ref().map_or_else(|| self.merit(), |set| self.merit_of_set(set))
+    }
+
+    /// How far from converged with the points of `set` at their obstacles and no other pushed.
+    fn merit_of_set(&self, set: &[bool]) -> f64 {
+        let off = self.gaps.iter().zip(set).filter(|(_, is_in)| **is_in).map(|(gap, _)| gap.abs());
+        self.merit_with(off)
+    }
+
+    /// Without those that are pulled, with those that are too deep.
+    fn next_set(&self, set: &[bool]) -> Vec<bool> {
+        (0..set.len())
+            .map(|i| match set[i] {
+                true => self.lambda[i] > 0.0,
+                false => self.gaps[i] < -self.contact.depth,
+            })
+            .collect()
+    }
+
+    /// Ĉ(r + Gᵀ(λ' − λ)), and behind it (λ' − λ) W_ii, which is in m too. Returns λ'.
+    fn plain_step(&mut self, step: &mut [f64]) -> Vec<f64> {
+        let (n, k) = (self.residual.len(), self.lambda.len());
+        let (moves, pushes) = step.split_at_mut(n);
+        moves.fill(0.0);
+        // Where forces balance already, only the contacts move.
+        if !(self.size <= self.tolerance.residual) {
+            self.problem.precondition(&self.residual, &mut self.scratch, moves);
+        }
+        let renewed = self.forces_by_gaps(moves);
+        for i in 0..k {
+            pushes[i] = (renewed[i] - self.lambda[i]) * self.compliance[(k + 1) * i];
+        }
+        if renewed != self.lambda {
+            self.add_push(&renewed, moves);
+        }
+        renewed
+    }
+
+    /// Takes a mixed step; what does not push stays so.
+    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut [Vector3<f64>]) {
+        let (n, k) = (self.residual.len(), self.lambda.len());
+        self.problem.advance(positions, &step[..n], 1.0);
+        for i in 0..k {
+            let give = self.compliance[(k + 1) * i];
+            let change = if give > 0.0 { step[n + i] / give } else { 0.0 };
+            self.lambda[i] = match (pushing[i], &self.set) {
+                (false, _) => 0.0,
+                (true, Some(_)) => self.lambda[i] + change,
+                (true, None) => (self.lambda[i] + change).max(0.0),
+            };
+        }
+        self.evaluate(positions);
+    }
+}
