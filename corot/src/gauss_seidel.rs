@@ -52,14 +52,7 @@ mod tests {
             entries in proptest::collection::vec(-1.0..1.0f64, 36),
             b in proptest::collection::vec(-1.0..1.0f64, 6),
         ) {
-            // A Aᵀ + I: eigenvalues from 1 on, so that sweeps contract.
-            let w: Vec<f64> = (0..36)
-                .map(|at| {
-                    let (i, j) = (at / 6, at % 6);
-                    let dot: f64 = (0..6).map(|k| entries[6 * i + k] * entries[6 * j + k]).sum();
-                    dot + f64::from(u8::from(i == j))
-                })
-                .collect();
+            let w = contracting(&entries);
             let mut lambda = vec![0.0; 6];
             let sweeps = projected_gauss_seidel(&w, &b, &mut lambda, None, 1e-14, 10_000);
             prop_assert!(sweeps < 10_000);
@@ -69,6 +62,35 @@ mod tests {
                 prop_assert!(lambda[i] * slack < 1e-9, "{} {}", lambda[i], slack);
             }
         }
+    }
+
+    proptest! {
+        #[test]
+        fn a_given_set_touches_and_nothing_else_pushes(
+            entries in proptest::collection::vec(-1.0..1.0f64, 36),
+            b in proptest::collection::vec(-1.0..1.0f64, 6),
+            set in proptest::collection::vec(proptest::bool::ANY, 6),
+        ) {
+            let w = contracting(&entries);
+            let mut lambda = vec![1.0; 6];
+            let sweeps = projected_gauss_seidel(&w, &b, &mut lambda, Some(&set), 1e-14, 10_000);
+            prop_assert!(sweeps < 10_000);
+            for i in 0..6 {
+                let slack = b[i] + (0..6).map(|j| w[6 * i + j] * lambda[j]).sum::<f64>();
+                let off = if set[i] { slack.abs() } else { lambda[i].abs() };
+                prop_assert!(off < 1e-10, "{} {} {}", set[i], slack, lambda[i]);
+            }
+        }
+    }
+
+    /// A Aᵀ + I: eigenvalues from 1 on, so that sweeps contract.
+    fn contracting(entries: &[f64]) -> Vec<f64> {
+        let entry = |at: usize| {
+            let (i, j) = (at / 6, at % 6);
+            let dot: f64 = (0..6).map(|k| entries[6 * i + k] * entries[6 * j + k]).sum();
+            dot + f64::from(u8::from(i == j))
+        };
+        (0..36).map(entry).collect()
     }
 
     #[test]
