@@ -5,13 +5,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use faer::{Mat, MatRef};
 
-use crate::capacitance::Capacitance;
 use crate::change::{check_length, check_range, check_vector};
 use crate::counts::Tally;
 use crate::dense_store::{DenseStore, Staged};
 use crate::drift::{is_too_far, kept_drift};
 use crate::fresh::symmetric_inverse;
-use crate::net_change::NetChange;
+use crate::net_change::{NetChange, NewRows};
 use crate::panel::Panel;
 use crate::refine::refine_columns;
 use crate::residual::refine_once;
@@ -177,13 +176,8 @@ impl<S: DenseStore> Delayed<S> {
     fn prepare_split(&mut self, change: &RingChange) -> Result<Prepared, InverseError> {
         let negative = self.stiffness.negative();
         let net = NetChange::new(change, negative)?;
-        let what = "I + Uᵀ C U of a split";
-        let low = LowRank { what, gained: net.gained.as_ref(), lost: net.lost.as_ref() };
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-        let t = -a22.solve(change.a12.as_ref());
-        let m = change.a22.nrows();
-        let inverse = a22.solve(Mat::<f64>::identity(m, m).as_ref());
-        self.prepare(&change.slots, &low, (t.as_ref(), inverse.as_ref()), 0..0)
+        let NewRows { t, inverse } = NewRows::new(change, negative)?;
+        self.prepare(&change.slots, &net.of_split(), (t.as_ref(), inverse.as_ref()), 0..0)
     }
 
     fn prepare_merge(
@@ -192,10 +186,8 @@ impl<S: DenseStore> Delayed<S> {
         change: &RingChange,
     ) -> Result<Prepared, InverseError> {
         let net = NetChange::new(change, self.stiffness.negative())?;
-        let what = "I + Uᵀ C U of a merge";
-        let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
         let block = self.stiffness.block();
-        self.prepare_low_rank(&change.slots, &low, block * slot..block * (slot + 1))
+        self.prepare_low_rank(&change.slots, &net.of_merge(), block * slot..block * (slot + 1))
     }
 
     fn prepare_low_rank(

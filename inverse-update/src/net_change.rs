@@ -3,6 +3,7 @@
 use faer::{Mat, Side};
 
 use crate::capacitance::Capacitance;
+use crate::update::LowRank;
 use crate::{InverseError, RingChange};
 
 /// M = P Pᵀ − N Nᵀ on the ring's old rows, as few columns as it takes.
@@ -13,7 +14,38 @@ pub(crate) struct NetChange {
     pub lost: Mat<f64>,
 }
 
+/// The rows of C of a vertex that comes in: C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ.
+pub(crate) struct NewRows {
+    /// Tᵀ = −a12 A22⁻¹, r × m.
+    pub t: Mat<f64>,
+    /// A22⁻¹.
+    pub inverse: Mat<f64>,
+}
+
+impl NewRows {
+    pub(crate) fn new(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
+        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let m = change.a22.nrows();
+        Ok(Self {
+            t: -a22.solve(change.a12.as_ref()),
+            inverse: a22.solve(Mat::<f64>::identity(m, m).as_ref()),
+        })
+    }
+}
+
 impl NetChange {
+    /// What the old rows of K gain and lose when the vertex comes in.
+    pub(crate) fn of_split(&self) -> LowRank<'_> {
+        let (gained, lost) = (self.gained.as_ref(), self.lost.as_ref());
+        LowRank { what: "I + Uᵀ C U of a split", gained, lost }
+    }
+
+    /// And when it goes.
+    pub(crate) fn of_merge(&self) -> LowRank<'_> {
+        let (gained, lost) = (self.lost.as_ref(), self.gained.as_ref());
+        LowRank { what: "I + Uᵀ C U of a merge", gained, lost }
+    }
+
     /// From M = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ.
     ///
     /// Where a ring joins stiff and soft tissue, both terms are stiff and M may be soft. Updating

@@ -57,7 +57,7 @@ pub(crate) fn softened_terms<S: DenseStore>(
 }
 
 /// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
-fn residual(
+pub(crate) fn residual(
     k: &SparseStiffness,
     rows: &[usize],
     change: &LowRank<'_>,

@@ -6,8 +6,9 @@ use faer::{Mat, MatRef};
 
 use super::PackedInverse;
 use crate::capacitance::Capacitance;
-use crate::net_change::NetChange;
+use crate::net_change::{NetChange, NewRows};
 use crate::panel::Panel;
+use crate::soften::residual;
 use crate::stored::Stored;
 use crate::tiles::SignedPanel;
 use crate::update::{LowRank, SignedRoot};
@@ -86,7 +87,9 @@ impl<E: Stored> PackedInverse<E> {
         let mut softened = product.times(lost.as_ref());
         let at = terms.columns.at_rows(rows);
         softened.add_times(&terms.signed(), (at.transpose() * change.lost).as_ref());
-        let residual = self.residual(rows, change, &softened)?;
+        let x = softened.to_matrix();
+        let residual = residual(&self.stiffness, rows, change, x.as_ref())?;
+        let residual = Panel::from_matrix(residual.as_ref());
         let step = self.multiply(&residual);
         softened.add_times(&step, Mat::<f64>::identity(q, q).as_ref());
         softened.add_times(&terms.signed(), terms.columns.inner(&residual).as_ref());
@@ -102,48 +105,17 @@ impl<E: Stored> PackedInverse<E> {
         Ok(())
     }
 
-    /// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
-    fn residual(
-        &self,
-        rows: &[usize],
-        change: &LowRank<'_>,
-        x: &Panel,
-    ) -> Result<Panel, InverseError> {
-        let mut residual = Panel::zeros(x.rows(), x.columns());
-        let (mut source, mut image) = (vec![0.0; x.rows()], vec![0.0; x.rows()]);
-        for j in 0..x.columns() {
-            x.copy_column(j, &mut source);
-            self.stiffness.apply(&source, &mut image)?;
-            image.iter_mut().for_each(|value| *value = -*value);
-            residual.set_column(j, &image);
-        }
-        let at = x.at_rows(rows);
-        let (p, n) = (change.gained, change.lost);
-        let own = n.to_owned() - p * (p.transpose() * &at) + n * (n.transpose() * &at);
-        for (i, &row) in rows.iter().enumerate() {
-            for j in 0..x.columns() {
-                residual.set(row, j, residual.get(row, j) + own[(i, j)]);
-            }
-        }
-        Ok(residual)
-    }
-
     pub(super) fn prepare_split(&self, change: &RingChange) -> Result<Prepared, InverseError> {
         let negative = self.stiffness.negative();
         let rows = self.rows(&change.slots);
         let net = NetChange::new(change, negative)?;
-        let what = "I + Uᵀ C U of a split";
-        let low = LowRank { what, gained: net.gained.as_ref(), lost: net.lost.as_ref() };
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-        // −C_:r A22⁻¹ a12ᵀ after the update, from the ring's columns alone.
-        let t = -a22.solve(change.a12.as_ref());
-        let (terms, mut coupling) = self.prepare(&rows, &low, t.as_ref(), 0..0)?;
+        let NewRows { t, inverse } = NewRows::new(change, negative)?;
+        // C_:r Tᵀ after the update, from the ring's columns alone.
+        let (terms, mut coupling) = self.prepare(&rows, &net.of_split(), t.as_ref(), 0..0)?;
         let at = terms.columns.at_rows(&rows);
         coupling.add_times(&terms.signed(), (at.transpose() * &t).as_ref());
-        let m = change.a22.nrows();
-        let own = a22.solve(Mat::<f64>::identity(m, m).as_ref())
-            + t.transpose() * coupling.at_rows(&rows);
-        for a in 0..m {
+        let own = inverse + t.transpose() * coupling.at_rows(&rows);
+        for a in 0..own.nrows() {
             self.check_sign(self.stiffness.dofs() + a, own[(a, a)])?;
         }
         Ok(Prepared { terms, border: Some((coupling, own)) })
@@ -155,10 +127,8 @@ impl<E: Stored> PackedInverse<E> {
         change: &RingChange,
     ) -> Result<Prepared, InverseError> {
         let net = NetChange::new(change, self.stiffness.negative())?;
-        let what = "I + Uᵀ C U of a merge";
-        let low = LowRank { what, gained: net.lost.as_ref(), lost: net.gained.as_ref() };
         let block = self.stiffness.block();
-        self.prepare_low_rank(&change.slots, &low, block * slot..block * (slot + 1))
+        self.prepare_low_rank(&change.slots, &net.of_merge(), block * slot..block * (slot + 1))
     }
 
     pub(super) fn prepare_low_rank(
