@@ -58,16 +58,15 @@ def prepare(binary: Path, out: Path, force: bool) -> tuple[Path, Path]:
 
 def peers_here(meshes: list, quick: bool) -> tuple[list, list[str]]:
     """The candidates of every `peer_*.py` beside this file, and a line for each left out."""
-    from case import Failure
-
     found, skipped = [], []
     for file in sorted(Path(__file__).parent.glob("peer_*.py")):
         try:
             peer = importlib.import_module(file.stem)
             need(peer.NEEDS)
             found += peer.candidates(meshes, quick)
-        except (Failure, ImportError) as error:
-            skipped.append(f"{file.stem.removeprefix('peer_')}: {error}")
+        except Exception as error:  # as in `timed`
+            line = (str(error) or type(error).__name__).splitlines()[0]
+            skipped.append(f"{file.stem.removeprefix('peer_')}: {line}")
     return found, skipped
 
 
@@ -154,8 +153,7 @@ def main() -> int:
     if from_here not in sys.path:
         sys.path.insert(0, from_here)
     try:
-        need({"numpy": "numpy"})
-        from case import Failure
+        from case import Failure  # needs numpy
     except ImportError as error:
         print(f"beam.py: missing: pip install {error.name}", file=sys.stderr)
         return 2

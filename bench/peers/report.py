@@ -44,7 +44,7 @@ def row(
 ) -> Row:
     """`error` is √(Σ‖u − u'‖² / Σ‖u'‖²) over the samples, `sag_mm` the mean in the middle section.
 
-    `yawara_s` is what Yawara's default takes in all on this mesh: `times_yawara` is the ratio to it.
+    `yawara_s` is what Yawara's default takes in all on this mesh, `times_yawara` the ratio to it.
     """
     mesh, last = candidate.mesh, solutions[-1]
     moved = sampled(candidate, last)
