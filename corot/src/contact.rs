@@ -167,13 +167,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
                 self.loads[*v] += self.normals[i] * (self.lambda[i] * weight);
             }
         }
-        let mut loaded = Problem {
-            body: &mut *self.problem.body,
-            corotation: self.problem.corotation,
-            external: &self.loads,
-            free: self.problem.free,
-            inverse: self.problem.inverse,
-        };
+        let mut loaded = self.problem.with_loads(&self.loads);
         self.size = loaded.evaluate(positions, self.internal, &mut self.residual, self.tolerance);
         self.evaluations += 1;
     }

@@ -93,6 +93,17 @@ pub trait Equilibrium: Send {
 }
 
 impl Problem<'_> {
+    /// The same under other external forces, N by vertex number.
+    pub(crate) fn with_loads<'a>(&'a mut self, external: &'a [Vector3<f64>]) -> Problem<'a> {
+        Problem {
+            body: &mut *self.body,
+            corotation: self.corotation,
+            external,
+            free: self.free,
+            inverse: self.inverse,
+        }
+    }
+
     /// 3, or 4 in a [mixed](Body::mixed) body.
     pub fn unknowns_per_vertex(&self) -> usize {
         self.body.unknowns_per_vertex()

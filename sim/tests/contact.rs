@@ -137,8 +137,9 @@ fn a_steady_push_needs_few_iterations_and_fewer_than_one_that_trembles() {
         let report = trembling.step().unwrap();
         back_and_forth += if report.force_n[2] < 0.0 { report.iterations } else { 0 };
     }
-    assert!(total < back_and_forth, "{total} {back_and_forth}");
-    assert!(total <= 4 * pressed.len(), "{total} in {}", pressed.len());
+    assert!(4 * total < 3 * back_and_forth, "{total} {back_and_forth}");
+    // A start where the last step ended takes nearly four.
+    assert!(total <= 3 * pressed.len(), "{total} in {}", pressed.len());
 }
 
 #[test]

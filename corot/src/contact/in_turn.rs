@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{Place, Run};
 use crate::anderson::MIN_DAMPING;
-use crate::equilibrium::{Equilibrium, Problem};
+use crate::equilibrium::Equilibrium;
 
 /// Solves under given contact forces at most.
 const TURNS: usize = 40;
@@ -20,13 +20,7 @@ impl Run<'_, '_, '_> {
         let mut best: Option<Place> = None;
         let mut damping = 1.0;
         for _ in 0..TURNS {
-            let mut loaded = Problem {
-                body: &mut *self.problem.body,
-                corotation: self.problem.corotation,
-                external: &self.loads,
-                free: self.problem.free,
-                inverse: self.problem.inverse,
-            };
+            let mut loaded = self.problem.with_loads(&self.loads);
             let solved = equilibrium.solve(&mut loaded, positions, self.internal, self.tolerance);
             self.iterations += solved.iterations;
             self.evaluations += solved.evaluations;

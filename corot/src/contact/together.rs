@@ -61,8 +61,8 @@ impl Run<'_, '_, '_> {
         self.merit() <= 1.0
     }
 
-    /// Converged, and by an iteration of its own where something pushes: a start that was carried on
-    /// from the last solve, and only just good enough, would be carried on again.
+    /// Converged, and by an iteration of its own where something pushes: a start that was carried
+    /// on from the last solve, and only just good enough, would be carried on again.
     fn is_done(&self) -> bool {
         let is_touched = self.lambda.iter().any(|&force| force > 0.0);
         self.merit() <= 1.0 && (self.iterations > 0 || !is_touched)

@@ -350,7 +350,8 @@ impl Replay {
     /// factor 8 stands for the products per step.
     ///
     /// In the scale of now, what step t left in a C that is updated has grown with the diagonal
-    /// since: by at most the stiffening.
+    /// since: by at most the stiffening. Of both the most so far counts: fixing or merging the row
+    /// that shrank takes nothing back of what it left in the others.
     ///
     /// A maintainer that refines leaves ‖S⁻¹ r_j‖ ≤ ρ ‖S⁻¹ e_j‖ of the residual of column j, hence
     /// ‖S δC S‖_F ≤ ‖Ĉ‖ ρ √n, relative to ‖Ĉ‖_F ≥ ‖Ĉ‖ at most ρ √n.
