@@ -1,5 +1,6 @@
 //! The homogenised material of every tetrahedron, computed once, bottom-up.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use nalgebra::Matrix6;
@@ -46,11 +47,14 @@ impl Embedding {
         materials: Vec<Material>,
         homogenisation: Box<dyn Homogenisation>,
     ) -> Result<Self, EmbedError> {
-        Self::with_materials(tree, materials.into(), homogenisation, &mut |_| ())
+        Self::with_materials(tree, materials.into(), homogenisation, &mut |_| {
+            ControlFlow::Continue(())
+        })
     }
 
     /// As [`new`](Self::new), for materials of any symmetry and those that differ from voxel to
-    /// voxel; a global homogenisation tells `progress` the fraction done.
+    /// voxel; a global homogenisation tells `progress` the fraction done, and stops where that
+    /// says so.
     ///
     /// # Errors
     /// As [`new`](Self::new), and those of a function behind [`Materials::with_voxels`].
@@ -58,7 +62,7 @@ impl Embedding {
         tree: Arc<LabelTree>,
         materials: Materials,
         homogenisation: Box<dyn Homogenisation>,
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, EmbedError> {
         check_labels(&tree, &materials)?;
         let body = FineBody::new(&tree, &materials);

@@ -91,6 +91,12 @@ pub enum EmbedError {
         /// The residual asked for.
         want: f64,
     },
+    /// Whoever watches the work stopped it.
+    #[error("homogenising was stopped, {:.0} % done", 100.0 * done)]
+    Stopped {
+        /// The fraction done.
+        done: f64,
+    },
     /// A global homogenisation gave no answer per node.
     #[error("homogenisation `{name}` gave {found} matrices for {want} heterogeneous tetrahedra")]
     NodeCount {

@@ -1,6 +1,7 @@
 //! `yawara run`: a scene from its file to its run directory.
 
 use std::io::IsTerminal;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -32,6 +33,7 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     let bar = bar(PERMILLE, "homogenising {percent} % {wide_bar} {eta}");
     let simulation = Simulation::with_progress(&scene, stages, &mut |done| {
         bar.set_position((done * PERMILLE as f64) as u64);
+        ControlFlow::Continue(())
     })?;
     bar.finish_and_clear();
     out.print(&text::plan(simulation.plan()))?;

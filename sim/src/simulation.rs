@@ -1,5 +1,6 @@
 //! The time loop: tools, equilibrium, indicator, splits and merges, inverse.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -76,18 +77,18 @@ impl Simulation {
     /// # Errors
     /// [`SimError`] for a scene that can't be simulated; nothing is written.
     pub fn new(scene: &Scene, stages: Stages) -> Result<Self, SimError> {
-        Self::with_progress(scene, stages, &mut |_| ())
+        Self::with_progress(scene, stages, &mut |_| ControlFlow::Continue(()))
     }
 
     /// As [`new`](Self::new); a homogenisation that solves the whole fine body tells `progress` the
-    /// fraction done.
+    /// fraction done, and stops where that says so.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// As [`new`](Self::new), and [`EmbedError::Stopped`](yawara_embed::EmbedError::Stopped).
     pub fn with_progress(
         scene: &Scene,
         stages: Stages,
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, SimError> {
         let begin = Instant::now();
         scene.validate(&scene.name)?;

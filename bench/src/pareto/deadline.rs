@@ -1,9 +1,11 @@
 //! An inverse that stops when its time is up: a case of hours ends as a row that says so.
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use faer::{Mat, MatRef};
 use yawara::{InverseFactory, SimError};
+use yawara_embed::EmbedError;
 use yawara_inverse_update::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
     StorageError,
@@ -29,10 +31,16 @@ impl Deadline {
         Instant::now() >= self.0
     }
 
+    /// Ends work that asks whether to go on.
+    pub fn watch(self) -> ControlFlow<()> {
+        if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
     /// Whether an error says that the time is up.
     pub fn ended(error: &SimError) -> bool {
         match error {
             SimError::Inverse(InverseError::Storage { cause, .. }) => cause.get().is::<TimeIsUp>(),
+            SimError::Embed(EmbedError::Stopped { .. }) => true,
             _ => false,
         }
     }
@@ -143,20 +151,25 @@ mod tests {
     use super::*;
     use yawara::{Simulation, Stages, scene_file};
 
-    fn run(seconds: f64) -> Result<Simulation, SimError> {
-        let (scene, _) = scene_file::load("beam", &["mesh.max_level=0".into()]).unwrap();
+    fn run(seconds: f64, homogenisation: &str) -> Result<Simulation, SimError> {
+        let homogenisation = format!("stages.homogenisation={homogenisation}");
+        let values = ["mesh.max_level=0".into(), homogenisation];
+        let (scene, _) = scene_file::load("beam", &values).unwrap();
         let mut stages = Stages::by_name(&scene.stages).unwrap();
-        stages.inverse = Deadline::after(seconds).guard(stages.inverse);
-        let mut simulation = Simulation::new(&scene, stages)?;
+        let deadline = Deadline::after(seconds);
+        stages.inverse = deadline.guard(stages.inverse);
+        let mut simulation = Simulation::with_progress(&scene, stages, &mut |_| deadline.watch())?;
         simulation.step()?;
         Ok(simulation)
     }
 
     #[test]
     fn a_run_is_stopped_when_its_time_is_up_and_not_before() {
-        let error = run(0.0).err().unwrap();
-        assert!(Deadline::ended(&error), "{error}");
-        assert!(run(600.0).is_ok());
+        let error = run(0.0, "laminate").err().unwrap();
+        assert!(Deadline::ended(&error) && matches!(error, SimError::Inverse(_)), "{error}");
+        let error = run(0.0, "kharevych").err().unwrap();
+        assert!(Deadline::ended(&error) && matches!(error, SimError::Embed(_)), "{error}");
+        assert!(run(600.0, "kharevych").is_ok());
         let other = InverseError::Slot { slot: 3, limit: 2 };
         assert!(!Deadline::ended(&SimError::Inverse(other)));
     }

@@ -34,13 +34,15 @@ pub fn measure(
 ) -> Result<Findings, BenchError> {
     let before = machine::resident_bytes().filter(|_| machine::reset_peak());
     let begin = Instant::now();
-    stages.inverse = Deadline::after(cap_s).guard(stages.inverse);
+    let deadline = Deadline::after(cap_s);
+    stages.inverse = deadline.guard(stages.inverse);
     let steps = scene.time.steps;
     let ended = |error: yawara::SimError, step: usize| match Deadline::ended(&error) {
         true => BenchError::TimeIsUp { seconds: cap_s, step, steps },
         false => error.into(),
     };
-    let mut simulation = Simulation::new(scene, stages).map_err(|error| ended(error, 0))?;
+    let simulation = Simulation::with_progress(scene, stages, &mut |_| deadline.watch());
+    let mut simulation = simulation.map_err(|error| ended(error, 0))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();
     let mut probe = simulation.probe(reference.level)?;

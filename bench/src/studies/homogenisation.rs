@@ -1,5 +1,6 @@
 //! `homogenisation`: how far coarse tetrahedra answer from the fine body that they stand for.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -136,7 +137,8 @@ fn case_rows(
         progress.advance(&format!("{} {:.0e}, {choice}", block.inside.name(), block.ratio()), 1.0);
         let begin = Instant::now();
         let (tree, materials) = (Arc::clone(&block.tree), block.materials(nu)?);
-        let embedding = Embedding::with_materials(tree, materials, by_name(choice)?, &mut |_| ())?;
+        let mut go_on = |_| ControlFlow::Continue(());
+        let embedding = Embedding::with_materials(tree, materials, by_name(choice)?, &mut go_on)?;
         let seconds = begin.elapsed().as_secs_f64();
         // The finest tetrahedra are the same for all.
         if exact.is_none() {

@@ -1,5 +1,7 @@
 //! K x = f by preconditioned conjugate gradients, for meshes that are too large to factor.
 
+use std::ops::ControlFlow;
+
 use nalgebra::RowVector6;
 use rayon::prelude::*;
 
@@ -23,7 +25,7 @@ impl FineStiffness {
         &self,
         multilevel: &Multilevel,
         loads: &[SixFields],
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Vec<SixFields>, EmbedError> {
         let mut scratch = Vec::new();
         let mut precondition =
@@ -47,9 +49,13 @@ impl FineStiffness {
             if !(residual < f64::INFINITY) {
                 break;
             }
-            progress((residual.ln() / RESIDUAL.ln()).clamp(0.0, 1.0));
+            let done = (residual.ln() / RESIDUAL.ln()).clamp(0.0, 1.0);
+            let go_on = progress(done);
             if residual <= RESIDUAL {
                 return Ok(x);
+            }
+            if go_on.is_break() {
+                return Err(EmbedError::Stopped { done });
             }
             precondition(&r, &mut z);
             let next = dot(&r, &z);
@@ -133,7 +139,11 @@ mod tests {
         let multilevel = Multilevel::new(&body, &components[0], &grid).unwrap();
         let direct = k.cholesky(&order, &loads).unwrap();
         let mut last = 0.0;
-        let iterated = k.conjugate_gradients(&multilevel, &loads, &mut |part| last = part).unwrap();
+        let iterated = k.conjugate_gradients(&multilevel, &loads, &mut |part| {
+            last = part;
+            ControlFlow::Continue(())
+        });
+        let iterated = iterated.unwrap();
         assert_eq!(last, 1.0);
         let largest = |x: &[SixFields]| x.iter().map(SixFields::amax).fold(0.0, f64::max);
         for x in [&direct, &iterated] {
@@ -174,6 +184,24 @@ mod tests {
     }
 
     #[test]
+    fn the_watch_may_stop_it() {
+        let (tree, materials) = (tree(), materials());
+        let body = FineBody::new(&tree, &materials);
+        let cells = &body.components()[0];
+        let grid = FineGrid::new(&tree, cells);
+        let k = FineStiffness::new(&body, cells, &grid).unwrap();
+        let multilevel = Multilevel::new(&body, cells, &grid).unwrap();
+        let loads = body.traction_loads(cells, &grid).unwrap();
+        let mut calls = 0;
+        let stopped = k.conjugate_gradients(&multilevel, &loads, &mut |_| {
+            calls += 1;
+            if calls < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        assert!(matches!(stopped, Err(EmbedError::Stopped { done }) if done < 1.0), "{stopped:?}");
+        assert_eq!(calls, 3);
+    }
+
+    #[test]
     fn a_load_that_is_no_number_is_an_error_not_a_loop() {
         let (tree, materials) = (tree(), materials());
         let body = FineBody::new(&tree, &materials);
@@ -183,7 +211,9 @@ mod tests {
         let multilevel = Multilevel::new(&body, cells, &grid).unwrap();
         let mut loads = body.traction_loads(cells, &grid).unwrap();
         loads[0][(0, 0)] = f64::NAN;
-        let error = k.conjugate_gradients(&multilevel, &loads, &mut |_| ()).unwrap_err();
+        let error = k
+            .conjugate_gradients(&multilevel, &loads, &mut |_| ControlFlow::Continue(()))
+            .unwrap_err();
         assert!(matches!(error, EmbedError::FineSolve { iterations: 1, .. }), "{error}");
     }
 }

@@ -7,6 +7,8 @@ mod grid;
 mod multilevel;
 mod stiffness;
 
+use std::ops::ControlFlow;
+
 use nalgebra::{Matrix6, SMatrix, Vector3};
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint, root_corners};
 use yawara_mesh::{Content, Domain, LabelTree, Lattice, NodeRef};
@@ -124,14 +126,15 @@ impl<'a> FineBody<'a> {
     /// tractions σ = e_k (Pa, Voigt order), the body free otherwise: ∫ ε(v)ᵀDε(h_k) = ∮ vᵀσ_k n.
     ///
     /// Up to [`DIRECT_VERTICES`] vertices by a sparse Cholesky factorisation, beyond by conjugate
-    /// gradients; the same whatever the number of threads. `progress` is told the fraction done.
+    /// gradients; the same whatever the number of threads. `progress` is told the fraction done
+    /// and may stop the work.
     ///
     /// # Errors
-    /// [`EmbedError::FineFactor`], [`EmbedError::FineSolve`]; those of [`Self::elasticity`].
+    /// [`EmbedError::FineFactor`], [`EmbedError::FineSolve`], [`EmbedError::Stopped`]; those of [`Self::elasticity`].
     pub fn unit_tractions(
         &self,
         cells: &[usize],
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<FineFields, EmbedError> {
         let grid = FineGrid::new(self.tree, cells);
         let stiffness = FineStiffness::new(self, cells, &grid)?;
@@ -141,7 +144,9 @@ impl<'a> FineBody<'a> {
             stiffness.conjugate_gradients(&multilevel, &loads, progress)?
         } else {
             let solution = stiffness.cholesky(&grid.elimination_order(), &loads)?;
-            progress(1.0);
+            if progress(1.0).is_break() {
+                return Err(EmbedError::Stopped { done: 1.0 });
+            }
             solution
         };
         Ok(FineFields { grid, values })

@@ -1,5 +1,7 @@
 //! `kharevych`: six solutions of the whole fine body say how each coarse tetrahedron responds.
 
+use std::ops::ControlFlow;
+
 use nalgebra::Matrix6;
 use rayon::prelude::*;
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
@@ -48,7 +50,7 @@ impl GlobalHomogenisation for Kharevych {
     fn homogenise(
         &self,
         body: &FineBody<'_>,
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Vec<Option<Packed6>>, EmbedError> {
         let mut result = vec![None; body.tree().node_count()];
         let components = body.components();
@@ -171,13 +173,18 @@ mod tests {
             moduli.map(|(e, nu)| Material::new(e, nu, 0.0).unwrap()).to_vec().into();
         let body = FineBody::new(&tree, &materials);
         let mut told = Vec::new();
-        let found = Kharevych.homogenise(&body, &mut |part| told.push(part)).unwrap();
+        let found = Kharevych
+            .homogenise(&body, &mut |part| {
+                told.push(part);
+                ControlFlow::Continue(())
+            })
+            .unwrap();
         assert!(told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
         assert_eq!(found.len(), tree.node_count());
         let components = body.components();
         assert_eq!(components, vec![vec![0], vec![3]]);
         for cells in &components {
-            let fields = body.unit_tractions(cells, &mut |_| ()).unwrap();
+            let fields = body.unit_tractions(cells, &mut |_| ControlFlow::Continue(())).unwrap();
             let mut coarse = Matrix6::zeros();
             for order in 0..ROOTS_PER_CELL {
                 let Content::Node(index) = tree.root(cells[0], order).open() else { panic!() };

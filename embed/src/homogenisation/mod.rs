@@ -5,6 +5,8 @@ mod laminate;
 mod linear;
 mod paper;
 
+use std::ops::ControlFlow;
+
 use nalgebra::{Matrix6, SMatrix, Vector3};
 
 use crate::element::{LinearTet, strain_operator};
@@ -102,14 +104,14 @@ pub trait Homogenisation: Send + Sync {
 pub trait GlobalHomogenisation: Send + Sync {
     /// D_p of every node of the body's tree, by its number; `None` where the local rule is to be
     /// used, and for finest tetrahedra. Called once, when a scene is built; `progress` is told the
-    /// fraction done.
+    /// fraction done and may stop the work.
     ///
     /// # Errors
-    /// [`EmbedError`] if the fine problem can't be solved.
+    /// [`EmbedError`] if the fine problem can't be solved; [`EmbedError::Stopped`].
     fn homogenise(
         &self,
         body: &FineBody<'_>,
-        progress: &mut dyn FnMut(f64),
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Vec<Option<Packed6>>, EmbedError>;
 }
 

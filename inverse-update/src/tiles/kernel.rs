@@ -15,9 +15,11 @@ const ROWS: usize = 4;
 /// Vectors handled together: with [`ROWS`] they fill twelve of sixteen registers with sums.
 const VECTORS: usize = 3;
 
-/// The same where there are 32 registers. With vectors of 512 bits that is a row of a tile: rows
-/// are read from end to end then, as prefetchers like it.
+/// The same where there are 32 registers, of fewer than 512 bits.
 const MORE_VECTORS: usize = 6;
+
+/// Terms added at a time.
+const MOST_TERMS: usize = 4;
 
 /// T ← T + Lᵀ R: `target` rows × [`TILE`], `left` terms × stride of which the first rows count,
 /// `right` terms × [`TILE`].
@@ -46,8 +48,7 @@ pub(crate) fn add_terms<S: Simd, E: Stored>(
 }
 
 /// The target is meant to be a tile, which stays in the first-level cache while the terms are
-/// taken three at a time: a plain split has three, rings of mixed tissue a multiple of it, and
-/// larger groups were no faster.
+/// taken up to four at a time: a plain split has three, rings of mixed tissue a multiple of it.
 #[inline(always)]
 fn accumulate_groups<'a, S: Simd, E: Stored>(
     simd: S,
@@ -58,9 +59,12 @@ fn accumulate_groups<'a, S: Simd, E: Stored>(
 ) {
     let mut k = 0;
     while k < terms {
-        k += match terms - k {
-            3.. => accumulate_terms::<S, E, 3>(simd, target, &left, &right, k),
-            _ => accumulate_terms::<S, E, 1>(simd, target, &left, &right, k),
+        let rest = terms - k;
+        k += match rest.div_ceil(rest.div_ceil(MOST_TERMS)) {
+            1 => accumulate_terms::<S, E, 1>(simd, target, &left, &right, k),
+            2 => accumulate_terms::<S, E, 2>(simd, target, &left, &right, k),
+            3 => accumulate_terms::<S, E, 3>(simd, target, &left, &right, k),
+            _ => accumulate_terms::<S, E, MOST_TERMS>(simd, target, &left, &right, k),
         };
     }
 }
@@ -76,17 +80,59 @@ fn accumulate_terms<'a, S: Simd, E: Stored, const K: usize>(
 ) -> usize {
     let left: [&[E]; K] = std::array::from_fn(|k| left(first + k));
     let right: [&[E; TILE]; K] = std::array::from_fn(|k| right(first + k));
+    // Four terms and a row of sums fill 30 of 32 registers where a row is six vectors.
+    match size_of::<[E; TILE]>() / size_of::<E::Lanes<S>>() {
+        6 if S::REGISTER_COUNT >= 32 => held::<S, E, K, 6>(simd, target, &left, &right),
+        3 if S::REGISTER_COUNT >= 32 => held::<S, E, K, 3>(simd, target, &left, &right),
+        _ => streamed::<S, E, K>(simd, target, &left, &right),
+    }
+    K
+}
+
+/// Four rows at a time, with a vector of the right factors read for all of them.
+#[inline(always)]
+fn streamed<S: Simd, E: Stored, const K: usize>(
+    simd: S,
+    target: &mut [[E; TILE]],
+    left: &[&[E]; K],
+    right: &[&[E; TILE]; K],
+) {
     let mut row = 0;
     let (fours, rest) = target.as_chunks_mut::<ROWS>();
     for four in fours {
-        accumulate_rows::<S, E, K, ROWS>(simd, four, &left, row, &right);
+        accumulate_rows::<S, E, K, ROWS>(simd, four, left, row, right);
         row += ROWS;
     }
     for single in rest.as_chunks_mut::<1>().0 {
-        accumulate_rows::<S, E, K, 1>(simd, single, &left, row, &right);
+        accumulate_rows::<S, E, K, 1>(simd, single, left, row, right);
         row += 1;
     }
-    K
+}
+
+/// All rows of a tile with the right factors of K terms in registers throughout: rows are read from
+/// end to end, each number once, with nothing between a read and the next but K products.
+#[inline(always)]
+fn held<S: Simd, E: Stored, const K: usize, const V: usize>(
+    simd: S,
+    target: &mut [[E; TILE]],
+    left: &[&[E]; K],
+    right: &[&[E; TILE]; K],
+) {
+    let factors: [[E::Lanes<S>; V]; K] =
+        std::array::from_fn(|k| E::lanes::<S>(right[k]).as_chunks::<V>().0[0]);
+    let count = target.len();
+    let left: [&[E]; K] = std::array::from_fn(|k| &left[k][..count]);
+    for (row, target) in target.iter_mut().enumerate() {
+        let target = &mut E::lanes_mut::<S>(target).as_chunks_mut::<V>().0[0];
+        let mut sums = *target;
+        for k in 0..K {
+            let factor = E::splat(simd, left[k][row]);
+            for v in 0..V {
+                sums[v] = E::mul_add(simd, factor, factors[k][v], sums[v]);
+            }
+        }
+        *target = sums;
+    }
 }
 
 #[inline(always)]
