@@ -107,7 +107,7 @@ pub enum InverseError {
     /// One split of several was refused.
     #[error("split {done} of the batch was refused, the {done} before it are made: {source}")]
     Batch {
-        /// How many splits were made.
+        /// How many updates were made.
         done: usize,
         /// Why the next one was not.
         source: Box<InverseError>,

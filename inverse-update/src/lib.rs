@@ -7,6 +7,7 @@
 //! gap (as `Vec::swap_remove`), so that storage stays dense.
 #![forbid(unsafe_code)]
 
+mod batch;
 mod capacitance;
 mod change;
 mod counts;
@@ -32,6 +33,7 @@ mod tiles;
 mod update;
 mod woodbury;
 
+pub use batch::Update;
 pub use change::{CONSISTENCY_LIMIT, RingChange, SYMMETRY_LIMIT, StiffnessChange};
 pub use counts::Counts;
 pub use delayed::{Delayed, MOST_DELAYED};
@@ -118,25 +120,6 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
 
-    /// Several vertices come in, one after the other: `changes[i].slots` may name those before.
-    /// Returns their slots.
-    ///
-    /// As [`split`](Self::split) for each; a maintainer may put off work and do it for many at
-    /// once.
-    /// # Errors
-    /// [`InverseError::Batch`] tells which split was refused and why; those before it are made, as
-    /// after single splits, those from it on are not.
-    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
-        let mut slots = Vec::with_capacity(changes.len());
-        for change in changes {
-            match self.split(change) {
-                Ok(slot) => slots.push(slot),
-                Err(source) => return Err(InverseError::in_batch(slots.len(), source)),
-            }
-        }
-        Ok(slots)
-    }
-
     /// The vertex at `slot` goes out, the reverse of [`split`](Self::split) with the same
     /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
     /// slot that was moved into `slot`, if any.
@@ -210,6 +193,19 @@ pub trait InverseMaintainer: Send {
         let row = |i: usize| block * slots[i / block] + i % block;
         let half = |i: usize, j: usize| 0.5 * columns[(row(i), j)];
         Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+    }
+
+    /// Several updates one after the other, with slots as those before leave them.
+    ///
+    /// As single calls would make them; a maintainer may put off work and do it for many at once,
+    /// or, where that is less work, compute the inverse afresh of the last K, in which case a
+    /// matrix on the way may be singular.
+    ///
+    /// # Errors
+    /// [`InverseError::Batch`] tells which update was refused and why; those before it are made, as
+    /// by single calls, those from it on are not.
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        batch::one_by_one(self, updates)
     }
 
     /// Whether columns of C lie ready to be read. If not, C_:p w costs less as one solve with the

@@ -21,12 +21,13 @@ use std::sync::Arc;
 
 use faer::{Mat, MatRef};
 
+use crate::batch::one_by_one;
 use crate::change::{check_length, check_range, check_vector};
 use crate::counts::Tally;
 use crate::drift::{DRIFT_LIMIT, is_too_far, kept_drift};
 use crate::residual::refine_once;
 use crate::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
     check_loads,
 };
 use bennett::Scratch;
@@ -41,6 +42,13 @@ const MOST_ROWS: usize = 4;
 
 /// A pivot that has come down by this factor has lost digits that a factor made afresh would have.
 const SOFTENED: f64 = 1e4;
+
+/// Operations of a walk relative to those of a fresh factor, before there was any.
+const TYPICAL_WALK: f64 = 0.1;
+
+/// What a fresh factor takes, its order included, as operations of walks in the time that it would
+/// take for its own: measured.
+const FRESH: f64 = 1.5;
 
 /// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
 /// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
@@ -76,6 +84,8 @@ impl Default for RebaseOptions {
 /// (D = A22, L = a12 A22⁻¹). The merge of a vertex whose ring is eliminated after it drops its
 /// column and makes the pass with −M; that of any other vertex deletes its row, which adds
 /// l D lᵀ of its column, and makes one pass with that, −M and −a12 A22⁻¹ a12ᵀ.
+///
+/// A batch with more work than a fresh factor takes gets one.
 ///
 /// Works for positive definite matrices and for quasi-definite ones
 /// ([`SparseStiffness::quasi_definite`]); a pivot of the wrong sign, or one that has lost half of
@@ -292,6 +302,23 @@ impl Sparse {
         });
     }
 
+    /// Whether so many walks would take longer than a fresh factor.
+    fn is_many(&self, updates: usize) -> bool {
+        let walk = match self.scratch.walks {
+            0 => TYPICAL_WALK * self.based.operations,
+            walks => self.scratch.operations / walks as f64,
+        };
+        updates as f64 * walk > FRESH * self.based.operations
+    }
+
+    /// K after all updates, and its factor.
+    fn afresh_after(&self, updates: &[Update]) -> Result<(SparseStiffness, Based), InverseError> {
+        let mut stiffness = self.stiffness.clone();
+        updates.iter().try_for_each(|update| stiffness.update(update))?;
+        let based = fresh(&stiffness)?;
+        Ok((stiffness, based))
+    }
+
     fn is_due(&self) -> bool {
         let limit = self.options.growth * self.based.base.blocks as f64;
         self.journal.len() >= self.options.updates
@@ -347,6 +374,19 @@ impl InverseMaintainer for Sparse {
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
         self.stiffness.check_change(change)?;
         self.update(Ok(Edit::change(change)), |k| k.apply_change(change))
+    }
+
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        if self.is_many(updates.len())
+            && let Ok((stiffness, based)) = self.afresh_after(updates)
+        {
+            self.stiffness = stiffness;
+            self.adopt(based, Vec::new());
+            self.rebases += 1;
+            return Ok(());
+        }
+        // Says which update is to blame, or finds a way by walks after all.
+        one_by_one(self, updates)
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {

@@ -18,7 +18,7 @@ use crate::stored::Stored;
 use crate::tiles::{SignedPanel, Tiles};
 use crate::update::LowRank;
 use crate::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
     check_loads,
 };
 use prepare::Prepared;
@@ -47,7 +47,7 @@ const DEFERRED: usize = 96;
 /// signature of Λ. A factor that fails (nearly singular change, another signature) makes the
 /// maintainer start afresh from K, which [`Counts`] tell.
 ///
-/// A batch of splits gathers up to 96 columns Y before the pass, and corrects by them what it
+/// A batch of updates gathers up to 96 columns Y before the pass, and corrects by them what it
 /// reads of C in the meantime.
 ///
 /// Cost: O(n²(3 + q)) per update, O(n²) per solve, n²/2 stored numbers.
@@ -135,7 +135,7 @@ impl<E: Stored> PackedInverse<E> {
         Ok(())
     }
 
-    /// Splits; the pass over C is made at once, or left pending.
+    /// Splits. Unless `at_once`, the pass over C is left pending.
     fn split_with(&mut self, change: &RingChange, at_once: bool) -> Result<usize, InverseError> {
         self.stiffness.check_split(change)?;
         match self.prepare_split(change) {
@@ -155,6 +155,49 @@ impl<E: Stored> PackedInverse<E> {
             Err(cause) => self.start_afresh(&cause, |k| k.apply_split(change))?,
         }
         Ok(self.stiffness.vertices() - 1)
+    }
+
+    /// As [`split_with`](Self::split_with).
+    fn merge_with(
+        &mut self,
+        slot: usize,
+        change: &RingChange,
+        at_once: bool,
+    ) -> Result<Option<usize>, InverseError> {
+        self.stiffness.check_merge(slot, change)?;
+        let last = self.vertices() - 1;
+        match self.prepare_merge(slot, change) {
+            Ok(Prepared { terms, .. }) => {
+                let block = self.stiffness.block();
+                self.stiffness.apply_merge(slot, change);
+                self.defer(terms);
+                self.tiles_mut().swap_remove(slot, block);
+                self.pending.columns.swap_remove(slot, block);
+                if at_once {
+                    self.flush();
+                }
+            }
+            Err(cause) => self.start_afresh(&cause, |k| _ = k.apply_merge(slot, change))?,
+        }
+        Ok((slot != last).then_some(last))
+    }
+
+    /// As [`split_with`](Self::split_with).
+    fn change_with(&mut self, change: &StiffnessChange, at_once: bool) -> Result<(), InverseError> {
+        self.stiffness.check_change(change)?;
+        let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
+        let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
+        match self.prepare_low_rank(&change.slots, &low, 0..0) {
+            Ok(Prepared { terms, .. }) => {
+                self.stiffness.apply_change(change);
+                self.defer(terms);
+                if at_once {
+                    self.flush();
+                }
+                Ok(())
+            }
+            Err(cause) => self.start_afresh(&cause, |k| k.apply_change(change)),
+        }
     }
 
     fn defer(&mut self, terms: SignedPanel) {
@@ -191,54 +234,28 @@ impl<E: Stored> InverseMaintainer for PackedInverse<E> {
         self.split_with(change, true)
     }
 
-    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
-        let mut slots = Vec::with_capacity(changes.len());
-        for change in changes {
-            match self.split_with(change, false) {
-                Ok(slot) => slots.push(slot),
-                Err(source) => {
-                    self.flush();
-                    return Err(InverseError::in_batch(slots.len(), source));
-                }
-            }
-            if self.pending.signs.len() >= DEFERRED {
-                self.flush();
-            }
-        }
-        self.flush();
-        Ok(slots)
-    }
-
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
-        self.stiffness.check_merge(slot, change)?;
-        let last = self.vertices() - 1;
-        match self.prepare_merge(slot, change) {
-            Ok(Prepared { mut terms, .. }) => {
-                let block = self.stiffness.block();
-                self.stiffness.apply_merge(slot, change);
-                self.tiles_mut().swap_remove(slot, block);
-                terms.columns.swap_remove(slot, block);
-                self.defer(terms);
-                self.flush();
-            }
-            Err(cause) => self.start_afresh(&cause, |k| _ = k.apply_merge(slot, change))?,
-        }
-        Ok((slot != last).then_some(last))
+        self.merge_with(slot, change, true)
     }
 
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
-        self.stiffness.check_change(change)?;
-        let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
-        let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
-        match self.prepare_low_rank(&change.slots, &low, 0..0) {
-            Ok(Prepared { terms, .. }) => {
-                self.stiffness.apply_change(change);
-                self.defer(terms);
+        self.change_with(change, true)
+    }
+
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        for (done, update) in updates.iter().enumerate() {
+            let made = match update {
+                Update::Split(change) => self.split_with(change, false).map(drop),
+                Update::Merge { slot, change } => self.merge_with(*slot, change, false).map(drop),
+                Update::Change(change) => self.change_with(change, false),
+            };
+            if made.is_err() || self.pending.signs.len() >= DEFERRED {
                 self.flush();
-                Ok(())
             }
-            Err(cause) => self.start_afresh(&cause, |k| k.apply_change(change)),
+            made.map_err(|source| InverseError::in_batch(done, source))?;
         }
+        self.flush();
+        Ok(())
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector3};
 use yawara_corot::Body;
 use yawara_embed::{ElementFormulation, RingStiffness, clamp};
 use yawara_inverse_update::{
-    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
 };
 use yawara_mesh::{Change, TetId, VertexId};
 
@@ -34,10 +34,17 @@ pub struct InverseLink {
     slot_of: Vec<usize>,
     vertex_of: Vec<VertexId>,
     tools: Mutex<Option<Arc<Held>>>,
+    /// What the maintainer has not been told yet, and since when it took how long.
+    pending: Vec<Update>,
+    pending_ms: f64,
+    /// Splits and merges in there, those that leave K as it is included.
+    pending_count: usize,
+    /// Of each update its share of the batch that it was made in.
     pub(crate) update_ms: Vec<f64>,
     /// Σ of those.
     pub(crate) total_ms: f64,
     pub(crate) updates: usize,
+    pub(crate) batches: usize,
     pub(crate) drift_max: f64,
 }
 
@@ -113,9 +120,13 @@ impl InverseLink {
             slot_of,
             vertex_of,
             tools: Mutex::new(None),
+            pending: Vec::new(),
+            pending_ms: 0.0,
+            pending_count: 0,
             update_ms: Vec::new(),
             total_ms: 0.0,
             updates: 0,
+            batches: 0,
             drift_max: 0.0,
         })
     }
@@ -137,18 +148,15 @@ impl InverseLink {
 
     /// Takes a split or merge with the hand-over of [`element`](Self::element); `is_fixed` tells
     /// whose displacements are fixed (that of the new vertex only if both ends of its edge are),
-    /// `order_key` where the vertex lies.
-    ///
-    /// # Errors
-    /// [`SimError::Inverse`] if the maintainer refuses the change.
-    pub fn apply(
+    /// `order_key` where the vertex lies. [`flush`](Self::flush) makes it.
+    pub fn push(
         &mut self,
         change: Change,
         vertex: VertexId,
         is_fixed: impl Fn(VertexId) -> bool,
         order_key: u64,
         ring: RingStiffness,
-    ) -> Result<(), SimError> {
+    ) {
         let begin = Instant::now();
         let has_slot = needs_slot(self.element.as_ref(), is_fixed(vertex));
         let ring = match self.element.unknowns() {
@@ -156,51 +164,56 @@ impl InverseLink {
             _ => ring.clamp(&is_fixed, is_fixed(vertex), self.anchor),
         };
         let ring = in_slots(ring, order_key, |v| self.slot(v.index()));
-        match (has_slot, change) {
-            (false, Change::Split) => self.change(ring.slots, ring.positive, ring.negative)?,
-            (false, Change::Merge) => self.change(ring.slots, ring.negative, ring.positive)?,
-            (true, Change::Split) => self.split(vertex, &ring)?,
-            (true, Change::Merge) => self.merge(vertex, &ring)?,
+        let update = match (has_slot, change) {
+            (false, Change::Split) => stiffness_change(ring.slots, ring.positive, ring.negative),
+            (false, Change::Merge) => stiffness_change(ring.slots, ring.negative, ring.positive),
+            (true, Change::Split) => Some(self.split(vertex, ring)),
+            (true, Change::Merge) => Some(self.merge(vertex, ring)),
+        };
+        self.pending.extend(update);
+        self.pending_count += 1;
+        self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
+    }
+
+    /// Makes all splits and merges that came in since the last time, in one batch.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if the maintainer refuses one; those before it are made then.
+    pub fn flush(&mut self) -> Result<(), SimError> {
+        let count = std::mem::take(&mut self.pending_count);
+        if count == 0 {
+            return Ok(());
         }
-        self.updates += 1;
-        let elapsed_ms = begin.elapsed().as_secs_f64() * 1e3;
-        self.update_ms.push(elapsed_ms);
+        let begin = Instant::now();
+        self.updates += count;
+        self.batches += 1;
+        self.maintainer.batch(&std::mem::take(&mut self.pending))?;
+        let before_ms = std::mem::take(&mut self.pending_ms);
+        let elapsed_ms = before_ms + begin.elapsed().as_secs_f64() * 1e3;
+        self.update_ms.extend(std::iter::repeat_n(elapsed_ms / count as f64, count));
         self.total_ms += elapsed_ms;
         Ok(())
     }
 
-    /// The ring of a vertex without unknowns: what the children are stiffer or softer.
-    fn change(
-        &mut self,
-        slots: Vec<usize>,
-        added: Mat<f64>,
-        removed: Mat<f64>,
-    ) -> Result<(), SimError> {
-        if slots.is_empty() || added.ncols() + removed.ncols() == 0 {
-            return Ok(());
-        }
-        Ok(self.maintainer.change(&StiffnessChange { slots, added, removed })?)
-    }
-
-    fn split(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
-        let slot = self.maintainer.split(ring)?;
+    /// The new vertex takes the last slot.
+    fn split(&mut self, vertex: VertexId, ring: RingChange) -> Update {
         if self.slot_of.len() <= vertex.index() {
             self.slot_of.resize(vertex.index() + 1, NO_SLOT);
         }
-        self.slot_of[vertex.index()] = slot;
+        self.slot_of[vertex.index()] = self.vertex_of.len();
         self.vertex_of.push(vertex);
-        Ok(())
+        Update::Split(ring)
     }
 
-    fn merge(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
+    /// The last slot's vertex moves into the gap.
+    fn merge(&mut self, vertex: VertexId, change: RingChange) -> Update {
         let slot = self.slot_of[vertex.index()];
-        self.maintainer.merge(slot, ring)?;
         self.vertex_of.swap_remove(slot);
         if let Some(moved) = self.vertex_of.get(slot) {
             self.slot_of[moved.index()] = slot;
         }
         self.slot_of[vertex.index()] = NO_SLOT;
-        Ok(())
+        Update::Merge { slot, change }
     }
 
     /// Has the maintainer look at a few random columns, and start afresh if they have drifted too
@@ -354,6 +367,12 @@ impl Constrained<'_> {
             y[at..at + m].copy_from_slice(&local[m * slot..m * slot + m]);
         }
     }
+}
+
+/// The ring of a vertex without unknowns: what the children are stiffer or softer, if anything.
+fn stiffness_change(slots: Vec<usize>, added: Mat<f64>, removed: Mat<f64>) -> Option<Update> {
+    let is_change = !slots.is_empty() && added.ncols() + removed.ncols() > 0;
+    is_change.then_some(Update::Change(StiffnessChange { slots, added, removed }))
 }
 
 /// Whether a vertex has unknowns: a fixed one that has displacements alone has none.

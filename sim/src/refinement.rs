@@ -162,8 +162,13 @@ impl Refiner {
             if self.forest.split_ring(p, &mut self.ring) {
                 self.split(state, p, step, inverse)?;
                 done.splits += 1;
+                // A clock has to see what each split costs.
+                if demand.deadline.is_some() {
+                    inverse.flush()?;
+                }
             }
         }
+        inverse.flush()?;
         times.inverse_ms = inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
         Ok(done)
@@ -292,7 +297,7 @@ impl Refiner {
             around.push(vertex.index());
             state.pass_on(&around, momentum);
         }
-        self.update_inverse(state, &delta, inverse)?;
+        self.update_inverse(state, &delta, inverse);
         self.delta = delta;
         Ok(())
     }
@@ -322,22 +327,17 @@ impl Refiner {
             around.pop();
             state.pass_on(&around, momentum);
         }
-        self.update_inverse(state, &delta, inverse)?;
+        self.update_inverse(state, &delta, inverse);
         state.remove_vertex(vertex);
         self.delta = delta;
         Ok(())
     }
 
-    fn update_inverse(
-        &self,
-        state: &State,
-        delta: &MeshDelta,
-        inverse: &mut InverseLink,
-    ) -> Result<(), SimError> {
+    fn update_inverse(&self, state: &State, delta: &MeshDelta, inverse: &mut InverseLink) {
         let ring = inverse.element().ring(delta, &self.embedding, &|v| state.rest[v.index()]);
         let is_fixed = |v: VertexId| state.holds[v.index()] == Hold::Fixed;
         let key = Lattice::key(self.forest.point(delta.vertex));
-        inverse.apply(delta.change, delta.vertex, is_fixed, key, ring)
+        inverse.push(delta.change, delta.vertex, is_fixed, key, ring);
     }
 }
 

@@ -219,7 +219,9 @@ pub struct InverseSummary {
     pub failed_pivots: usize,
     /// Corrections of solutions by their residual.
     pub refinement_steps: usize,
-    /// Wall-clock time per split or merge, ms.
+    /// Batches that they were made in: all of a step at once unless a clock watches.
+    pub batches: usize,
+    /// Wall-clock time per split or merge, ms: of each its share of its batch.
     pub time_ms: Percentiles,
     /// Wall-clock time per application to one right-hand side, ms.
     pub solve_ms: Percentiles,

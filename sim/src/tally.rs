@@ -146,6 +146,7 @@ impl Tally {
                 drift_rebuilds: counts.drift_rebuilds,
                 failed_pivots: counts.failed_pivots,
                 refinement_steps: counts.refinement_steps,
+                batches: inverse.batches,
                 time_ms: Percentiles::of(&inverse.update_ms),
                 solve_ms: Percentiles::of(&self.solve_ms),
                 drift_max: inverse.drift_max,

@@ -8,7 +8,7 @@ use yawara::indicator::{Energy, Indicator, RingMember};
 use yawara::{Simulation, Stages, scene_file};
 use yawara_embed::{ChildPair, Homogenisation, Laminate, ParentMaterial};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
 };
 
 /// How often each stage was asked.
@@ -109,9 +109,9 @@ impl InverseMaintainer for CountedInverse {
         self.1.watch(seed)
     }
 
-    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
-        Calls::add(&self.0.update, changes.len());
-        self.1.split_batch(changes)
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        Calls::add(&self.0.update, updates.len());
+        self.1.batch(updates)
     }
 
     fn counts(&self) -> Counts {

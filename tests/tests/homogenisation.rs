@@ -1,5 +1,6 @@
 //! Every homogenisation against what theory says of it: bounds, layers, one material, extremes.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use nalgebra::{Matrix6, SMatrix, Vector3};
@@ -43,7 +44,8 @@ fn embed(
     materials: Materials,
     choice: &str,
 ) -> Result<Embedding, EmbedError> {
-    Embedding::with_materials(Arc::clone(tree), materials, by_name(choice)?, &mut |_| ())
+    let mut go_on = |_| ControlFlow::Continue(());
+    Embedding::with_materials(Arc::clone(tree), materials, by_name(choice)?, &mut go_on)
 }
 
 fn plain(e: f64, nu: f64) -> Materials {

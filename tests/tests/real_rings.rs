@@ -83,7 +83,8 @@ impl Clamped {
         let ring = self.link.element().ring(&self.delta, &self.embedding, &position);
         let key = Lattice::key(self.forest.point(v));
         let is_fixed = |v: VertexId| self.fixed[v.index()];
-        self.link.apply(self.delta.change, v, is_fixed, key, ring).unwrap();
+        self.link.push(self.delta.change, v, is_fixed, key, ring);
+        self.link.flush().unwrap();
     }
 
     /// Largest difference from a dense LU inverse of the stiffness assembled afresh, entry by

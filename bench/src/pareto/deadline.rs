@@ -8,7 +8,7 @@ use yawara::{InverseFactory, SimError};
 use yawara_embed::EmbedError;
 use yawara_inverse_update::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
-    StorageError,
+    StorageError, Update,
 };
 
 /// The time of a case is up.
@@ -88,9 +88,9 @@ impl InverseMaintainer for Guarded {
         self.inner.split(change)
     }
 
-    fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
         self.check()?;
-        self.inner.split_batch(changes)
+        self.inner.batch(updates)
     }
 
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {

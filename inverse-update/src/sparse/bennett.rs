@@ -38,6 +38,8 @@ pub(crate) struct Scratch {
     pub loss: f64,
     /// Products of numbers, over all walks so far.
     pub operations: f64,
+    /// Walks so far.
+    pub walks: usize,
 }
 
 impl Factor {
@@ -55,6 +57,7 @@ impl Factor {
         scratch: &mut Scratch,
     ) -> Result<(), BadPivot> {
         scratch.start(self, positions, columns, signs);
+        scratch.walks += 1;
         match self.block {
             1 => self.walk::<1>(scratch),
             2 => self.walk::<2>(scratch),

@@ -246,6 +246,30 @@ fn l_d_lt_is_k_through_random_histories() {
 }
 
 #[test]
+fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
+    let mut body = Body::new(4, 3, 0, quiet());
+    let mut updates = Vec::new();
+    // The same updates twice: made one by one here, in batches there.
+    let mut copy = Body::new(4, 3, 0, quiet());
+    for _ in 0..40 {
+        body.split();
+        let Refined { change, w, ring, .. } = &body.refined[body.refined.len() - 1];
+        let removed = Mat::zeros(w.nrows(), 0);
+        let ring = body.slots(ring);
+        updates.push(Update::Change(StiffnessChange { slots: ring, added: w.clone(), removed }));
+        updates.push(Update::Split(change.clone()));
+    }
+    let (few, many) = updates.split_at(2);
+    copy.sparse.batch(few).unwrap();
+    assert_eq!(copy.sparse.rebases(), 0);
+    copy.sparse.batch(many).unwrap();
+    assert_eq!((copy.sparse.rebases(), copy.sparse.journal.len()), (1, 0));
+    let (k, want) = (copy.sparse.stiffness.to_dense(), body.sparse.stiffness.to_dense());
+    assert!((&k - &want).norm_max() < 1e-13 * want.norm_max());
+    assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
+}
+
+#[test]
 fn columns_and_solutions_are_those_of_dense_lu() {
     let mut body = Body::new(4, 3, 0, quiet());
     for _ in 0..60 {

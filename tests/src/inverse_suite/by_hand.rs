@@ -5,7 +5,9 @@ use super::springs::{
 };
 use super::{build, method, residual};
 use faer::{Mat, mat};
-use yawara_inverse_update::{InverseError, RingChange, SparseStiffness, StiffnessChange, drift};
+use yawara_inverse_update::{
+    InverseError, RingChange, SparseStiffness, StiffnessChange, Update, drift,
+};
 
 /// One row: C = 1/K.
 pub fn a_vertex_alone_is_a_division(name: &str) {
@@ -78,8 +80,8 @@ pub fn a_batch_may_stand_on_itself(name: &str) {
         a22: mat![[8.0]],
         ..halved_spring()
     };
-    assert_eq!(maintainer.split_batch(&[]), Ok(vec![]));
-    assert_eq!(maintainer.split_batch(&[halved_spring(), again]), Ok(vec![2, 3]));
+    assert_eq!(maintainer.batch(&[]), Ok(()));
+    assert_eq!(maintainer.batch(&[halved_spring(), again].map(Update::Split)), Ok(()));
     let chain = mat![
         [1.0, 1.0, 1.0, 1.0],
         [1.0, 2.0, 1.5, 1.75],
@@ -93,9 +95,9 @@ pub fn a_batch_may_stand_on_itself(name: &str) {
 /// and C of the vertices that hang on them follows by hand.
 pub fn a_long_batch_is_its_splits(name: &str) {
     let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
-    let changes: Vec<RingChange> =
-        (0..150).map(|i| hanger(i % 2, [0.25, 0.5][usize::from(i % 3 == 0)])).collect();
-    assert_eq!(maintainer.split_batch(&changes).unwrap(), (2..152).collect::<Vec<_>>());
+    let change = |i: usize| hanger(i % 2, [0.25, 0.5][usize::from(i % 3 == 0)]);
+    let updates: Vec<Update> = (0..150).map(|i| Update::Split(change(i))).collect();
+    maintainer.batch(&updates).unwrap();
     // Every third spring to the ground is ¼, the others are 1/16; 25 of 75 are thirds on each.
     let ground = 25.0 / 4.0 + 50.0 / 16.0;
     let (k00, k11) = (2.0 + ground, 1.0 + ground);

@@ -8,7 +8,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_inverse_update::{Counts, InverseMaintainer, SparseStiffness, StiffnessChange, drift};
+use yawara_inverse_update::{
+    Counts, InverseMaintainer, SparseStiffness, StiffnessChange, Update, drift,
+};
 
 use super::model::{Model, to_faer};
 use super::{build, residual, solves_by_columns, updates_inverse};
@@ -188,7 +190,7 @@ impl Replay {
             0..2 => self.add_patch(op),
             2..5 => self.pick(op, false).into_iter().for_each(|patch| self.split(patch)),
             5..7 => self.pick(op, true).into_iter().for_each(|patch| self.merge(patch)),
-            7 => self.split_batch(op),
+            7 => self.batch(op),
             8 => self.fix(op),
             9 => self.release(op.picks[0].index(self.model.fixed.len().max(1))),
             _ => self.pick(op, false).into_iter().for_each(|patch| self.remove_patch(patch)),
@@ -235,6 +237,12 @@ impl Replay {
     }
 
     fn add_patch(&mut self, op: &Op) {
+        let change = self.new_patch(op);
+        self.maintainer.change(&change).expect("a stiffer body");
+    }
+
+    /// Adds a patch to the model alone.
+    fn new_patch(&mut self, op: &Op) -> StiffnessChange {
         let mut vertices = Vec::new();
         for pick in &op.picks[..op.vertices.min(self.vertices())] {
             let vertex = self.model.names[pick.index(self.vertices())];
@@ -246,7 +254,7 @@ impl Replay {
         let number = || *numbers.next().expect("a cycle");
         let change = self.model.add_patch(vertices, 10_f64.powf(op.exponent), op.rank, number);
         self.note_change(&change);
-        self.maintainer.change(&change).expect("a stiffer body");
+        change
     }
 
     fn remove_patch(&mut self, patch: usize) {
@@ -263,15 +271,26 @@ impl Replay {
         self.model.split(patch);
     }
 
-    /// Splits as many patches as the step's rank says, all at once.
-    fn split_batch(&mut self, op: &Op) {
-        let mut patches = self.model.free(false);
-        patches.truncate(op.rank + 1);
-        let changes: Vec<_> = patches.iter().map(|&patch| self.model.ring(patch)).collect();
-        let slots = self.maintainer.split_batch(&changes).expect("legal splits");
-        let first = self.vertices();
-        assert_eq!(slots, (first..first + changes.len()).collect::<Vec<_>>());
-        patches.into_iter().for_each(|patch| self.model.split(patch));
+    /// Merges and splits as many patches in turn as the step's rank says and adds one, all at once.
+    fn batch(&mut self, op: &Op) {
+        let (unsplit, split) = (self.model.free(false), self.model.free(true));
+        let mut updates = Vec::new();
+        for at in 0..=op.rank {
+            if let Some(&patch) = split.get(at) {
+                let change = self.model.ring(patch);
+                let slot = self.model.merge(patch);
+                updates.push(Update::Merge { slot, change });
+                self.note();
+            }
+            if let Some(&patch) = unsplit.get(at) {
+                updates.push(Update::Split(self.model.ring(patch)));
+                self.model.split(patch);
+                self.note();
+            }
+        }
+        updates.push(Update::Change(self.new_patch(op)));
+        self.maintainer.batch(&updates).expect("legal updates");
+        assert_eq!(self.maintainer.vertices(), self.vertices(), "as many as came and went");
     }
 
     fn merge(&mut self, patch: usize) {

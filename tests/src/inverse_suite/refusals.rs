@@ -5,7 +5,7 @@ use super::springs::{
     alone, close, halved_spring, hanger, inverse, maintain, maintain_mixed, refused, two_springs,
 };
 use faer::{Mat, mat};
-use yawara_inverse_update::{InverseError, RingChange, SparseStiffness, StiffnessChange};
+use yawara_inverse_update::{InverseError, RingChange, SparseStiffness, StiffnessChange, Update};
 
 /// One matrix of a ring change, to be spoilt.
 type Field = fn(&mut RingChange) -> &mut Mat<f64>;
@@ -20,12 +20,12 @@ pub fn a_refused_batch_says_how_far_it_came(name: &str) {
     let pushes = RingChange { k_p: mat![[9.0]], positive: mat![[0.0]], ..hanger(0, 0.0) };
     let pushes = RingChange { k_c: mat![[0.5]], b: mat![[18.0_f64.sqrt()]], ..pushes };
     for last in [wrong, pushes] {
-        let batch = [hanger(0, 0.5), hanger(1, 0.5), last.clone(), hanger(0, 0.5)];
+        let all = [hanger(0, 0.5), hanger(1, 0.5), last.clone(), hanger(0, 0.5)];
         let source = match singly.split(&last) {
             Err(source) => Box::new(source),
             Ok(_) => panic!("this has to be refused"),
         };
-        let error = maintainer.split_batch(&batch).unwrap_err();
+        let error = maintainer.batch(&all.map(Update::Split)).unwrap_err();
         let InverseError::Batch { done: 2, source: got } = error else { panic!("{error}") };
         assert_eq!(std::mem::discriminant(&*got), std::mem::discriminant(&*source), "{got}");
         assert_eq!(maintainer.vertices(), 4);
