@@ -17,10 +17,7 @@ use crate::inverse_link::InverseLink;
 use crate::report::StageTimes;
 use crate::scene::Refinement;
 use crate::state::{Cell, State};
-use crate::tools::Hold;
-
-/// A question to a rest position.
-pub(crate) type RestTest = Box<dyn Fn(&Vector3<f64>) -> bool + Send>;
+use crate::tools::{Hold, Regions};
 
 /// What splits and merges go by: the forest and its content. It changes a [`State`].
 pub(crate) struct Refiner {
@@ -28,8 +25,8 @@ pub(crate) struct Refiner {
     pub embedding: Embedding,
     pub placement: Placement,
     label_values: Vec<i64>,
-    /// Whether a rest position lies in a fixed region.
-    is_fixed: RestTest,
+    /// Where new vertices are held.
+    regions: Regions,
     /// Step in which each vertex came in.
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.
@@ -72,7 +69,7 @@ impl Refiner {
         placement: Placement,
         label_values: Vec<i64>,
         holds: &[Hold],
-        is_fixed: RestTest,
+        regions: Regions,
         body: Body,
     ) -> (Self, State) {
         let refiner = Self {
@@ -81,7 +78,7 @@ impl Refiner {
             embedding,
             placement,
             label_values,
-            is_fixed,
+            regions,
             measured: Vec::new(),
             delta: MeshDelta::empty(),
             ring: Vec::new(),
@@ -203,6 +200,8 @@ impl Refiner {
             .forest
             .vertices()
             .filter(|v| step >= self.born[v.index()] + rules.dwell_steps)
+            // A tool keeps what it holds until it lets go.
+            .filter(|v| !matches!(state.holds[v.index()], Hold::Grabbed(_)))
             .collect();
         settled
             .into_iter()
@@ -270,16 +269,20 @@ impl Refiner {
         step: usize,
         inverse: &mut InverseLink,
     ) -> Result<(), SimError> {
-        let position = self.embedded_midpoint(state);
+        let midpoint = self.embedded_midpoint(state);
         let mut around = old_vertices(&self.ring);
         let momentum = state.momentum_of(&around);
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         let vertex = self.forest.split(p, &mut delta)?;
         let rest = self.placement.position(p);
         let ends = delta.edge.map(|v| state.holds[v.index()]);
-        // Between two fixed regions that face each other the body is free.
-        let held = ends[0] == ends[1] && (ends[0] != Hold::Fixed || (self.is_fixed)(&rest));
-        state.add_vertex(vertex, rest, position, if held { ends[0] } else { Hold::Free });
+        // A tool takes hold of the body, not of what surrounds it.
+        let is_body = self.ring.iter().any(|tet| !self.is_void(tet));
+        let near = around.iter().filter(|_| is_body).map(|&v| state.holds[v]);
+        let hold = self.regions.hold(&rest, ends, near);
+        // The strain around it would put it elsewhere.
+        let position = if hold == Hold::Fixed { rest } else { midpoint };
+        state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
         state.body.set_pressure(vertex.index(), 0.5 * (a + b));
         let [a, b] = delta.edge.map(|v| state.velocities[v.index()]);

@@ -27,7 +27,7 @@ use crate::start::{Origin, ScannerAxes, Start};
 use crate::state::State;
 use crate::surfaces::Surfaces;
 use crate::tally::Tally;
-use crate::tools::{self, Hold, Tool};
+use crate::tools::{self, Hold, Regions, Tool};
 use crate::touch::Touch;
 use crate::trend::Trend;
 
@@ -108,10 +108,6 @@ impl Simulation {
                     Embedding::with_materials(tree, materials.into(), homogenisation, progress)?;
                 plan::homogenised(&mut plan, &embedding);
                 let surfaces = Surfaces::new(scene, &setup, &embedding)?;
-                let regions = scene.fixed.clone();
-                let is_fixed = Box::new(move |x: &Vector3<f64>| {
-                    regions.iter().any(|region| region.contains(&organ, x))
-                });
                 let Setup { forest, placement, .. } = *setup;
                 let label_values = setup.volume.values().to_vec();
                 body_summary = Some(setup.summary);
@@ -122,7 +118,7 @@ impl Simulation {
                     placement,
                     label_values,
                     &holds,
-                    is_fixed,
+                    Regions::of(scene, organ),
                     empty_body(element),
                 );
                 (state, Some(refiner), surfaces)

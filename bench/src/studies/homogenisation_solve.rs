@@ -161,6 +161,8 @@ impl CubeMesh {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
     use super::super::homogenisation_cases::Inside;
     use super::*;
     use yawara_embed::by_name;
@@ -171,7 +173,9 @@ mod tests {
         let block = Block::new(Inside::Homogeneous).unwrap();
         let (tree, materials) = (Arc::clone(&block.tree), block.materials(0.0).unwrap());
         let stage = by_name("laminate").unwrap();
-        let embedding = Embedding::with_materials(tree, materials, stage, &mut |_| ()).unwrap();
+        let embedding =
+            Embedding::with_materials(tree, materials, stage, &mut |_| ControlFlow::Continue(()))
+                .unwrap();
         let mesh = CubeMesh::new(&block, 6).unwrap();
         let solution = mesh.solve(&embedding).unwrap();
         for v in mesh.forest.vertices() {

@@ -5,6 +5,7 @@ mod path;
 mod path_csv;
 mod pressure;
 mod probe;
+mod regions;
 mod skin;
 mod skin_source;
 
@@ -19,6 +20,7 @@ use crate::state::State;
 pub use path::Pose;
 
 pub(crate) use path::Path;
+pub(crate) use regions::Regions;
 pub(crate) use skin::Skin;
 
 use grab::Grab;
