@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// A few steps of a small beam, all quick candidates.
+/// A few steps of a small beam, all quick candidates; stopped processes have time enough.
 const SMALL: &[&str] = &[
     "pareto",
     "beam",
@@ -22,6 +22,8 @@ const SMALL: &[&str] = &[
     "mesh.max_vertices=200",
     "--set",
     "time.steps=3",
+    "--cap-s",
+    "600",
 ];
 
 /// As root, on as few cores as there are, in a container without a network.
@@ -38,6 +40,9 @@ const FLAGS: &[&str] = &[
     "self,vader",
 ];
 
+/// Not every launcher ends the others when one process fails: with these mpirun does not.
+const NO_HELP: &[&str] = &["--mca", "orte_abort_on_non_zero_status", "0"];
+
 const PROGRAM: &str = env!("CARGO_BIN_EXE_yawara-bench");
 
 /// What takes longer hangs.
@@ -50,9 +55,13 @@ fn piped(command: &mut Command) -> Child {
 
 /// Starts a study of `processes` that share `out`.
 fn mpirun(processes: usize, arguments: &[&str], out: &Path) -> Child {
+    mpirun_with(&["-n", &processes.to_string()], arguments, out)
+}
+
+fn mpirun_with(flags: &[&str], arguments: &[&str], out: &Path) -> Child {
     let mut command = Command::new("mpirun");
-    command.args(FLAGS).args(["-n", &processes.to_string(), PROGRAM]);
-    piped(command.args(arguments).arg("--out").arg(out))
+    command.args(FLAGS).args(flags).arg(PROGRAM).args(arguments);
+    piped(command.arg("--out").arg(out))
 }
 
 /// Waits until it is true, or the processes have ended.
@@ -224,16 +233,18 @@ fn an_error_of_one_process_ends_all() {
         assert!(words.iter().all(|word| stderr.contains(word)), "{words:?}: {stderr}");
         assert!(output.stdout.is_empty());
     };
-    let mut two = Command::new("mpirun");
     let folder = root.path().join("study");
-    two.args(FLAGS).args(["-n", "1", PROGRAM]).args(SMALL).arg("--out").arg(&folder);
-    two.args([":", "-n", "1", PROGRAM]).args(SMALL).args(["--set", "time.steps=2"]);
-    refused(piped(two.arg("--out").arg(&folder)), &["rank 1: ", "options.json", "time.steps = 3"]);
+    let first = [SMALL, &["--out", folder.to_str().unwrap()]].concat();
+    let other = [&[":", "-n", "1", PROGRAM], SMALL, &["--set", "time.steps=2"]].concat();
+    let flags = [NO_HELP, &["-n", "1"]].concat();
+    let child = mpirun_with(&flags, &[first, other].concat(), &folder);
+    refused(child, &["rank 1: ", "options.json", "time.steps = 3"]);
     assert!(!folder.join("pareto.json").exists());
     let notes = root.path().join("notes");
     std::fs::create_dir(&notes).unwrap();
     std::fs::write(notes.join("notes.txt"), "x").unwrap();
-    refused(mpirun(2, SMALL, &notes), &["rank 0: ", "notes is not empty"]);
+    let flags = [NO_HELP, &["-n", "2"]].concat();
+    refused(mpirun_with(&flags, SMALL, &notes), &["rank 0: ", "notes is not empty"]);
     let none = root.path().join("none");
     refused(mpirun(2, &["drift", "--quick"], &none), &["2 processes", "without mpirun"]);
     refused(mpirun(2, &["pareto", "baem"], &none), &["\"baem\" is neither"]);

@@ -15,7 +15,7 @@ use super::hand_out::HandOut;
 use crate::error::BenchError;
 
 /// Between two looks for messages; a case takes much longer.
-const PAUSE: Duration = Duration::from_millis(2);
+const PAUSE: Duration = Duration::from_millis(10);
 
 /// A process is free.
 const ASK: i32 = 1;
