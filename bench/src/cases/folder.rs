@@ -37,7 +37,7 @@ impl Folder {
     /// # Errors
     /// [`BenchError::OptionsDiffer`] if an earlier run had others; [`BenchError::NotEmpty`] if the
     /// folder holds something else; [`BenchError::NotADirectory`], [`BenchError::Io`]; those of
-    /// [`ranks`](crate::ranks) where other processes were started with this one.
+    /// [`ranks`] where other processes were started with this one.
     pub fn open(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
         // What the first has dropped and begun anew is what the others find.
         ranks::in_turn(|is_first| Self::open_here(path, options, force && is_first))

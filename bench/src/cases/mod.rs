@@ -85,7 +85,7 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
 ///
 /// # Errors
 /// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
-/// those of [`ranks`](crate::ranks).
+/// those of [`ranks`].
 pub fn run(
     folder: &Folder,
     cases: &[Case<'_>],
