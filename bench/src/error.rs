@@ -134,6 +134,41 @@ pub enum BenchError {
         /// What was asked for.
         what: &'static str,
     },
+    /// Several processes of a program that can't share a study.
+    #[error(
+        "mpirun has started {processes} processes, and this program can't share a study among \
+         them: build with --features mpi, or use --shard I/N, each part without mpirun"
+    )]
+    NoMpi {
+        /// How many there are.
+        processes: usize,
+    },
+    /// Several processes of a study that runs in one.
+    #[error(
+        "mpirun has started {processes} processes, and this runs in one: call it without mpirun \
+         (`pareto`, `stiff`, `extremes` and `ablation` share their cases)"
+    )]
+    OneProcess {
+        /// How many there are.
+        processes: usize,
+    },
+    /// A launcher of another MPI than the program's.
+    #[error(
+        "the launcher has started {started} processes, MPI finds {found}: start them by the \
+         mpirun of the MPI that this program was built with"
+    )]
+    OtherMpi {
+        /// By the launcher's environment.
+        started: usize,
+        /// By MPI.
+        found: usize,
+    },
+    /// MPI can't be started, or a second time.
+    #[error("MPI is over: the processes of one mpirun share one study, start it again for another")]
+    MpiOver,
+    /// Processes that do different things.
+    #[error("the processes of mpirun are out of step: give all of them the same arguments")]
+    OutOfStep,
     /// A maintainer put a vertex into another slot than the contract says.
     #[error("`{maintainer}` put the new vertex into slot {got}, want {want}")]
     WrongSlot {

@@ -22,6 +22,7 @@ mod picture;
 mod plot;
 mod progress;
 mod random;
+pub mod ranks;
 mod reference;
 mod slots;
 mod solid;

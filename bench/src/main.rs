@@ -5,11 +5,11 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use yawara_bench::BenchError;
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, drift, elements, extremes, homogenisation,
     mesh, pareto, scaling, stiff, table1, validate,
 };
+use yawara_bench::{BenchError, ranks};
 
 /// Studies that run the implementations of a stage side by side, alternating in one process.
 #[derive(Parser)]
@@ -80,8 +80,16 @@ impl Study {
     }
 }
 
+impl Study {
+    /// Whether processes of one mpirun share its cases.
+    fn shares_cases(&self) -> bool {
+        matches!(self, Self::Pareto(_) | Self::Stiff(_) | Self::Extremes(_) | Self::Ablation(_))
+    }
+}
+
 /// What is printed, and whether all is as it should be.
 fn run(study: &Study) -> Result<(String, bool), BenchError> {
+    ranks::check(study.shares_cases())?;
     let printed = match study {
         #[cfg(feature = "gpu")]
         Study::Table1 { arguments, gpu: true } => yawara_bench::studies::table1_gpu::run(arguments),
@@ -125,15 +133,24 @@ fn main() -> ExitCode {
             let _ = write!(std::io::stdout(), "{report}");
             if good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
-        Err(error) => refuse(&error.to_string()),
+        Err(error) => {
+            let code = refuse(&error.to_string());
+            // The others would wait for what this one will not do.
+            ranks::abort(REFUSED);
+            code
+        }
     }
 }
+
+/// The exit code of what is refused, and of what fails.
+const REFUSED: u8 = 2;
 
 /// One paragraph on stderr.
 fn refuse(message: &str) -> ExitCode {
     let words: Vec<&str> = message.split_whitespace().collect();
-    let _ = writeln!(std::io::stderr(), "yawara-bench: {}", words.join(" "));
-    ExitCode::from(2)
+    let rank = ranks::rank().map_or_else(String::new, |rank| format!("rank {rank}: "));
+    let _ = writeln!(std::io::stderr(), "yawara-bench: {rank}{}", words.join(" "));
+    ExitCode::from(REFUSED)
 }
 
 /// The message of a usage error without the usage lines.

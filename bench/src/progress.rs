@@ -3,13 +3,15 @@
 use std::io::{IsTerminal, Write, stderr};
 use std::time::{Duration, Instant};
 
+use crate::ranks;
+
 /// Between two drawings of the bar.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Characters between the brackets.
 const WIDTH: usize = 24;
 
-/// How far a study is; drawn on a terminal, silent in a pipe.
+/// How far a study is; drawn on a terminal, silent in a pipe and in all processes but the first.
 pub(crate) struct Progress {
     begin: Instant,
     drawn: Option<Instant>,
@@ -21,7 +23,7 @@ pub(crate) struct Progress {
 impl Progress {
     /// Of `total` units of work, whatever they are: they should take equally long.
     pub fn new(total: f64) -> Self {
-        let shown = stderr().is_terminal();
+        let shown = stderr().is_terminal() && ranks::is_first();
         Self { begin: Instant::now(), drawn: None, done: 0.0, total, shown }
     }
 

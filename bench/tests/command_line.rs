@@ -35,6 +35,32 @@ fn bad_arguments_are_refused_in_one_paragraph() {
     refused(&["drift", "--quik"], "--quick");
 }
 
+/// One of several processes of a launcher that would all do the same.
+#[test]
+fn processes_that_can_not_share_a_study_are_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let refused = |launcher: &str, study: &str, words: &[&str]| {
+        let out = root.path().join("study");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_yawara-bench"));
+        let output =
+            command.env(launcher, "3").args([study, "--quick", "--out"]).arg(&out).output();
+        let output = output.unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{study}: {message}");
+        assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{words:?}: {message}");
+        assert!(!out.exists());
+    };
+    for launcher in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"] {
+        refused(launcher, "drift", &["3 processes", "without mpirun", "`pareto`"]);
+        if cfg!(not(feature = "mpi")) {
+            for study in ["pareto", "stiff", "extremes", "ablation"] {
+                refused(launcher, study, &["3 processes", "--features mpi", "--shard"]);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_directory_in_use_is_refused_unless_forced() {
     let root = tempfile::tempdir().unwrap();

@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::Row;
 use crate::error::BenchError;
 use crate::machine::Place;
+use crate::ranks;
 
 /// What a study was asked for; a folder belongs to one set of options.
 const OPTIONS: &str = "options.json";
@@ -31,11 +32,18 @@ pub struct Folder {
 impl Folder {
     /// Opens `path` for a study with these `options`: a new or empty folder, or one that an earlier
     /// run with the same options left, whose finished cases count. With `force` these are dropped.
+    /// Of processes that share it the first goes first.
     ///
     /// # Errors
     /// [`BenchError::OptionsDiffer`] if an earlier run had others; [`BenchError::NotEmpty`] if the
-    /// folder holds something else; [`BenchError::NotADirectory`], [`BenchError::Io`].
+    /// folder holds something else; [`BenchError::NotADirectory`], [`BenchError::Io`]; those of
+    /// [`ranks`] where other processes were started with this one.
     pub fn open(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
+        // What the first has dropped and begun anew is what the others find.
+        ranks::in_turn(|is_first| Self::open_here(path, options, force && is_first))
+    }
+
+    fn open_here(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
         let folder = Self { path: path.into(), place: Place::here() };
         if path.exists() && !path.is_dir() {
             return Err(BenchError::NotADirectory { path: path.into() });

@@ -20,6 +20,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::BenchError;
 use crate::progress::Progress;
+use crate::ranks;
 
 /// What a case found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,10 +80,12 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
 
 /// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it
 /// is finished. Returns the rows of all cases, in order, if every one of them is there, else
-/// `None`.
+/// `None`. Processes that mpirun has started together share them, whoever is free taking the next;
+/// all wait for the last, and the rows are for the first alone.
 ///
 /// # Errors
-/// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read.
+/// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
+/// those of [`ranks`].
 pub fn run(
     folder: &Folder,
     cases: &[Case<'_>],
@@ -91,13 +94,19 @@ pub fn run(
     let mut waiting = Vec::new();
     for (number, case) in cases.iter().enumerate() {
         if shard.takes(number) && folder.row(number, &case.name)?.is_none() {
-            waiting.push((number, case));
+            waiting.push(number);
         }
     }
-    let mut progress = Progress::new(waiting.iter().map(|(_, case)| case.weight).sum());
-    for (number, case) in waiting {
+    let weight = |&number: &usize| cases[number].weight;
+    let mut progress = Progress::new(waiting.iter().map(weight).sum());
+    let mut turns = ranks::give_out(waiting.clone())?;
+    let mut passed = waiting.iter();
+    while let Some(number) = turns.next_case()? {
+        let case = &cases[number];
         let mut done = 0.0;
-        progress.advance(&case.name, 0.0);
+        // Those between its own are with other processes.
+        let elsewhere = passed.by_ref().take_while(|one| **one != number).map(weight).sum();
+        progress.advance(&case.name, elsewhere);
         let mut row = case.run(&mut |fraction: f64| {
             let fraction = fraction.clamp(done, 1.0);
             progress.advance(&case.name, case.weight * (fraction - done));
@@ -106,6 +115,9 @@ pub fn run(
         row.on = folder.place().clone();
         progress.advance(&case.name, case.weight * (1.0 - done));
         folder.keep(number, &row)?;
+    }
+    if !ranks::is_first() {
+        return Ok(None);
     }
     let rows: Result<Option<Vec<Row>>, _> =
         cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name)).collect();

@@ -16,7 +16,8 @@ pub struct Selection {
     #[arg(long)]
     pub force: bool,
     /// Run the I-th of N parts only; all parts may share DIR at the same time. Whichever finishes
-    /// last writes the tables, as does a run without --shard afterwards.
+    /// last writes the tables, as does a run without --shard afterwards. Under mpirun (feature
+    /// `mpi`) no parts are needed: every process takes the next case when it is free.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
 }

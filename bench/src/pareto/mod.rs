@@ -31,6 +31,7 @@ use yawara::{SimError, Simulation, Stages, scene_file};
 
 use crate::cases::{self, Case, Folder, Row, Selection};
 use crate::error::BenchError;
+use crate::ranks;
 use choices::Choices;
 
 /// The x axis of the plots: a row's measurement.
@@ -141,7 +142,8 @@ impl Study {
         let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
         // Without a reference there is no study: it takes what it takes.
         let limits = (self.options.reference_vertices, f64::INFINITY);
-        let reference = Reference::of(&self.scene, limits, &folder, "reference")?;
+        let reference =
+            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference"))?;
         let cases = self.cases(&reference.path, &folder);
         let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
             return part_done(&folder, &cases);
@@ -199,8 +201,12 @@ pub(crate) fn own_error(results: &Results) -> Option<f64> {
     Some(row.number(ERROR)? / 3.0)
 }
 
-/// What is said where other parts of a study are still to be run.
+/// What is said where other parts of a study are still to be run; nothing by processes that another
+/// one speaks for.
 pub(crate) fn part_done(folder: &Folder, cases: &[Case<'_>]) -> Result<String, BenchError> {
+    if !ranks::is_first() {
+        return Ok(String::new());
+    }
     let mut done = 0;
     for (number, case) in cases.iter().enumerate() {
         done += usize::from(folder.row(number, &case.name)?.is_some());
