@@ -31,6 +31,7 @@ macro_rules! inverse_suite {
                 a_halved_spring_by_hand
                 the_only_vertex_can_go
                 a_batch_may_stand_on_itself
+                a_batch_is_its_updates_in_turn
                 a_long_batch_is_its_splits
                 a_refused_batch_says_how_far_it_came
                 a_quasi_definite_pair_by_hand

@@ -4,6 +4,7 @@ use super::springs::{
     alone, close, halved_spring, hanger, inverse, maintain, maintain_mixed, refused, two_springs,
 };
 use super::{build, method, residual};
+use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, mat};
 use yawara_inverse_update::{
     InverseError, RingChange, SparseStiffness, StiffnessChange, Update, drift,
@@ -89,6 +90,35 @@ pub fn a_batch_may_stand_on_itself(name: &str) {
         [1.0, 1.75, 1.5, 1.75]
     ];
     close(name, &inverse(&*maintainer), &chain);
+}
+
+/// A batch of everything: the halved spring, a softer first one, the merge of the middle and a vertex
+/// that comes into the gap's place after it.
+pub fn a_batch_is_its_updates_in_turn(name: &str) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let mut singly = maintain(name, 1, &two_springs()).unwrap();
+    let softer = StiffnessChange {
+        slots: vec![0],
+        added: Mat::zeros(1, 0),
+        removed: mat![[0.5_f64.sqrt()]],
+    };
+    let updates = [
+        Update::Split(halved_spring()),
+        Update::Split(hanger(1, 0.5)),
+        Update::Change(softer.clone()),
+        Update::Merge { slot: 2, change: halved_spring() },
+        Update::Split(hanger(2, 0.25)),
+    ];
+    maintainer.batch(&updates).unwrap();
+    singly.split(&halved_spring()).unwrap();
+    singly.split(&hanger(1, 0.5)).unwrap();
+    singly.change(&softer).unwrap();
+    assert_eq!(singly.merge(2, &halved_spring()), Ok(Some(3)));
+    singly.split(&hanger(2, 0.25)).unwrap();
+    assert_eq!(maintainer.vertices(), 4);
+    let k = singly.stiffness().to_dense();
+    assert_eq!(maintainer.stiffness().to_dense(), k);
+    close(name, &inverse(&*maintainer), &k.partial_piv_lu().inverse());
 }
 
 /// More splits than are put off at once: K of vertices 0 and 1 is that of springs to the ground,

@@ -237,12 +237,6 @@ impl Replay {
     }
 
     fn add_patch(&mut self, op: &Op) {
-        let change = self.new_patch(op);
-        self.maintainer.change(&change).expect("a stiffer body");
-    }
-
-    /// Adds a patch to the model alone.
-    fn new_patch(&mut self, op: &Op) -> StiffnessChange {
         let mut vertices = Vec::new();
         for pick in &op.picks[..op.vertices.min(self.vertices())] {
             let vertex = self.model.names[pick.index(self.vertices())];
@@ -254,7 +248,7 @@ impl Replay {
         let number = || *numbers.next().expect("a cycle");
         let change = self.model.add_patch(vertices, 10_f64.powf(op.exponent), op.rank, number);
         self.note_change(&change);
-        change
+        self.maintainer.change(&change).expect("a stiffer body");
     }
 
     fn remove_patch(&mut self, patch: usize) {
@@ -271,7 +265,7 @@ impl Replay {
         self.model.split(patch);
     }
 
-    /// Merges and splits as many patches in turn as the step's rank says and adds one, all at once.
+    /// Merges and splits as many patches in turn as the step's rank says, all at once.
     fn batch(&mut self, op: &Op) {
         let (unsplit, split) = (self.model.free(false), self.model.free(true));
         let mut updates = Vec::new();
@@ -288,7 +282,6 @@ impl Replay {
                 self.note();
             }
         }
-        updates.push(Update::Change(self.new_patch(op)));
         self.maintainer.batch(&updates).expect("legal updates");
         assert_eq!(self.maintainer.vertices(), self.vertices(), "as many as came and went");
     }
