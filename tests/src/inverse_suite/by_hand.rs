@@ -125,7 +125,7 @@ pub fn a_batch_is_its_updates_in_turn(name: &str) {
 /// and C of the vertices that hang on them follows by hand.
 pub fn a_long_batch_is_its_splits(name: &str) {
     let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
-    let change = |i: usize| hanger(i % 2, [0.25, 0.5][usize::from(i % 3 == 0)]);
+    let change = |i: usize| hanger(i % 2, [0.25, 0.5][usize::from(i.is_multiple_of(3))]);
     let updates: Vec<Update> = (0..150).map(|i| Update::Split(change(i))).collect();
     maintainer.batch(&updates).unwrap();
     // Every third spring to the ground is ¼, the others are 1/16; 25 of 75 are thirds on each.
