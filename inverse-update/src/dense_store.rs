@@ -38,6 +38,11 @@ pub trait DenseStore: Send {
         None
     }
 
+    /// Whether every answer has to be waited for, so that updates had better come together.
+    fn is_remote(&self) -> bool {
+        false
+    }
+
     /// Takes the lower triangle of a square matrix, rounded, with nothing put off. Cost: O(n²).
     ///
     /// # Errors

@@ -104,10 +104,10 @@ pub enum InverseError {
         /// What it has to exceed.
         limit: f64,
     },
-    /// One split of several was refused.
-    #[error("split {done} of the batch was refused, the {done} before it are made: {source}")]
+    /// One split or change of several was refused.
+    #[error("edit {done} of the batch was refused, the {done} before it are made: {source}")]
     Batch {
-        /// How many splits were made.
+        /// How many were made.
         done: usize,
         /// Why the next one was not.
         source: Box<InverseError>,

@@ -13,6 +13,7 @@ mod counts;
 mod delayed;
 mod dense_store;
 mod drift;
+mod edit;
 mod error;
 mod fresh;
 mod full;
@@ -37,6 +38,7 @@ pub use counts::Counts;
 pub use delayed::{Delayed, MOST_DELAYED};
 pub use dense_store::{DenseStore, Staged};
 pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32, drift};
+pub use edit::Edit;
 pub use error::{InverseError, StorageError};
 pub use host_store::HostStore;
 pub use lu::Lu;
@@ -135,6 +137,24 @@ pub trait InverseMaintainer: Send {
             }
         }
         Ok(slots)
+    }
+
+    /// Splits and changes one after the other, each as by itself: slots may be those of vertices
+    /// that came in before. A maintainer may do the work of many at once.
+    ///
+    /// # Errors
+    /// [`InverseError::Batch`] tells which edit was refused and why; those before it are made.
+    fn edit_batch(&mut self, edits: &[Edit<'_>]) -> Result<(), InverseError> {
+        for (done, edit) in edits.iter().enumerate() {
+            edit.make(self).map_err(|source| InverseError::in_batch(done, source))?;
+        }
+        Ok(())
+    }
+
+    /// Whether edits that come one after the other had better come as one
+    /// [`edit_batch`](Self::edit_batch): where each call waits for a device.
+    fn prefers_batches(&self) -> bool {
+        false
     }
 
     /// The vertex at `slot` goes out, the reverse of [`split`](Self::split) with the same
