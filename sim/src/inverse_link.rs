@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector3};
 use yawara_corot::Body;
 use yawara_embed::{ElementFormulation, RingStiffness, clamp};
 use yawara_inverse_update::{
-    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Edit, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 };
 use yawara_mesh::{Change, TetId, VertexId};
 
@@ -24,6 +24,21 @@ const NO_SLOT: usize = usize::MAX;
 /// Displacements of a vertex, the first of its unknowns.
 const DISPLACEMENTS: usize = 3;
 
+/// An edit that waits for others.
+enum Waiting {
+    Split(RingChange),
+    Change(StiffnessChange),
+}
+
+impl Waiting {
+    fn edit(&self) -> Edit<'_> {
+        match self {
+            Self::Split(change) => Edit::Split(change),
+            Self::Change(change) => Edit::Change(change),
+        }
+    }
+}
+
 /// The inverse with the map from vertices to its slots. Fixed vertices have none, unless their
 /// element has more unknowns than displacements: those stay, and the displacements are clamped.
 pub struct InverseLink {
@@ -33,6 +48,8 @@ pub struct InverseLink {
     anchor: f64,
     slot_of: Vec<usize>,
     vertex_of: Vec<VertexId>,
+    /// What the maintainer is to get together; vertices that come in have slots already.
+    waiting: Vec<Waiting>,
     tools: Mutex<Option<Arc<Held>>>,
     pub(crate) update_ms: Vec<f64>,
     /// Σ of those.
@@ -112,6 +129,7 @@ impl InverseLink {
             anchor,
             slot_of,
             vertex_of,
+            waiting: Vec::new(),
             tools: Mutex::new(None),
             update_ms: Vec::new(),
             total_ms: 0.0,
@@ -139,8 +157,10 @@ impl InverseLink {
     /// whose displacements are fixed (that of the new vertex only if both ends of its edge are),
     /// `order_key` where the vertex lies.
     ///
+    /// Where the maintainer prefers batches, what leaves all slots where they are waits for
+    /// [`finish`](Self::finish), which has to come before the inverse is used.
     /// # Errors
-    /// [`SimError::Inverse`] if the maintainer refuses the change.
+    /// [`SimError::Inverse`] if the maintainer refuses the change, or one that waited.
     pub fn apply(
         &mut self,
         change: Change,
@@ -149,47 +169,90 @@ impl InverseLink {
         order_key: u64,
         ring: RingStiffness,
     ) -> Result<(), SimError> {
-        let begin = Instant::now();
         let has_slot = needs_slot(self.element.as_ref(), is_fixed(vertex));
+        if has_slot && change == Change::Merge {
+            self.finish()?;
+        }
+        let begin = Instant::now();
         let ring = match self.element.unknowns() {
             DISPLACEMENTS => ring,
             _ => ring.clamp(&is_fixed, is_fixed(vertex), self.anchor),
         };
         let ring = in_slots(ring, order_key, |v| self.slot(v.index()));
         match (has_slot, change) {
-            (false, Change::Split) => self.change(ring.slots, ring.positive, ring.negative)?,
-            (false, Change::Merge) => self.change(ring.slots, ring.negative, ring.positive)?,
-            (true, Change::Split) => self.split(vertex, &ring)?,
-            (true, Change::Merge) => self.merge(vertex, &ring)?,
+            (true, Change::Merge) => {
+                self.merge(vertex, &ring)?;
+                self.note(1, begin);
+                return Ok(());
+            }
+            (true, Change::Split) => {
+                self.append(vertex);
+                self.waiting.push(Waiting::Split(ring));
+            }
+            // A vertex without unknowns: what the children are stiffer or softer.
+            (false, _) if ring.slots.is_empty() || is_nothing(&ring) => self.note(1, begin),
+            (false, _) => {
+                let RingChange { slots, positive, negative, .. } = ring;
+                let (added, removed) = match change {
+                    Change::Split => (positive, negative),
+                    Change::Merge => (negative, positive),
+                };
+                let change = StiffnessChange { slots, added, removed };
+                self.waiting.push(Waiting::Change(change));
+            }
         }
-        self.updates += 1;
-        let elapsed_ms = begin.elapsed().as_secs_f64() * 1e3;
-        self.update_ms.push(elapsed_ms);
-        self.total_ms += elapsed_ms;
+        match self.maintainer.prefers_batches() {
+            true => Ok(()),
+            false => self.make_waiting(begin),
+        }
+    }
+
+    /// Has the maintainer make what waits, all at once.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if it refuses an edit; those before it are made, the others dropped.
+    pub fn finish(&mut self) -> Result<(), SimError> {
+        self.make_waiting(Instant::now())
+    }
+
+    fn make_waiting(&mut self, begin: Instant) -> Result<(), SimError> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let edits: Vec<Edit<'_>> = waiting.iter().map(Waiting::edit).collect();
+        let maintainer = self.maintainer.as_mut();
+        let outcome = match edits[..] {
+            [] => return Ok(()),
+            [edit] => edit.make(maintainer),
+            _ => maintainer.edit_batch(&edits),
+        };
+        if let Err(error) = outcome {
+            for vertex in self.vertex_of.split_off(self.maintainer.vertices()) {
+                self.slot_of[vertex.index()] = NO_SLOT;
+            }
+            // That edits came together is nobody else's business.
+            return Err(match error {
+                InverseError::Batch { source, .. } => (*source).into(),
+                other => other.into(),
+            });
+        }
+        self.note(edits.len(), begin);
         Ok(())
     }
 
-    /// The ring of a vertex without unknowns: what the children are stiffer or softer.
-    fn change(
-        &mut self,
-        slots: Vec<usize>,
-        added: Mat<f64>,
-        removed: Mat<f64>,
-    ) -> Result<(), SimError> {
-        if slots.is_empty() || added.ncols() + removed.ncols() == 0 {
-            return Ok(());
-        }
-        Ok(self.maintainer.change(&StiffnessChange { slots, added, removed })?)
+    /// Counts updates, and the time that they took in equal parts.
+    fn note(&mut self, updates: usize, begin: Instant) {
+        let elapsed_ms = begin.elapsed().as_secs_f64() * 1e3;
+        self.updates += updates;
+        self.update_ms.extend(std::iter::repeat_n(elapsed_ms / updates as f64, updates));
+        self.total_ms += elapsed_ms;
     }
 
-    fn split(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
-        let slot = self.maintainer.split(ring)?;
+    /// A vertex has come in, or will, with the last slot.
+    fn append(&mut self, vertex: VertexId) {
         if self.slot_of.len() <= vertex.index() {
             self.slot_of.resize(vertex.index() + 1, NO_SLOT);
         }
-        self.slot_of[vertex.index()] = slot;
+        self.slot_of[vertex.index()] = self.vertex_of.len();
         self.vertex_of.push(vertex);
-        Ok(())
     }
 
     fn merge(&mut self, vertex: VertexId, ring: &RingChange) -> Result<(), SimError> {
@@ -359,6 +422,11 @@ impl Constrained<'_> {
 /// Whether a vertex has unknowns: a fixed one that has displacements alone has none.
 fn needs_slot(element: &dyn ElementFormulation, is_fixed: bool) -> bool {
     !is_fixed || element.unknowns() > DISPLACEMENTS
+}
+
+/// Whether the children are as stiff as their parent.
+fn is_nothing(ring: &RingChange) -> bool {
+    ring.positive.ncols() + ring.negative.ncols() == 0
 }
 
 /// The hand-over of a ring whose vertices have slots.

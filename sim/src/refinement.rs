@@ -162,8 +162,13 @@ impl Refiner {
             if self.forest.split_ring(p, &mut self.ring) {
                 self.split(state, p, step, inverse)?;
                 done.splits += 1;
+                if demand.deadline.is_some() {
+                    // The time that it takes counts.
+                    inverse.finish()?;
+                }
             }
         }
+        inverse.finish()?;
         times.inverse_ms = inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
         Ok(done)

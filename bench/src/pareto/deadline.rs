@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use faer::{Mat, MatRef};
 use yawara::{InverseFactory, SimError};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, Edit, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
     StorageError,
 };
 
@@ -83,6 +83,15 @@ impl InverseMaintainer for Guarded {
     fn split_batch(&mut self, changes: &[RingChange]) -> Result<Vec<usize>, InverseError> {
         self.check()?;
         self.inner.split_batch(changes)
+    }
+
+    fn edit_batch(&mut self, edits: &[Edit<'_>]) -> Result<(), InverseError> {
+        self.check()?;
+        self.inner.edit_batch(edits)
+    }
+
+    fn prefers_batches(&self) -> bool {
+        self.inner.prefers_batches()
     }
 
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
