@@ -26,7 +26,7 @@ const DISPLACEMENTS: usize = 3;
 
 /// An edit that waits for others.
 enum Waiting {
-    Split(RingChange),
+    Split(Box<RingChange>),
     Change(StiffnessChange),
 }
 
@@ -187,7 +187,7 @@ impl InverseLink {
             }
             (true, Change::Split) => {
                 self.append(vertex);
-                self.waiting.push(Waiting::Split(ring));
+                self.waiting.push(Waiting::Split(Box::new(ring)));
             }
             // A vertex without unknowns: what the children are stiffer or softer.
             (false, _) if ring.slots.is_empty() || is_nothing(&ring) => self.note(1, begin),
