@@ -5,7 +5,9 @@ use super::springs::{
 };
 use super::{build, method, residual};
 use faer::{Mat, mat};
-use yawara_inverse_update::{InverseError, RingChange, SparseStiffness, StiffnessChange, drift};
+use yawara_inverse_update::{
+    Edit, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, drift,
+};
 
 /// One row: C = 1/K.
 pub fn a_vertex_alone_is_a_division(name: &str) {
@@ -210,14 +212,31 @@ pub fn a_quasi_definite_vertex_by_hand(name: &str) {
 /// left, and as much again when it is softened, ε h² = 4e-9, unless that is corrected by K: then
 /// ε h remains.
 pub fn a_stiff_spring_comes_and_goes(name: &str) {
+    a_stiff_spring(name, |maintainer, changes| {
+        changes.iter().for_each(|change| maintainer.change(change).unwrap());
+    });
+}
+
+/// The same as one batch, with the split of the other spring in front: no edit may be taken with
+/// others where C gets that much softer.
+pub fn a_stiff_spring_comes_and_goes_in_a_batch(name: &str) {
+    a_stiff_spring(name, |maintainer, changes| {
+        let halved = halved_spring();
+        let mut edits = vec![Edit::Split(&halved)];
+        edits.extend(changes.iter().map(Edit::Change));
+        maintainer.edit_batch(&edits).unwrap();
+        maintainer.merge(2, &halved).unwrap();
+    });
+}
+
+fn a_stiff_spring(name: &str, make: impl Fn(&mut dyn InverseMaintainer, &[StiffnessChange])) {
     let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
     let stiff = 2.0_f64.powi(12);
     let spring = |added, removed| StiffnessChange { slots: vec![0], added, removed };
     let (root, none) = (mat![[stiff.sqrt()]], Mat::zeros(1, 0));
-    for _ in 0..8 {
-        maintainer.change(&spring(root.clone(), none.clone())).unwrap();
-        maintainer.change(&spring(none.clone(), root.clone())).unwrap();
-    }
+    let both = [spring(root.clone(), none.clone()), spring(none, root)];
+    let changes: Vec<StiffnessChange> = both.iter().cycle().take(16).cloned().collect();
+    make(maintainer.as_mut(), &changes);
     assert_eq!(maintainer.stiffness().to_dense(), two_springs());
     let error = (inverse(&*maintainer) - mat![[1.0, 1.0], [1.0, 2.0]]).norm_max();
     let per_visit = match name {
