@@ -15,6 +15,9 @@ use crate::{AdapterChoice, AdapterReport, GpuError};
 /// The longest that an answer is waited for.
 const PATIENCE: Duration = Duration::from_secs(300);
 
+/// How long it is asked once more.
+const GRACE: Duration = Duration::from_secs(5);
+
 /// Bytes of C in one buffer, unless the options or the device say less.
 const CHUNK_BYTES: u64 = 32 << 20;
 
@@ -215,8 +218,13 @@ impl Device {
 
     /// Waits until all that was handed over is done.
     pub(crate) fn wait(&self) -> Result<(), GpuError> {
-        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
-        let polled = self.device.poll(wait);
+        let wait = |timeout| {
+            let timeout = Some(timeout);
+            self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout })
+        };
+        // A program that was suspended meanwhile finds its time over and the device done: it asks
+        // once more.
+        let polled = wait(PATIENCE).or_else(|_| wait(GRACE));
         self.check()?;
         polled.map_err(|_| GpuError::Timeout { seconds: PATIENCE.as_secs() })?;
         Ok(())
@@ -245,7 +253,11 @@ impl Device {
             // The other end is gone only if waiting was given up.
             _ = send.send(result);
         });
-        self.hear(&mapped)?;
+        if let Err(error) = self.hear(&mapped) {
+            // Else no later command could use it.
+            memory.buffer.unmap();
+            return Err(error);
+        }
         let refused = |error: wgpu::MapRangeError| GpuError::Refused { reason: error.to_string() };
         let data = memory.buffer.get_mapped_range(..bytes).map_err(refused)?.to_vec();
         memory.buffer.unmap();
