@@ -29,6 +29,9 @@ enum Study {
         /// the feature `gpu`).
         #[arg(long)]
         gpu: bool,
+        /// Another device: its number in `yawara devices`, or a part of its name.
+        #[arg(long, value_name = "ADAPTER", requires = "gpu")]
+        adapter: Option<String>,
     },
     /// What 10000 random updates leave of the inverse, and whether its monitor sees it (quick:
     /// three of the twelve cases, a small mesh and 300 updates).
@@ -92,10 +95,12 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
     ranks::check(study.shares_cases())?;
     let printed = match study {
         #[cfg(feature = "gpu")]
-        Study::Table1 { arguments, gpu: true } => yawara_bench::studies::table1_gpu::run(arguments),
+        Study::Table1 { arguments, gpu: true, adapter } => {
+            yawara_bench::studies::table1_gpu::run(arguments, adapter.as_deref())
+        }
         #[cfg(not(feature = "gpu"))]
         Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing { what: "--gpu" }),
-        Study::Table1 { arguments, gpu: false } => table1::run(arguments),
+        Study::Table1 { arguments, gpu: false, .. } => table1::run(arguments),
         Study::Drift(arguments) => drift::run(arguments),
         Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),

@@ -7,12 +7,16 @@ use std::time::{Duration, Instant};
 use wgpu::{BufferUsages, ErrorFilter, Features, Limits};
 
 use crate::adapters::found;
+use crate::choice::chosen;
 use crate::kernels::WORK_BYTES;
 use crate::scalar::Held;
-use crate::{AdapterReport, GpuError};
+use crate::{AdapterChoice, AdapterReport, GpuError};
 
 /// The longest that an answer is waited for.
 const PATIENCE: Duration = Duration::from_secs(300);
+
+/// How long it is asked once more.
+const GRACE: Duration = Duration::from_secs(5);
 
 /// Bytes of C in one buffer, unless the options or the device say less.
 const CHUNK_BYTES: u64 = 32 << 20;
@@ -29,8 +33,8 @@ const NEEDS: [(&str, u64); 5] = [
 /// Which device to open, and how much of it to use.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct DeviceOptions {
-    /// Number of the adapter in the list of [`adapters`](crate::adapters); the first if `None`.
-    pub adapter: Option<usize>,
+    /// Which adapter of the list of [`adapters`](crate::adapters); the first if `None`.
+    pub adapter: Option<AdapterChoice>,
     /// Bytes that buffers may take in all; as many as the device gives if `None`.
     pub most_bytes: Option<u64>,
     /// Tiles of C per buffer, for tests that want many small ones; 32 MiB if `None`.
@@ -48,6 +52,8 @@ pub struct Device {
     options: DeviceOptions,
     largest_buffer: u64,
     used: Arc<AtomicU64>,
+    submits: AtomicU64,
+    answers: AtomicU64,
     trouble: Arc<Mutex<Option<GpuError>>>,
     pub(crate) kernels_f32: OnceLock<Held>,
     pub(crate) kernels_f64: OnceLock<Held>,
@@ -72,14 +78,13 @@ impl Device {
     /// Cost: as [`adapters`](crate::adapters) and 10–100 ms; kernels are translated when first
     /// used.
     /// # Errors
-    /// [`GpuError::NoAdapter`], [`GpuError::NoVulkan`], [`GpuError::NoSuchAdapter`];
+    /// [`GpuError::NoAdapter`], [`GpuError::NoVulkan`], [`GpuError::NoSuchAdapter`],
+    /// [`GpuError::SeveralAdapters`];
     /// [`GpuError::Limit`] if a limit is too low; [`GpuError::NotOpened`] if the driver refuses.
     pub fn open(options: DeviceOptions) -> Result<Arc<Self>, GpuError> {
         let mut found = found()?;
-        let index = options.adapter.unwrap_or(0);
-        if index >= found.len() {
-            return Err(GpuError::NoSuchAdapter { index, found: found.len() });
-        }
+        let reports: Vec<&AdapterReport> = found.iter().map(|(_, report)| report).collect();
+        let index = chosen(options.adapter.as_ref(), &reports)?;
         let (adapter, report) = found.swap_remove(index);
         let name = || report.name.clone();
         let limits = adapter.limits();
@@ -109,6 +114,8 @@ impl Device {
             options,
             largest_buffer,
             used: Arc::default(),
+            submits: AtomicU64::new(0),
+            answers: AtomicU64::new(0),
             trouble,
             kernels_f32: OnceLock::new(),
             kernels_f64: OnceLock::new(),
@@ -125,6 +132,18 @@ impl Device {
     #[must_use]
     pub fn used_bytes(&self) -> u64 {
         self.used.load(Ordering::Relaxed)
+    }
+
+    /// Times that commands were handed over so far.
+    #[must_use]
+    pub fn submits(&self) -> u64 {
+        self.submits.load(Ordering::Relaxed)
+    }
+
+    /// Times that numbers were waited for so far.
+    #[must_use]
+    pub fn answers(&self) -> u64 {
+        self.answers.load(Ordering::Relaxed)
     }
 
     /// Gives the device up: whatever is on it is lost, and every later call says so.
@@ -193,13 +212,19 @@ impl Device {
     pub(crate) fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<(), GpuError> {
         self.check()?;
         self.queue.submit([encoder.finish()]);
+        self.submits.fetch_add(1, Ordering::Relaxed);
         self.check()
     }
 
     /// Waits until all that was handed over is done.
     pub(crate) fn wait(&self) -> Result<(), GpuError> {
-        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
-        let polled = self.device.poll(wait);
+        let wait = |timeout| {
+            let timeout = Some(timeout);
+            self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout })
+        };
+        // A program that was suspended meanwhile finds its time over and the device done: it asks
+        // once more.
+        let polled = wait(PATIENCE).or_else(|_| wait(GRACE));
         self.check()?;
         polled.map_err(|_| GpuError::Timeout { seconds: PATIENCE.as_secs() })?;
         Ok(())
@@ -228,10 +253,15 @@ impl Device {
             // The other end is gone only if waiting was given up.
             _ = send.send(result);
         });
-        self.hear(&mapped)?;
+        if let Err(error) = self.hear(&mapped) {
+            // Else no later command could use it.
+            memory.buffer.unmap();
+            return Err(error);
+        }
         let refused = |error: wgpu::MapRangeError| GpuError::Refused { reason: error.to_string() };
         let data = memory.buffer.get_mapped_range(..bytes).map_err(refused)?.to_vec();
         memory.buffer.unmap();
+        self.answers.fetch_add(1, Ordering::Relaxed);
         self.check()?;
         Ok(data)
     }

@@ -15,13 +15,27 @@ pub enum GpuError {
         target_os: &'static str,
     },
 
-    /// There are fewer adapters than asked for.
-    #[error("adapter {index} does not exist, want a number below {found} (see yawara devices)")]
+    /// No adapter has that number or name.
+    #[error(
+        "no adapter is {choice}, want one of these by its number or a part of its name: {found}"
+    )]
     NoSuchAdapter {
-        /// The number asked for.
-        index: usize,
-        /// Adapters on this machine.
-        found: usize,
+        /// What was asked for.
+        choice: String,
+        /// The adapters of this machine.
+        found: String,
+    },
+
+    /// A name that more than one adapter has.
+    #[error(
+        "{choice} is a part of several adapters' names, choose one by its number or a longer part: \
+         {found}"
+    )]
+    SeveralAdapters {
+        /// What was asked for.
+        choice: String,
+        /// The adapters that have it.
+        found: String,
     },
 
     /// The device can't compute in 64 bits.

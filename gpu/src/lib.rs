@@ -15,6 +15,7 @@
 
 mod adapters;
 mod bandwidth;
+mod choice;
 mod device;
 mod error;
 mod inverse;
@@ -27,6 +28,7 @@ mod store;
 mod upload;
 
 pub use adapters::adapters;
+pub use choice::AdapterChoice;
 pub use device::{Device, DeviceOptions};
 pub use error::GpuError;
 pub use inverse::{CHOICES, DeviceInverse, build, on_device};

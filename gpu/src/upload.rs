@@ -3,9 +3,9 @@
 use faer::MatRef;
 
 use crate::GpuError;
-use crate::layout::{TILE_AREA, before, tile_rows};
+use crate::layout::{TILE, TILE_AREA, before, tile_rows};
 use crate::scalar::DeviceScalar;
-use crate::store::{DeviceStore, tile_of};
+use crate::store::DeviceStore;
 
 /// Bytes of a piece: drivers keep a copy of what is on its way.
 const PIECE_BYTES: usize = 16 << 20;
@@ -59,5 +59,20 @@ impl Piece {
             device.queue.submit([]);
         }
         device.wait()
+    }
+}
+
+/// Tiles of C in the device's order: numbers of tile `tile` of a matrix given by its lower half.
+fn tile_of<E: DeviceScalar>(
+    lower: MatRef<'_, f64>,
+    (block, other): (usize, usize),
+    bytes: &mut Vec<u8>,
+) {
+    let n = lower.nrows();
+    for entry in 0..TILE_AREA {
+        let (i, j) = (block * TILE + entry / TILE, other * TILE + entry % TILE);
+        let is_inside = i < n && j < n;
+        let value = if is_inside { lower[(i.max(j), i.min(j))] } else { 0.0 };
+        E::of(value).put(bytes);
     }
 }

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use faer::Mat;
 use yawara_gpu::{
-    Device, DeviceInverse, DeviceOptions, GpuError, adapters, needed_bytes, on_device,
+    AdapterChoice, Device, DeviceInverse, DeviceOptions, GpuError, adapters, needed_bytes,
+    on_device,
 };
 use yawara_inverse_update::{InverseError, InverseMaintainer, RingChange, SparseStiffness};
 
@@ -77,10 +78,28 @@ fn cause(error: &InverseError) -> GpuError {
 #[test]
 fn options_that_can_not_be_had_are_refused() {
     let Some(_) = open("options", DeviceOptions::default()) else { return };
-    let found = adapters().unwrap().len();
-    let index = found + 3;
-    let error = Device::open(DeviceOptions { adapter: Some(index), ..Default::default() }).err();
-    assert_eq!(error, Some(GpuError::NoSuchAdapter { index, found }));
+    let found = adapters().unwrap();
+    let chosen = |adapter| {
+        let adapter = Some(adapter);
+        Device::open(DeviceOptions { adapter, ..Default::default() })
+    };
+    let beyond = AdapterChoice::Index(found.len() + 3);
+    for choice in [beyond, AdapterChoice::Name("no such card".into())] {
+        let error = chosen(choice.clone()).unwrap_err();
+        let GpuError::NoSuchAdapter { choice: asked, found: list } = error else {
+            panic!("{error}")
+        };
+        assert_eq!(asked, choice.to_string());
+        found.iter().for_each(|report| assert!(list.contains(&report.name), "{list}"));
+    }
+    // A part of the last one's name in capitals, if it is its own.
+    let last = found.last().unwrap();
+    let part: String = last.name.to_uppercase();
+    if found.iter().filter(|report| report.name == last.name).count() == 1 {
+        for choice in [AdapterChoice::Name(part), AdapterChoice::Index(found.len() - 1)] {
+            assert_eq!(chosen(choice).unwrap().report(), last);
+        }
+    }
     let error = Device::open(DeviceOptions { chunk_tiles: Some(0), ..Default::default() }).err();
     assert!(matches!(error, Some(GpuError::Limit { got: 0, want: 1, .. })));
 }

@@ -18,16 +18,66 @@ pub enum Update {
     Change(StiffnessChange),
 }
 
+impl Update {
+    /// Makes it by itself.
+    ///
+    /// # Errors
+    /// As the method of [`InverseMaintainer`].
+    pub fn make<M: InverseMaintainer + ?Sized>(
+        &self,
+        maintainer: &mut M,
+    ) -> Result<(), InverseError> {
+        match self {
+            Self::Split(change) => maintainer.split(change).map(drop),
+            Self::Merge { slot, change } => maintainer.merge(*slot, change).map(drop),
+            Self::Change(change) => maintainer.change(change),
+        }
+    }
+
+    /// The vertices concerned that stay.
+    pub(crate) fn slots(&self) -> &[usize] {
+        match self {
+            Self::Split(change) | Self::Merge { change, .. } => &change.slots,
+            Self::Change(change) => &change.slots,
+        }
+    }
+
+    /// The columns of the net change at most, and of the rows that come in.
+    pub(crate) fn most_columns(&self, block: usize) -> usize {
+        match self {
+            Self::Split(change) | Self::Merge { change, .. } => {
+                change.positive.ncols() + change.negative.ncols() + 2 * block
+            }
+            Self::Change(change) => change.added.ncols() + change.removed.ncols(),
+        }
+    }
+}
+
 impl SparseStiffness {
     /// Makes one update.
     ///
     /// # Errors
     /// Those of [`split`](Self::split), [`merge`](Self::merge) and [`change`](Self::change).
     pub fn update(&mut self, update: &Update) -> Result<(), InverseError> {
+        self.check_update(update)?;
+        self.apply_update(update);
+        Ok(())
+    }
+
+    pub(crate) fn check_update(&self, update: &Update) -> Result<(), InverseError> {
         match update {
-            Update::Split(change) => self.split(change).map(drop),
-            Update::Merge { slot, change } => self.merge(*slot, change).map(drop),
-            Update::Change(change) => self.change(change),
+            Update::Split(change) => self.check_split(change),
+            Update::Merge { slot, change } => self.check_merge(*slot, change),
+            Update::Change(change) => self.check_change(change),
+        }
+    }
+
+    /// Once it is checked.
+    pub(crate) fn apply_update(&mut self, update: &Update) {
+        match update {
+            Update::Split(change) => self.apply_split(change),
+            Update::Merge { slot, change } => _ = self.apply_merge(*slot, change),
+            Update::Change(change) => self.apply_change(change),
         }
     }
 }
@@ -37,13 +87,7 @@ pub(crate) fn one_by_one<M: InverseMaintainer + ?Sized>(
     maintainer: &mut M,
     updates: &[Update],
 ) -> Result<(), InverseError> {
-    for (done, update) in updates.iter().enumerate() {
-        let made = match update {
-            Update::Split(change) => maintainer.split(change).map(drop),
-            Update::Merge { slot, change } => maintainer.merge(*slot, change).map(drop),
-            Update::Change(change) => maintainer.change(change),
-        };
-        made.map_err(|source| InverseError::in_batch(done, source))?;
-    }
-    Ok(())
+    updates.iter().enumerate().try_for_each(|(done, update)| {
+        update.make(maintainer).map_err(|source| InverseError::in_batch(done, source))
+    })
 }

@@ -3,6 +3,7 @@
 use faer::{Mat, MatRef};
 
 use crate::capacitance::Capacitance;
+use crate::update::LowRank;
 use crate::{InverseError, SparseStiffness};
 
 /// Largest relative residual at which the parts of a change still count as belonging together.
@@ -205,6 +206,12 @@ impl StiffnessChange {
         let r = block * self.slots.len();
         check_matrix("added", self.added.as_ref(), (r, self.added.ncols()))?;
         check_matrix("removed", self.removed.as_ref(), (r, self.removed.ncols()))
+    }
+
+    /// In factors, what comes in first.
+    pub(crate) fn low_rank(&self) -> LowRank<'_> {
+        let (gained, lost) = (self.added.as_ref(), self.removed.as_ref());
+        LowRank { what: "I + Uᵀ C U of a change", gained, lost }
     }
 
     /// ΔK = A Aᵀ − B Bᵀ, r × r.

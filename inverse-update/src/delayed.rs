@@ -1,5 +1,7 @@
 //! `delayed`: a dense C with the terms of many updates beside it, folded in by one pass.
 
+mod batch;
+
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -18,7 +20,7 @@ use crate::soften::{Terms, at_rows, softened_terms};
 use crate::stored::Stored;
 use crate::update::{LowRank, SignedRoot};
 use crate::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
 };
 
 /// Columns put off at which [`Delayed`] folds them into C, unless it is told otherwise.
@@ -31,7 +33,8 @@ pub const MOST_DELAYED: usize = 96;
 /// Λ + Uᵀ C_rr U = L Σ Lᵀ and W = U L⁻ᵀ it adds the columns Y = C_:r W, C ← C − Y Σ Yᵀ; a new
 /// vertex adds the row C_m: = T C_r:, T = −A22⁻¹ a12ᵀ, and C_mm = A22⁻¹ + T C_rr Tᵀ. Both are
 /// columns C_:r X with X known on the host in f64. Reads between passes see the columns; a pass
-/// folds all of them in at once.
+/// folds all of them in at once. A batch reads one block for as many splits and changes as touch up to 192
+/// rows, and hands their columns over together: as many calls of the store as one split.
 ///
 /// Where C is kept in f32, solutions and columns are refined by K as those of
 /// [`WoodburyF32`](crate::WoodburyF32) are. A factor that fails makes it start afresh from K, which
@@ -209,17 +212,27 @@ impl<S: DenseStore> Delayed<S> {
         removed: Option<usize>,
         edit: impl FnOnce(&mut SparseStiffness),
     ) -> Result<(), InverseError> {
+        self.hand_over(prepared.own.as_ref(), removed)?;
+        edit(&mut self.stiffness);
+        Ok(())
+    }
+
+    /// Hands what is staged to the store, with the corner of new rows and the slot that goes.
+    fn hand_over(
+        &mut self,
+        own: MatRef<'_, f64>,
+        removed: Option<usize>,
+    ) -> Result<(), InverseError> {
         let (block, most) = (self.stiffness.block(), self.most);
         let kept = self.kept.get_mut().unwrap_or_else(PoisonError::into_inner);
         kept.is_fresh = false;
-        kept.store.accept(prepared.own.as_ref())?;
+        kept.store.accept(own)?;
         if let Some(slot) = removed {
             kept.store.remove(slot, block)?;
         }
         if kept.store.delayed() >= most.max(1) {
             kept.store.fold()?;
         }
-        edit(&mut self.stiffness);
         Ok(())
     }
 
@@ -321,6 +334,10 @@ impl<S: DenseStore> InverseMaintainer for Delayed<S> {
         Ok(self.stiffness.vertices() - 1)
     }
 
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        self.update_all(updates)
+    }
+
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
         self.stiffness.check_merge(slot, change)?;
         let last = self.vertices() - 1;
@@ -334,10 +351,8 @@ impl<S: DenseStore> InverseMaintainer for Delayed<S> {
 
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
         self.stiffness.check_change(change)?;
-        let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
-        let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
         let edit = |k: &mut SparseStiffness| k.apply_change(change);
-        match self.prepare_low_rank(&change.slots, &low, 0..0) {
+        match self.prepare_low_rank(&change.slots, &change.low_rank(), 0..0) {
             Ok(prepared) => self.accept(&prepared, None, edit),
             Err(cause) => self.start_afresh(cause, edit),
         }

@@ -105,7 +105,7 @@ pub enum InverseError {
         limit: f64,
     },
     /// One split of several was refused.
-    #[error("split {done} of the batch was refused, the {done} before it are made: {source}")]
+    #[error("update {done} of the batch was refused, the {done} before it are made: {source}")]
     Batch {
         /// How many updates were made.
         done: usize,

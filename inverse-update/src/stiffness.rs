@@ -56,6 +56,13 @@ impl BlockRow {
     }
 }
 
+/// What a split is about to change of K.
+#[derive(Debug)]
+pub(crate) struct RowsBefore {
+    vertices: usize,
+    rows: Vec<(usize, BlockRow)>,
+}
+
 impl SparseStiffness {
     /// The zero matrix of `vertices` blocks of `block` rows.
     ///
@@ -352,6 +359,21 @@ impl SparseStiffness {
             *entry = 0.5 * own[(e / m, e % m)] + 0.5 * own[(e % m, e / m)];
         }
         self.rows[new].set(new, &value);
+    }
+
+    /// The rows that a split on `slots` changes, as they are.
+    pub(crate) fn rows_before(&self, slots: &[usize]) -> RowsBefore {
+        let rows = slots.iter().map(|&slot| (slot, self.rows[slot].clone())).collect();
+        RowsBefore { vertices: self.vertices(), rows }
+    }
+
+    /// Takes splits back, the last one first: K is as it was to the last bit.
+    pub(crate) fn restore(&mut self, before: RowsBefore) {
+        self.rows.truncate(before.vertices);
+        self.order_keys.truncate(before.vertices);
+        for (slot, row) in before.rows {
+            self.rows[slot] = row;
+        }
     }
 
     /// Removes a vertex and moves the last one into its slot, as `Vec::swap_remove`.

@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn appended_rows_are_the_bordered_matrix() {
         let whole = numbered(99);
-        for (old, m) in [(0, 3), (45, 3), (46, 3), (95, 4), (2, 1)] {
+        for (old, m) in [(0, 3), (45, 3), (46, 3), (95, 4), (2, 1), (10, 89)] {
             let mut c = Tiles::<f64>::from_lower(whole.submatrix(0, 0, old, old));
             let columns: Vec<Vec<f64>> =
                 (0..m).map(|a| (0..old).map(|j| whole[(j, old + a)]).collect()).collect();

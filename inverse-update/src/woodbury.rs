@@ -16,7 +16,6 @@ use crate::panel::Panel;
 use crate::residual::refine_once;
 use crate::stored::Stored;
 use crate::tiles::{SignedPanel, Tiles};
-use crate::update::LowRank;
 use crate::{
     Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
     check_loads,
@@ -185,9 +184,7 @@ impl<E: Stored> PackedInverse<E> {
     /// As [`split_with`](Self::split_with).
     fn change_with(&mut self, change: &StiffnessChange, at_once: bool) -> Result<(), InverseError> {
         self.stiffness.check_change(change)?;
-        let (gained, lost) = (change.added.as_ref(), change.removed.as_ref());
-        let low = LowRank { what: "I + Uᵀ C U of a change", gained, lost };
-        match self.prepare_low_rank(&change.slots, &low, 0..0) {
+        match self.prepare_low_rank(&change.slots, &change.low_rank(), 0..0) {
             Ok(Prepared { terms, .. }) => {
                 self.stiffness.apply_change(change);
                 self.defer(terms);

@@ -278,6 +278,10 @@ pub enum SimError {
     /// The inverse refused.
     #[error(transparent)]
     Inverse(#[from] InverseError),
+    /// No graphics adapter, or several, that the scene could mean.
+    #[cfg(feature = "gpu")]
+    #[error("stages.gpu_adapter: {0}")]
+    Adapter(#[source] yawara_gpu::GpuError),
     /// No graphics adapter.
     #[cfg(feature = "gpu")]
     #[error(transparent)]

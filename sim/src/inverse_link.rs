@@ -178,7 +178,8 @@ impl InverseLink {
     /// Makes all splits and merges that came in since the last time, in one batch.
     ///
     /// # Errors
-    /// [`SimError::Inverse`] if the maintainer refuses one; those before it are made then.
+    /// [`SimError::Inverse`] if the maintainer refuses one: those before it are made, and the body
+    /// can't go on.
     pub fn flush(&mut self) -> Result<(), SimError> {
         let count = std::mem::take(&mut self.pending_count);
         if count == 0 {
@@ -187,7 +188,12 @@ impl InverseLink {
         let begin = Instant::now();
         self.updates += count;
         self.batches += 1;
-        self.maintainer.batch(&std::mem::take(&mut self.pending))?;
+        let made = self.maintainer.batch(&std::mem::take(&mut self.pending));
+        // That updates came together is nobody else's business.
+        made.map_err(|error| match error {
+            InverseError::Batch { source, .. } => *source,
+            other => other,
+        })?;
         let before_ms = std::mem::take(&mut self.pending_ms);
         let elapsed_ms = before_ms + begin.elapsed().as_secs_f64() * 1e3;
         self.update_ms.extend(std::iter::repeat_n(elapsed_ms / count as f64, count));

@@ -213,6 +213,9 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
     if let Some(place) = inverse.maintainer().place() {
         why += &format!("; {place}");
     }
+    if let Some(adapter) = &scene.stages.gpu_adapter {
+        why += &format!(", by gpu_adapter = {adapter}");
+    }
     row("inverse update", name, scene.mesh.refines(), why)
 }
 

@@ -1,11 +1,13 @@
 //! What a scene file says: data only, checked by [`Scene::validate`].
 
+mod adapter;
 mod tool;
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use adapter::Adapter;
 pub use tool::{Key, Normal, PressureKey, Tool};
 
 /// A scene: body, loads, stages and budgets. Unknown keys are refused.
@@ -227,6 +229,9 @@ pub struct StageNames {
     pub indicator: String,
     /// How the inverse is kept; `auto` picks by size.
     pub inverse: String,
+    /// The device of an inverse that lives on one; the first of `yawara devices` if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu_adapter: Option<Adapter>,
 }
 
 /// When to split and merge.
@@ -356,6 +361,7 @@ impl Default for StageNames {
             equilibrium: "fallback".into(),
             indicator: "energy".into(),
             inverse: crate::stages::AUTO.into(),
+            gpu_adapter: None,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::SimError;
-use crate::scene::{Image, Phantom, Region, Scene, SurfaceEntry};
+use crate::scene::{Adapter, Image, Phantom, Region, Scene, StageNames, SurfaceEntry};
 use crate::stages::{AUTO, ON_DEVICE};
 
 /// The most steps of a run.
@@ -194,7 +194,31 @@ impl Check<'_> {
             let want = format!("one of {}", choices.join(", "));
             self.that(choices.contains(&&name[..]), &format!("stages.{key}"), name, &want)?;
         }
-        Ok(())
+        self.adapter(stages)
+    }
+
+    /// A device is chosen for an inverse that lives on one.
+    fn adapter(&self, stages: &StageNames) -> Result<(), SimError> {
+        let Some(adapter) = &stages.gpu_adapter else { return Ok(()) };
+        let refused = |want: String| SimError::Value {
+            place: self.place.into(),
+            key: "stages.gpu_adapter".into(),
+            value: adapter.to_string(),
+            want,
+        };
+        if !ON_DEVICE.contains(&&stages.inverse[..]) {
+            return Err(refused(format!(
+                "no such key beside stages.inverse = {:?}: it goes with {}",
+                stages.inverse,
+                ON_DEVICE.join(" and ")
+            )));
+        }
+        match adapter {
+            Adapter::Name(name) if name.trim().is_empty() => {
+                Err(refused("a part of an adapter's name, or its number".into()))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn numbers(&self, scene: &Scene) -> Result<(), SimError> {

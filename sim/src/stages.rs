@@ -36,10 +36,11 @@ impl Stages {
     /// # Errors
     /// The stage's own error, listing its choices. An unknown inverse is refused when the
     /// simulation is made. [`SimError::FeatureMissing`] for an inverse on a device that this
-    /// program was built without; `SimError::Gpu` if there is no device: nothing takes its place.
+    /// program was built without; `SimError::Gpu` if there is no device, `SimError::Adapter` if not
+    /// exactly one is the one that the scene names: nothing takes its place.
     pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
         if ON_DEVICE.contains(&&names.inverse[..]) {
-            return Ok(Self { inverse: on_device(&names.inverse)?, ..Self::on_host(names)? });
+            return Ok(Self { inverse: on_device(names)?, ..Self::on_host(names)? });
         }
         Self::on_host(names)
     }
@@ -65,16 +66,28 @@ impl Stages {
     }
 }
 
-/// Opens the first device of `yawara devices`.
+/// Opens the adapter that the scene names, or else the first of `yawara devices`.
 #[cfg(feature = "gpu")]
-fn on_device(name: &str) -> Result<InverseFactory, SimError> {
-    let device = yawara_gpu::Device::open(yawara_gpu::DeviceOptions::default())?;
-    let name = name.to_owned();
+fn on_device(names: &StageNames) -> Result<InverseFactory, SimError> {
+    use crate::scene::Adapter;
+    use yawara_gpu::{AdapterChoice, Device, DeviceOptions, GpuError};
+    let adapter = names.gpu_adapter.as_ref().map(|adapter| match adapter {
+        Adapter::Index(index) => AdapterChoice::Index(*index),
+        Adapter::Name(name) => AdapterChoice::Name(name.clone()),
+    });
+    let refused = |error| match error {
+        error @ (GpuError::NoSuchAdapter { .. } | GpuError::SeveralAdapters { .. }) => {
+            SimError::Adapter(error)
+        }
+        other => SimError::Gpu(other),
+    };
+    let device = Device::open(DeviceOptions { adapter, ..Default::default() }).map_err(refused)?;
+    let name = names.inverse.clone();
     Ok(Box::new(move |k| yawara_gpu::build(&name, k, &device)))
 }
 
 #[cfg(not(feature = "gpu"))]
-fn on_device(name: &str) -> Result<InverseFactory, SimError> {
-    let what = format!("stages.inverse = {name:?}");
+fn on_device(names: &StageNames) -> Result<InverseFactory, SimError> {
+    let what = format!("stages.inverse = {:?}", names.inverse);
     Err(SimError::FeatureMissing { what, feature: "gpu" })
 }

@@ -51,6 +51,7 @@ macro_rules! inverse_suite {
                 rebuild_removes_the_drift
                 a_nearly_singular_change_stays_accurate
                 a_stiff_spring_comes_and_goes
+                a_stiff_spring_comes_and_goes_in_a_batch
                 a_wide_quasi_definite_change_is_one_change
                 all_vertices_can_be_fixed_one_by_one
                 a_quasi_definite_vertex_can_be_fixed_and_freed

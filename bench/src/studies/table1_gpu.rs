@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use faer::Mat;
 use serde::Serialize;
-use yawara_gpu::{Device, DeviceInverse, DeviceOptions, DeviceScalar, DeviceType, on_device};
+use yawara_gpu::{
+    AdapterChoice, Device, DeviceInverse, DeviceOptions, DeviceScalar, DeviceType, on_device,
+};
 use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, build, drift};
 
 use super::arguments::{Arguments, Defaults};
@@ -130,15 +132,20 @@ impl Lane {
 /// The methods, dense all of them: the host's and the device's.
 const METHODS: [&str; 4] = ["woodbury", "woodbury_f32", "gpu", "gpu_f32"];
 
-/// Runs the study on the first device, writes its files and returns its table.
+/// Runs the study on the first device, or on the one of that number or part of a name; writes its
+/// files and returns its table.
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments or without a device (nothing is written then), or a method that
 /// fails.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let device = Device::open(DeviceOptions::default())?;
+    let adapter = adapter.map(|adapter| match adapter.parse() {
+        Ok(index) => AdapterChoice::Index(index),
+        Err(_) => AdapterChoice::Name(adapter.to_owned()),
+    });
+    let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
     let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let copy = device.copy_rate(5)?;
     let mut rows = Vec::new();

@@ -11,8 +11,8 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Normal, Output, Phantom, PressureKey,
-    Refinement, Region, Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
+    Adapter, Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Normal, Output, Phantom,
+    PressureKey, Refinement, Region, Scene, Solver, StageNames, SurfaceEntry, Time, Tool, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -201,10 +201,19 @@ fn keys<'a>(models: &[Model<'a>]) -> Vec<&'a str> {
     keys
 }
 
-/// What the models show, in words.
+/// What the models show, in words; each kind once where they differ.
 fn wanted(models: &[Model<'_>]) -> String {
-    let Some(model) = models.first() else { return "something else".into() };
-    let words = match model.value {
+    let mut kinds: Vec<&str> = Vec::new();
+    for kind in models.iter().map(|model| kind(model.value)) {
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    if kinds.is_empty() { "something else".into() } else { kinds.join(" or ") }
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
         Value::Float(_) => "a number",
         Value::Integer(_) => "a whole number",
         Value::Boolean(_) => "true or false",
@@ -216,8 +225,7 @@ fn wanted(models: &[Model<'_>]) -> String {
         Value::Array(list) if list.iter().any(Value::is_integer) => "an array of whole numbers",
         Value::Array(_) => "an array of tables",
         Value::String(_) | Value::Datetime(_) => "a string",
-    };
-    words.into()
+    }
 }
 
 /// Two scenes that together have every key and every variant.
@@ -294,7 +302,13 @@ fn example(phantom: Phantom) -> Scene {
         tools: vec![grab(boxed.clone()), grab(sphere.clone()), probe, press(boxed), press(sphere)],
         time: Time { steps: 1, step_s: 0.1 },
         dynamics: Some(Dynamics::default()),
-        stages: StageNames::default(),
+        stages: StageNames {
+            gpu_adapter: Some(match phantom {
+                Phantom::Liver => Adapter::Name("card".into()),
+                Phantom::Block => Adapter::Index(0),
+            }),
+            ..StageNames::default()
+        },
         refinement: Refinement::default(),
         budget: Budget { step_ms: Some(10.0), realtime: true },
         solver: Solver::default(),

@@ -7,7 +7,7 @@ use super::{build, method, residual};
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, mat};
 use yawara_inverse_update::{
-    InverseError, RingChange, SparseStiffness, StiffnessChange, Update, drift,
+    InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update, drift,
 };
 
 /// One row: C = 1/K.
@@ -242,14 +242,38 @@ pub fn a_quasi_definite_vertex_by_hand(name: &str) {
 /// left, and as much again when it is softened, ε h² = 4e-9, unless that is corrected by K: then
 /// ε h remains.
 pub fn a_stiff_spring_comes_and_goes(name: &str) {
-    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
-    let stiff = 2.0_f64.powi(12);
-    let spring = |added, removed| StiffnessChange { slots: vec![0], added, removed };
-    let (root, none) = (mat![[stiff.sqrt()]], Mat::zeros(1, 0));
-    for _ in 0..8 {
-        maintainer.change(&spring(root.clone(), none.clone())).unwrap();
-        maintainer.change(&spring(none.clone(), root.clone())).unwrap();
+    a_stiff_spring(name, 64.0, |maintainer, changes| {
+        changes.iter().for_each(|change| maintainer.change(change).unwrap());
+    });
+}
+
+/// The same as one batch, with the split of the other spring in front: no edit may be taken with
+/// others where C gets that much softer.
+pub fn a_stiff_spring_comes_and_goes_in_a_batch(name: &str) {
+    // Roots of stiffnesses that round in different ways.
+    for root in [47.0, 55.0, 57.0, 59.0, 61.0, 63.0, 64.0] {
+        a_stiff_spring(name, root, |maintainer, changes| {
+            let halved = halved_spring();
+            let mut updates = vec![Update::Split(halved.clone())];
+            updates.extend(changes.iter().cloned().map(Update::Change));
+            maintainer.batch(&updates).unwrap();
+            maintainer.merge(2, &halved).unwrap();
+        });
     }
+}
+
+fn a_stiff_spring(
+    name: &str,
+    root: f64,
+    make: impl Fn(&mut dyn InverseMaintainer, &[StiffnessChange]),
+) {
+    let mut maintainer = maintain(name, 1, &two_springs()).unwrap();
+    let stiff = root * root;
+    let spring = |added, removed| StiffnessChange { slots: vec![0], added, removed };
+    let (root, none) = (mat![[root]], Mat::zeros(1, 0));
+    let both = [spring(root.clone(), none.clone()), spring(none, root)];
+    let changes: Vec<StiffnessChange> = both.iter().cycle().take(16).cloned().collect();
+    make(maintainer.as_mut(), &changes);
     assert_eq!(maintainer.stiffness().to_dense(), two_springs());
     let error = (inverse(&*maintainer) - mat![[1.0, 1.0], [1.0, 2.0]]).norm_max();
     let per_visit = match name {

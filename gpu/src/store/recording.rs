@@ -1,0 +1,116 @@
+//! Commands of one submit, and the numbers that come back from it.
+
+use super::DeviceStore;
+use crate::GpuError;
+use crate::kernels::{Kernel, Work};
+use crate::layout::{before, tile_rows};
+use crate::scalar::DeviceScalar;
+
+/// Commands of one submit.
+pub(super) struct Recording<'a, E: DeviceScalar> {
+    store: &'a DeviceStore<E>,
+    pass: wgpu::ComputePass<'static>,
+}
+
+impl<E: DeviceScalar> Recording<'_, E> {
+    /// A kernel that leaves C alone.
+    pub(super) fn run(&mut self, kernel: Kernel, work: Work, groups: (usize, usize)) {
+        let store = self.store;
+        if let Some(group) = store.room.group(0) {
+            let kernels = &E::kernels(&store.device).0;
+            kernels.dispatch(&mut self.pass, kernel, group, &work, groups);
+        }
+    }
+
+    /// A kernel that touches tiles from `first` on, up to those of `rows` rows: once per chunk. One
+    /// workgroup per tile of a chunk where `groups` is `None`.
+    pub(super) fn run_on_tiles(
+        &mut self,
+        kernel: Kernel,
+        work: Work,
+        (first, rows): (usize, usize),
+        groups: (Option<usize>, usize),
+    ) {
+        let store = self.store;
+        let (each, end) = (store.room.chunk_tiles(), before(tile_rows(rows)));
+        let kernels = &E::kernels(&store.device).0;
+        for chunk in first / each..end.div_ceil(each) {
+            let Some(group) = store.room.group(chunk) else { return };
+            let first_tile = chunk * each;
+            let tiles = each.min(end - first_tile);
+            let work = Work { first_tile, tiles, ..work };
+            let groups = (groups.0.unwrap_or(tiles), groups.1);
+            kernels.dispatch(&mut self.pass, kernel, group, &work, groups);
+        }
+    }
+
+    /// Columns of C into the panel, once [`DeviceStore::gathering`] has prepared it.
+    pub(super) fn gather(&mut self, gathering: Option<&Gathering>) {
+        let Some(Gathering { work, rows }) = gathering else { return };
+        let (work, groups) = (*work, (work.tile_rows, rows.len()));
+        self.run_on_tiles(Kernel::Gather, work, (0, work.rows), (Some(groups.0), groups.1));
+        if work.terms > 0 {
+            self.run(Kernel::Correct, work, groups);
+        }
+    }
+}
+
+/// Columns of C on their way into the panel.
+pub(super) struct Gathering {
+    pub(super) work: Work,
+    /// The rows that they belong to.
+    pub(super) rows: Vec<usize>,
+}
+
+/// Which buffer numbers come back from.
+#[derive(Clone, Copy)]
+pub(super) enum From {
+    /// The panel, from a column on.
+    Panel(usize),
+    Result,
+}
+
+impl<E: DeviceScalar> DeviceStore<E> {
+    /// Records commands; nothing is handed over yet.
+    pub(super) fn record(
+        &self,
+        commands: impl FnOnce(&mut Recording<'_, E>),
+    ) -> wgpu::CommandEncoder {
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let pass = encoder.begin_compute_pass(&Default::default()).forget_lifetime();
+        let mut recording = Recording { store: self, pass };
+        commands(&mut recording);
+        drop(recording);
+        encoder
+    }
+
+    pub(super) fn submit(
+        &self,
+        commands: impl FnOnce(&mut Recording<'_, E>),
+    ) -> Result<(), GpuError> {
+        self.device.submit(self.record(commands))
+    }
+
+    /// Hands commands over and waits for numbers to come back.
+    pub(super) fn fetch(
+        &self,
+        mut encoder: wgpu::CommandEncoder,
+        from: From,
+        numbers: usize,
+    ) -> Result<Vec<f64>, GpuError> {
+        let Some((panel, result, readback)) = self.room.ways_back() else { return Ok(vec![]) };
+        let bytes = numbers as u64 * E::BYTES;
+        if bytes == 0 {
+            self.device.submit(encoder)?;
+            return Ok(vec![]);
+        }
+        let (source, at) = match from {
+            From::Panel(column) => (panel, (column * self.room.stride()) as u64 * E::BYTES),
+            From::Result => (result, 0),
+        };
+        encoder.copy_buffer_to_buffer(source, at, &readback.buffer, 0, bytes);
+        self.device.submit(encoder)?;
+        let bytes = self.device.read(readback, bytes)?;
+        Ok(bytes.chunks_exact(E::BYTES as usize).map(|x| E::take(x).value()).collect())
+    }
+}
