@@ -147,8 +147,8 @@ impl InverseLink {
     }
 
     /// Takes a split or merge with the hand-over of [`element`](Self::element); `is_fixed` tells
-    /// whose displacements are fixed (that of the new vertex only if both ends of its edge are),
-    /// `order_key` where the vertex lies. [`flush`](Self::flush) makes it.
+    /// whose displacements are fixed, `order_key` where the vertex lies. [`flush`](Self::flush) makes
+    /// it.
     pub fn push(
         &mut self,
         change: Change,
@@ -160,6 +160,7 @@ impl InverseLink {
         let begin = Instant::now();
         let has_slot = needs_slot(self.element.as_ref(), is_fixed(vertex));
         let ring = match self.element.unknowns() {
+            DISPLACEMENTS if is_fixed(vertex) => ring.with_new_vertex_held(&is_fixed),
             DISPLACEMENTS => ring,
             _ => ring.clamp(&is_fixed, is_fixed(vertex), self.anchor),
         };

@@ -275,11 +275,7 @@ impl Refiner {
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         let vertex = self.forest.split(p, &mut delta)?;
         let rest = self.placement.position(p);
-        let ends = delta.edge.map(|v| state.holds[v.index()]);
-        // A tool takes hold of the body, not of what surrounds it.
-        let is_body = self.ring.iter().any(|tet| !self.is_void(tet));
-        let near = around.iter().filter(|_| is_body).map(|&v| state.holds[v]);
-        let hold = self.regions.hold(&rest, ends, near);
+        let hold = self.regions.hold(&rest, around.iter().map(|&v| state.holds[v]));
         // The strain around it would put it elsewhere.
         let position = if hold == Hold::Fixed { rest } else { midpoint };
         state.add_vertex(vertex, rest, position, hold);

@@ -285,6 +285,9 @@ pub struct Summary {
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,
+    /// Wall-clock time from the scene to the first step, s: image, labels, homogenising, start mesh,
+    /// inverse.
+    pub setup_s: f64,
     /// Wall-clock time of everything, s.
     pub wall_s: f64,
 }

@@ -216,7 +216,7 @@ fn start_forest(
 }
 
 /// True where one of the voxels around solver position `x` is not void.
-fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
+pub(crate) fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
     let voxel_m = volume.grid().spacing_mm * 1e-3;
     let dims = volume.grid().dims;
     let range = |axis: usize| {

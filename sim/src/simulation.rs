@@ -42,7 +42,7 @@ pub struct Simulation {
     /// None for a mesh from a file.
     body_summary: Option<BodySummary>,
     /// The labels, if fields are to be written on their grid.
-    pub(crate) volume: Option<LabelVolume>,
+    pub(crate) volume: Option<Arc<LabelVolume>>,
     pub(crate) tools: Vec<Box<dyn Tool>>,
     /// Contacts at the last equilibrium.
     pub(crate) touch: Touch,
@@ -111,14 +111,15 @@ impl Simulation {
                 let Setup { forest, placement, .. } = *setup;
                 let label_values = setup.volume.values().to_vec();
                 body_summary = Some(setup.summary);
-                volume = scene.output.field.then_some(setup.volume);
+                let labels = Arc::new(setup.volume);
+                volume = scene.output.field.then(|| Arc::clone(&labels));
                 let (refiner, state) = Refiner::new(
                     forest,
                     embedding,
                     placement,
                     label_values,
                     &holds,
-                    Regions::of(scene, organ),
+                    Regions::of(scene, organ, labels),
                     empty_body(element),
                 );
                 (state, Some(refiner), surfaces)

@@ -19,6 +19,7 @@ const SCHEMA: u32 = 1;
 
 pub(crate) struct Tally {
     begin: Instant,
+    setup_s: f64,
     vertices: Range,
     tets: Range,
     splits: usize,
@@ -41,10 +42,12 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
+    /// For a body that is set up, `begin` being when that began.
     pub fn new(begin: Instant, state: &State) -> Self {
         let count = |n| Range { start: n, max: n, end: n };
         Self {
             begin,
+            setup_s: begin.elapsed().as_secs_f64(),
             vertices: count(state.vertex_count()),
             tets: count(state.tet_count()),
             splits: 0,
@@ -155,6 +158,7 @@ impl Tally {
             motion: None,
             tools: self.tools.clone(),
             surfaces,
+            setup_s: self.setup_s,
             wall_s: self.begin.elapsed().as_secs_f64(),
         }
     }

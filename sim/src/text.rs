@@ -101,7 +101,13 @@ pub fn summary(summary: &Summary) -> String {
             ),
         );
     }
-    line("time", format!("{:.2} s in all", summary.wall_s));
+    line(
+        "time",
+        format!(
+            "{:.2} s in all, {:.2} s of them before the first step",
+            summary.wall_s, summary.setup_s
+        ),
+    );
     for warning in body.iter().flat_map(body_warnings) {
         line("warning", warning);
     }

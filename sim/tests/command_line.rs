@@ -110,6 +110,8 @@ fn a_run_writes_its_directory() {
     for key in ["schema", "seed", "plan", "inverse", "force", "wall_s"] {
         assert!(!summary[key].is_null(), "{key}");
     }
+    let seconds = |key: &str| summary[key].as_f64().unwrap();
+    assert!(seconds("setup_s") > 0.0 && seconds("setup_s") < seconds("wall_s"));
 
     let last = grid(&bench, "runs/bar/frames/step_000003.vtu");
     assert_eq!(last.points.len() as u64, 3 * end);

@@ -143,6 +143,17 @@ fn a_steady_push_needs_few_iterations_and_fewer_than_one_that_trembles() {
 }
 
 #[test]
+fn points_that_come_and_go_are_settled_as_a_set() {
+    // At full depth points at the rim of the contact come in and go out again: mixing alone gives
+    // up there, after more than a hundred iterations.
+    let mut simulation = simulation("probe", &[]);
+    let reports: Vec<StepReport> = (0..170).map(|_| simulation.step().unwrap()).collect();
+    assert!(reports.iter().all(|report| report.converged && report.fallbacks == 0));
+    let total: usize = reports.iter().map(|report| report.iterations).sum();
+    assert!(total < 500, "{total}");
+}
+
+#[test]
 fn a_tool_led_through_the_interface_does_what_its_path_would() {
     let short = ["time.steps=6", "mesh.max_level=0"];
     let by_path = run(&mut simulation("indent", &short));

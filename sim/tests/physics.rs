@@ -113,7 +113,7 @@ fn a_nearly_incompressible_beam_is_pulled_let_go_and_sags_without_locking() {
     assert!((sag / of_compressible - 1.0).abs() < 0.05, "{sag} mm, {of_compressible} mm");
 }
 
-/// Whatever comes into a tool's region is held as if it had been there from the start.
+/// Whatever comes into a tool's or a fixed region is held as if it had been there from the start.
 #[test]
 fn a_mesh_refined_everywhere_is_held_as_one_that_starts_so_fine() {
     let held = |mesh: [&str; 3]| {
@@ -121,6 +121,8 @@ fn a_mesh_refined_everywhere_is_held_as_one_that_starts_so_fine() {
             "tools.0.region={ shape = 'sphere', centre = [1.0, 0.5, 0.5], radius_m = 0.018 }",
             "tools.0.path=[{ time_s = 0.0 }, { time_s = 0.1, move_m = [0.0, 0.0, 0.01] }]",
             "tools.0.release_s=9.0",
+            // Ends within the first row of cells.
+            "fixed.0.max=[0.07, 1.0, 1.0]",
             "time.steps=12",
         ];
         let (reports, _) = beam(&[&tool[..], &mesh[..]].concat());
@@ -132,7 +134,8 @@ fn a_mesh_refined_everywhere_is_held_as_one_that_starts_so_fine() {
         held(["mesh.start_level=3", "mesh.max_level=3", "refinement.split_above=1e9"]);
     let (refined_count, refined) =
         held(["mesh.start_level=0", "mesh.max_level=3", "refinement.split_above=1e-30"]);
-    assert_eq!(refined_count, count);
+    // What is fixed all round stays coarse.
+    assert!((count * 9 / 10..count).contains(&refined_count), "{refined_count} of {count}");
     for i in 0..3 {
         let difference = (refined[i] - force[i]).abs();
         assert!(difference < 1e-4 * force[2].abs(), "{refined:?} instead of {force:?}");

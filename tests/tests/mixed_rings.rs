@@ -8,6 +8,7 @@ use yawara_embed::{
     ElementFormulation, Embedding, LinearTet, MixedModuli, P1P1, RingStiffness, isotropic,
     strain_from_gradient,
 };
+use yawara_mesh::kuhn::Point;
 use yawara_mesh::lattice::Site;
 use yawara_mesh::{BisectionForest, MeshDelta, Placement, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs};
@@ -372,7 +373,7 @@ proptest! {
 
 #[test]
 fn a_clamped_ring_still_belongs_together() {
-    // With both ends of an edge held, the new vertex may be: M is the same in factors and in parts.
+    // M is the same in factors and in parts, however many ends of the edge are held.
     let mut organ = Organ::homogeneous([2, 1, 1], 1e3, 0.49);
     (0..organ.labels.len()).for_each(|i| organ.labels[i] = 1 + (i * 7 % 3 == 0) as u16);
     organ.materials.push((1e5, 0.4));
@@ -380,13 +381,15 @@ fn a_clamped_ring_still_belongs_together() {
     let placement = organ.placement(6);
     let embedding = organ.embedding("laminate");
     let mut delta = MeshDelta::empty();
-    let mut seen = [0, 0];
+    let mut seen = [0; 2];
+    let mut ends_held = [0; 3];
     for p in forest.candidates() {
         if forest.split(p, &mut delta).is_err() {
             continue;
         }
-        let held = |v: VertexId| forest.point(v)[0] == 0;
-        let new_is_held = delta.edge.iter().all(|&v| held(v));
+        let is_in = |p: Point| 4 * p[0] <= forest.domain().lattice().units;
+        let held = |v: VertexId| is_in(forest.point(v));
+        let new_is_held = is_in(p);
         let ring = ring(&P1P1::default(), &forest, &placement, &embedding, &delta).clamp(
             held,
             new_is_held,
@@ -408,6 +411,10 @@ fn a_clamped_ring_still_belongs_together() {
         assert!(diagonal[3] < 0.0 && diagonal.rows(0, 3).min() > 0.0);
         assert_eq!(new_is_held, diagonal.rows(0, 3) == Vector3::repeat(50.0));
         seen[usize::from(new_is_held)] += 1;
+        if new_is_held {
+            ends_held[delta.edge.iter().filter(|&&v| held(v)).count()] += 1;
+        }
     }
     assert!(seen[0] > 0 && seen[1] > 0);
+    assert!(ends_held[1] > 0 && ends_held[2] > 0, "{ends_held:?}");
 }

@@ -10,12 +10,14 @@ use yawara::{InverseFactory, InverseLink};
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet, formulation_by_name};
 use yawara_inverse_update::InverseMaintainer;
+use yawara_mesh::kuhn::Point;
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
 use yawara_tests::organ::{Organ, organs};
 
 const MAX_LEVEL: u8 = 8;
 
-/// An organ clamped at its low x side, with an inverse that follows its mesh.
+/// An organ clamped in a slab of a third of a base cell at its low x side, with an inverse that
+/// follows its mesh.
 struct Clamped {
     forest: BisectionForest,
     placement: Placement,
@@ -41,7 +43,7 @@ impl Clamped {
         let embedding = organ.embedding(homogenisation);
         let mut fixed = vec![false; forest.vertex_capacity()];
         for v in forest.vertices() {
-            fixed[v.index()] = forest.point(v)[0] == 0;
+            fixed[v.index()] = is_in_slab(&forest, forest.point(v));
         }
         let body = body(&forest, &placement, &embedding);
         let factory: InverseFactory = Box::new(|k| yawara_inverse_update::build(maintainer, k));
@@ -63,7 +65,8 @@ impl Clamped {
         if self.fixed.len() <= v.index() {
             self.fixed.resize(v.index() + 1, false);
         }
-        self.fixed[v.index()] = self.delta.edge.iter().all(|end| self.fixed[end.index()]);
+        // Mostly with one end outside of the slab.
+        self.fixed[v.index()] = is_in_slab(&self.forest, p);
         self.update(v);
     }
 
@@ -124,6 +127,10 @@ impl Clamped {
         }
         worst
     }
+}
+
+fn is_in_slab(forest: &BisectionForest, p: Point) -> bool {
+    3 * p[0] <= forest.domain().lattice().units
 }
 
 fn body(forest: &BisectionForest, placement: &Placement, embedding: &Embedding) -> Body {
