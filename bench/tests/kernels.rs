@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use yawara_bench::Solid;
 use yawara_corot::{Body, Corotation, ElementCorotation, ElementReference, StiffnessPacket};
-use yawara_embed::isotropic;
+use yawara_embed::{P1P1, isotropic};
 use yawara_mesh::TetId;
 
 /// A number in −1..1 that looks random.
@@ -13,7 +13,16 @@ fn noise(i: usize) -> f64 {
 
 /// A block whose tetrahedra have anisotropic elasticities that span three decades.
 fn block() -> Solid {
-    let mut solid = Solid::block([5, 3, 3], [5.0, 3.0, 3.0], isotropic(1.0, 0.3));
+    block_of([5, 3, 3])
+}
+
+/// One of enough tetrahedra that threads share them.
+fn large_block() -> Solid {
+    block_of([18, 16, 12])
+}
+
+fn block_of(cells: [usize; 3]) -> Solid {
+    let mut solid = Solid::block(cells, cells.map(|n| n as f64), isotropic(1.0, 0.3));
     for (t, d) in solid.elasticity.iter_mut().enumerate() {
         let m = Matrix6::from_fn(|i, j| 0.1 * noise(7 * t + 6 * i + j));
         *d = (isotropic(1.0, 0.4) + m * m.transpose()) * 10f64.powf(1.5 * noise(t));
@@ -50,11 +59,41 @@ fn compare(fast: &mut Body, slow: &mut Body, x: &[Vector3<f64>]) {
 
 #[test]
 fn forces_and_rotations_are_those_of_the_scalar_code() {
-    let solid = block();
-    let (mut fast, mut slow) = (solid.body(), solid.body());
-    // Small, large, and from one to the other; the last two invert elements.
-    for (angle, size) in [(0.0, 0.01), (0.4, 0.1), (3.0, 0.2), (0.0, 0.2), (2.0, 0.6), (0.1, 2.0)] {
-        compare(&mut fast, &mut slow, &moved(&solid, angle, size));
+    for solid in [block(), large_block()] {
+        let (mut fast, mut slow) = (solid.body(), solid.body());
+        // Small, large, and from one to the other; the last two invert elements.
+        for (angle, size) in
+            [(0.0, 0.01), (0.4, 0.1), (3.0, 0.2), (0.0, 0.2), (2.0, 0.6), (0.1, 2.0)]
+        {
+            compare(&mut fast, &mut slow, &moved(&solid, angle, size));
+        }
+    }
+}
+
+#[test]
+fn figures_do_not_depend_on_the_number_of_threads() {
+    let solid = large_block();
+    let x = moved(&solid, 0.4, 0.1);
+    let with_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut body = solid.body();
+        let mut mixed = Body::mixed(P1P1::default());
+        body.elements().iter().for_each(|&element| mixed.insert(element));
+        mixed.set_pressures(&(0..x.len()).map(noise).collect::<Vec<_>>());
+        let mut forces = [vec![Vector3::zeros(); x.len()], vec![Vector3::zeros(); x.len()]];
+        let [of_body, of_mixed] = &mut forces;
+        pool.install(|| {
+            ElementCorotation.internal_forces(&mut body, &x, of_body);
+            ElementCorotation.internal_forces(&mut mixed, &x, of_mixed);
+        });
+        let lack: Vec<f64> = (0..x.len()).map(|v| mixed.volume_residual(v)).collect();
+        let rotations = [body.vertex_rotations().to_vec(), mixed.vertex_rotations().to_vec()];
+        (forces, lack, rotations)
+    };
+    let one = with_threads(1);
+    assert!(one.1.iter().any(|lack| *lack != 0.0));
+    for threads in [2, 3, 7] {
+        assert!(with_threads(threads) == one, "{threads} threads");
     }
 }
 
@@ -85,9 +124,12 @@ fn elements_come_and_go_one_by_one() {
 
 #[test]
 fn stiffness_blocks_are_rotated_element_matrices() {
-    let solid = block();
+    [block(), large_block()].iter().for_each(check_blocks);
+}
+
+fn check_blocks(solid: &Solid) {
     let mut body = solid.body();
-    let x = moved(&solid, 1.0, 0.1);
+    let x = moved(solid, 1.0, 0.1);
     let mut forces = vec![Vector3::zeros(); x.len()];
     let mut blocks: Vec<StiffnessPacket> =
         vec![[[f64::NAN; 8]; 144]; body.elements().len().div_ceil(8)];

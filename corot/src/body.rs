@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
+use rayon::prelude::*;
 use yawara_embed::{LinearTet, P1P1, Strain, strain_from_gradient};
 use yawara_mesh::TetId;
 
@@ -12,6 +13,8 @@ use crate::mixed::Pressures;
 use crate::packets::Packets;
 use crate::rotation::polar_warm;
 use crate::stress::{add_forces, scaled_stress};
+use crate::sums::Sums;
+use crate::vertex_kernel::VertexPass;
 
 /// A linear tetrahedron in a [`Body`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +46,14 @@ impl Element {
 
 const ABSENT: u32 = u32::MAX;
 
+/// The most runs of elements that are evaluated at once. How many there are goes by the number of
+/// elements alone: so do the last digits.
+const RUNS: usize = 4;
+
+/// Packets in a run, at least: half a millisecond. Shorter ones lose more by waking a thread that
+/// sleeps, as it does between evaluations, than they gain.
+const RUN_PACKETS: usize = 1024;
+
 /// All elements of the current mesh, dense, with rotations that warm-start each other.
 ///
 /// Its elements are linear in displacements alone ([`new`](Self::new)) or carry pressures beside
@@ -56,6 +67,8 @@ pub struct Body {
     vertex_rotations: Vec<Matrix3<f64>>,
     /// Σ V_e F_e and Σ V_e around each vertex: scratch of the renewals below.
     gradient_sums: Vec<(Matrix3<f64>, f64)>,
+    /// Of each run of elements that is evaluated at once: scratch.
+    partial_sums: Vec<Sums>,
     /// None for displacements alone.
     pressures: Option<Pressures>,
     /// [`stiffness_scale`](Self::stiffness_scale), until an element comes or goes: every evaluation
@@ -201,26 +214,63 @@ impl Body {
     ///
     /// The same figures as those of [`ElementReference`](crate::ElementReference) and
     /// [`LinearTet::stiffness`] up to rounding; that of a [`mixed`](Self::mixed) body's K'.
-    /// Cost: O(elements), in one thread.
+    /// Cost: O(elements), in up to four threads of rayon's pool. The result does not depend on how
+    /// many there are.
     ///
     /// # Panics
-    /// If a vertex number of an element is not below the lengths of `positions` and `forces`.
+    /// If a vertex number of an element is not below the length of `positions`, or `forces` has
+    /// another.
     pub fn forces_and_stiffness(
         &mut self,
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
         stiffness: &mut [StiffnessPacket],
     ) -> f64 {
-        forces.fill(Vector3::zeros());
-        self.gradient_sums.clear();
-        self.gradient_sums.resize(positions.len(), (Matrix3::zeros(), 0.0));
-        let Self { elements, packets, gradient_sums: sums, pressures, .. } = self;
+        let (vertices, is_mixed) = (positions.len(), self.is_mixed());
+        let Self { elements, packets, partial_sums, pressures, .. } = self;
         if let Some(pressures) = pressures {
-            pressures.begin(positions.len(), elements);
+            pressures.begin(vertices, elements);
         }
-        let pressures = pressures.as_mut();
-        let pass = Pass { packets, positions, forces, elements, sums, stiffness, pressures };
-        let squares = pulp::Arch::new().dispatch(pass);
+        let count = packets.packets.len();
+        let length = count.div_ceil((count / RUN_PACKETS).clamp(1, RUNS)).max(1);
+        partial_sums.resize_with(count.div_ceil(length).max(1), Sums::default);
+        let mut rest = stiffness;
+        let passes: Vec<Pass<'_>> = packets
+            .packets
+            .chunks_mut(length)
+            .zip(elements.chunks_mut(LANES * length))
+            .zip(partial_sums.iter_mut())
+            .enumerate()
+            .map(|(run, ((packets, elements), sums))| {
+                let blocks = std::mem::take(&mut rest);
+                let (stiffness, behind) = blocks.split_at_mut(length.min(blocks.len()));
+                rest = behind;
+                let (first, pressures) = (LANES * length * run, pressures.as_ref());
+                Pass { packets, positions, elements, first, sums, stiffness, pressures }
+            })
+            .collect();
+        let evaluate = |pass: Pass<'_>| {
+            pass.sums.clear(vertices, is_mixed);
+            pulp::Arch::new().dispatch(pass);
+        };
+        if passes.len() > 1 && rayon::current_num_threads() > 1 {
+            passes.into_par_iter().for_each(evaluate);
+        } else {
+            passes.into_iter().for_each(evaluate);
+        }
+        if count == 0 {
+            partial_sums[0].clear(vertices, is_mixed);
+        }
+        let (sums, others) = partial_sums.split_at_mut(1);
+        let sums = &mut sums[0];
+        // Always in this order, whoever came first.
+        others.iter().for_each(|other| sums.add(other));
+        forces.copy_from_slice(&sums.forces);
+        if let Some(pressures) = pressures {
+            pressures.set_lack(&sums.lack);
+        }
+        std::mem::swap(&mut self.gradient_sums, &mut sums.gradients);
+        let squares = sums.squares;
         self.renew_vertices();
         squares.sqrt()
     }
@@ -235,8 +285,10 @@ impl Body {
     ) -> f64 {
         forces.fill(Vector3::zeros());
         let Self { elements, pressures, .. } = self;
+        let mut lack = Vec::new();
         if let Some(pressures) = pressures {
             pressures.begin(positions.len(), elements);
+            lack.resize(positions.len(), 0.0);
         }
         let mut squares = 0.0;
         for (number, element) in elements.iter().enumerate() {
@@ -246,7 +298,7 @@ impl Body {
             let scaled = match pressures {
                 None => scaled_stress(element, &r, &gradient),
                 Some(pressures) => {
-                    pressures.add_lack(number, element.vertices, gradient.trace());
+                    pressures.add_lack(number, element.vertices, gradient.trace(), &mut lack);
                     let pressed = pressures.element(number);
                     let element = Element { elasticity: pressed.deviatoric, ..*element };
                     let pull = pressures.pull(number, element.vertices);
@@ -255,19 +307,17 @@ impl Body {
             };
             squares += add_forces(element, &scaled, forces);
         }
+        if let Some(pressures) = pressures {
+            pressures.set_lack(&lack);
+        }
         squares.sqrt()
     }
 
     /// R_i = polar(Σ V_e F_e / Σ V_e) from the sums of the last [`Self::renew_elements`].
     pub(crate) fn renew_vertices(&mut self) {
-        self.vertex_rotations.resize(self.gradient_sums.len(), Matrix3::identity());
-        for (rotation, (sum, volume)) in self.vertex_rotations.iter_mut().zip(&self.gradient_sums) {
-            *rotation = if *volume > 0.0 {
-                polar_warm(&(sum / *volume), rotation)
-            } else {
-                Matrix3::identity()
-            };
-        }
+        let Self { gradient_sums: gradients, vertex_rotations: rotations, .. } = self;
+        rotations.resize(gradients.len(), Matrix3::identity());
+        pulp::Arch::new().dispatch(VertexPass { gradients, rotations });
     }
 
     /// Sets all rotations, of elements and of `vertices` vertices, to the identity.

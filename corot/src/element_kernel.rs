@@ -7,27 +7,27 @@ use crate::body::Element;
 use crate::lanes::{LANES, M3, Row, V, dot, load3, load33, product, store33, transposed_product};
 use crate::mixed::Pressures;
 use crate::packet_rotation::polar;
-use crate::packets::{Packet, Packets};
+use crate::packets::Packet;
 use crate::rotation::polar_warm;
+use crate::sums::Sums;
 
 /// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
 /// `[12 i + j][l]`, N/m.
 pub type StiffnessPacket = [[f64; LANES]; 144];
 
-/// What a pass over the elements reads and writes.
+/// What a pass over a run of elements reads and writes.
 pub(crate) struct Pass<'a> {
-    pub packets: &'a mut Packets,
+    pub packets: &'a mut [Packet],
     pub positions: &'a [Vector3<f64>],
-    /// f_int is added to it.
-    pub forces: &'a mut [Vector3<f64>],
-    /// The elements by number, whose rotations are renewed.
+    /// The elements of these packets, whose rotations are renewed, and the number of the first.
     pub elements: &'a mut [Element],
-    /// V F and V of each element are added to those of its corners.
-    pub sums: &'a mut [(Matrix3<f64>, f64)],
+    pub first: usize,
+    /// What elements give their corners is added to it.
+    pub sums: &'a mut Sums,
     /// One per packet, or none.
     pub stiffness: &'a mut [StiffnessPacket],
     /// Of mixed elements.
-    pub pressures: Option<&'a mut Pressures>,
+    pub pressures: Option<&'a Pressures>,
 }
 
 /// What passes between the steps of one packet.
@@ -46,12 +46,11 @@ struct Buffers {
 }
 
 impl WithSimd for Pass<'_> {
-    /// Σ ‖f_e‖².
-    type Output = f64;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Pass { packets, positions, forces, elements, sums, stiffness, mut pressures } = self;
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Pass { packets, positions, elements, first, sums, stiffness, pressures } = self;
         let zero = [0.0; LANES];
         let mut buffers = Buffers {
             edges: [[zero; 3]; 3],
@@ -62,19 +61,18 @@ impl WithSimd for Pass<'_> {
             pull: zero,
             dilation: zero,
         };
-        let mut squares = 0.0;
-        for number in 0..packets.packets.len() {
-            let lanes = packets.lanes(number);
-            let packet = &mut packets.packets[number];
+        for number in 0..packets.len() {
+            let lanes = LANES.min(elements.len() - LANES * number);
+            let packet = &mut packets[number];
             gather(packet, positions, &mut buffers.edges);
             for part in 0..LANES / S::F64_LANES {
                 rotate(simd, packet, &mut buffers, part);
             }
             settle(packet, &buffers);
-            if let Some(pressures) = &pressures {
+            if let Some(pressures) = pressures {
                 for lane in 0..lanes {
                     let corners = corners(packet, lane);
-                    buffers.pull[lane] = pressures.pull(number * LANES + lane, corners);
+                    buffers.pull[lane] = pressures.pull(first + number * LANES + lane, corners);
                 }
             }
             for part in 0..LANES / S::F64_LANES {
@@ -84,17 +82,17 @@ impl WithSimd for Pass<'_> {
                 }
             }
             for lane in 0..lanes {
-                squares += buffers.squares[lane];
-                scatter(packet, &buffers.edges, lane, forces);
-                if let Some(pressures) = &mut pressures {
+                sums.squares += buffers.squares[lane];
+                scatter(packet, &buffers.edges, lane, &mut sums.forces);
+                if let Some(pressures) = pressures {
                     let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
-                    pressures.add_lack(number * LANES + lane, corners, dilation);
+                    let number = first + number * LANES + lane;
+                    pressures.add_lack(number, corners, dilation, &mut sums.lack);
                 }
-                add_gradient(packet, &buffers.gradient, lane, sums);
+                add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
                 elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
             }
         }
-        squares
     }
 }
 

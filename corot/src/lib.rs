@@ -33,8 +33,10 @@ mod point;
 pub mod rotation;
 mod row_corotation;
 mod stress;
+mod sums;
 mod tangent;
 mod vectors;
+mod vertex_kernel;
 
 pub use anderson::Anderson;
 pub use body::{Body, Element};

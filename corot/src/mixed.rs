@@ -69,14 +69,13 @@ impl Pressures {
         moved.map(|moved| Element { elasticity: self.elements[at].deviatoric, ..*moved })
     }
 
-    /// Makes room for `vertices` vertices, sets what they lack to zero and renews their weights
-    /// where elements have come or gone.
+    /// Makes room for `vertices` vertices and renews their weights where elements have come or
+    /// gone.
     pub fn begin(&mut self, vertices: usize, elements: &[Element]) {
         self.stale |= self.vertices.len() < vertices;
         if self.vertices.len() < vertices {
             self.vertices.resize(vertices, PressedVertex::default());
         }
-        self.vertices.iter_mut().for_each(|vertex| vertex.lack = 0.0);
         if !std::mem::take(&mut self.stale) {
             return;
         }
@@ -102,14 +101,21 @@ impl Pressures {
         self.elements[number].quarter * (a + b + c + d)
     }
 
-    /// Adds an element's P q − G u to the rows of its corners.
+    /// Adds an element's P q − G u to the rows of its corners in `lack`.
     #[inline(always)]
-    pub fn add_lack(&mut self, number: usize, corners: [usize; 4], dilation: f64) {
+    pub fn add_lack(&self, number: usize, corners: [usize; 4], dilation: f64, lack: &mut [f64]) {
         let PressedElement { quarter, own, across, .. } = self.elements[number];
         let q = corners.map(|v| self.vertices[v].q);
         let common = across * (q[0] + q[1] + q[2] + q[3]) - quarter * dilation;
         for (v, q) in corners.into_iter().zip(q) {
-            self.vertices[v].lack += own * q + common;
+            lack[v] += own * q + common;
+        }
+    }
+
+    /// Takes P q − G u of all vertices.
+    pub fn set_lack(&mut self, lack: &[f64]) {
+        for (vertex, &lack) in self.vertices.iter_mut().zip(lack) {
+            vertex.lack = lack;
         }
     }
 

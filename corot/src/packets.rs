@@ -62,11 +62,6 @@ impl Packets {
         }
     }
 
-    /// Elements in a packet.
-    pub fn lanes(&self, packet: usize) -> usize {
-        LANES.min(self.count - packet * LANES)
-    }
-
     /// Sets all rotations to the identity.
     pub fn unrotate(&mut self) {
         for packet in &mut self.packets {
