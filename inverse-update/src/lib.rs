@@ -61,7 +61,7 @@ const SPARSE_FROM: usize = 150;
 
 /// Free vertices up to which a dense inverse wins where each update is followed by reading columns
 /// of at least [`MANY_COLUMNS`] vertices in full.
-const DENSE_TO: usize = 600;
+const DENSE_TO: usize = 450;
 
 /// See [`DENSE_TO`].
 const MANY_COLUMNS: usize = 3;
@@ -250,6 +250,7 @@ mod tests {
         assert_eq!(choose(20, 0), "woodbury");
         assert_eq!(choose(400, 0), "sparse");
         assert_eq!(choose(400, 9), "woodbury");
+        assert_eq!(choose(600, 9), "sparse");
         assert_eq!(choose(2000, 9), "sparse");
         assert!([0, 200, 4000].iter().all(|&n| CHOICES.contains(&choose(n, 1))));
     }
