@@ -111,7 +111,7 @@ fn whole() -> &'static Path {
 fn table(folder: &Path) -> String {
     let text = std::fs::read_to_string(folder.join("pareto.json")).unwrap();
     let mut value: Value = serde_json::from_str(&text).unwrap();
-    for key in ["machine", "front"] {
+    for key in ["machine", "front", "front_force"] {
         value.as_object_mut().unwrap().remove(key).unwrap();
     }
     value["reference"]["total_s"].take();

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use yawara::report::StepReport;
 use yawara::scene::Scene;
-use yawara::{Simulation, Stages};
+use yawara::{Probe, Simulation, Stages};
 
 use super::deadline::Deadline;
 use super::path::{Distance, Path};
@@ -19,15 +19,15 @@ const MEGA: f64 = 1e6;
 /// Less growth than this says nothing: what an earlier run gave back may be in use again.
 const MEMORY_FLOOR_MB: f64 = 4.0;
 
-/// Runs `scene` with `stages` for at most `cap_s` seconds and compares it with `reference`; `watch`
-/// sees the simulation after every step, outside of what is timed.
+/// Runs `scene` with `stages` for at most `cap_s` seconds and compares it with `reference`, if there
+/// is one; `watch` sees the simulation after every step, outside of what is timed.
 ///
 /// # Errors
 /// [`BenchError::TimeIsUp`]; [`BenchError::OtherPoints`]; what the simulation refuses.
 pub fn measure(
     scene: &Scene,
     mut stages: Stages,
-    reference: &Path,
+    reference: Option<&Path>,
     cap_s: f64,
     advance: Advance<'_>,
     watch: &mut dyn FnMut(&Simulation) -> Result<(), BenchError>,
@@ -45,14 +45,15 @@ pub fn measure(
     let mut simulation = simulation.map_err(|error| ended(error, 0))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();
-    let mut probe = simulation.probe(reference.level)?;
-    let mut distance = Distance::from(reference, &probe)?;
+    let mut compared = reference.map(|path| Compared::new(path, &simulation)).transpose()?;
     // The probe is the study's, not the run's.
     let probed = machine::resident_bytes().filter(|_| machine::reset_peak());
     let mut totals = Totals::default();
     run_steps(&mut simulation, cap_s, |simulation, report, ms| {
-        let x = simulation.probe_positions(&mut probe)?;
-        distance.add(&probe, &x, report.force_n);
+        if let Some(Compared { probe, distance }) = &mut compared {
+            let x = simulation.probe_positions(probe)?;
+            distance.add(probe, &x, report.force_n);
+        }
         totals.add(report, ms);
         advance(report.step as f64 / steps as f64);
         watch(simulation)
@@ -63,9 +64,11 @@ pub fn measure(
     let more_mb = grown(probed, machine::peak_bytes());
     let mut found = Findings::default();
     let figures = &mut found.figures;
-    figures.put("error_displacement", distance.displacement());
-    figures.put("error_force", distance.force());
-    figures.put("error_volume", distance.volume());
+    if let Some(Compared { distance, .. }) = &compared {
+        figures.put("error_displacement", distance.displacement());
+        figures.put("error_force", distance.force());
+        figures.put("error_volume", distance.volume());
+    }
     figures.put("steps", summary.steps.count);
     figures.put("converged", summary.steps.converged);
     figures.put("residual_max", summary.steps.residual_max);
@@ -81,6 +84,8 @@ pub fn measure(
     figures.put("element", choice(&simulation, "element"));
     figures.put("inverse", summary.inverse.choice);
     let measured = &mut found.measured;
+    let all_ms: f64 = totals.step_ms.iter().sum();
+    measured.put("step_mean_ms", all_ms / totals.step_ms.len().max(1) as f64);
     measured.put("step_p50_ms", percentile(&totals.step_ms, 50.0));
     measured.put("step_p99_ms", percentile(&totals.step_ms, 99.0));
     measured.put("update_p50_ms", summary.inverse.time_ms.p50);
@@ -94,6 +99,19 @@ pub fn measure(
 fn choice(simulation: &Simulation, stage: &str) -> String {
     let row = simulation.plan().iter().find(|row| row.stage == stage);
     row.map_or_else(String::new, |row| row.choice.clone())
+}
+
+/// A run beside the reference: the points that both have, and how far apart they are.
+struct Compared<'a> {
+    probe: Probe,
+    distance: Distance<'a>,
+}
+
+impl<'a> Compared<'a> {
+    fn new(path: &'a Path, simulation: &Simulation) -> Result<Self, BenchError> {
+        let probe = simulation.probe(path.level)?;
+        Ok(Self { distance: Distance::from(path, &probe)?, probe })
+    }
 }
 
 #[derive(Default)]

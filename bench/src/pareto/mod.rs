@@ -35,7 +35,7 @@ use crate::ranks;
 use choices::Choices;
 
 /// The x axis of the plots: a row's measurement.
-pub(crate) const TIME: &str = "step_p50_ms";
+pub(crate) const TIME: &str = "step_mean_ms";
 
 /// The y axis of the plots: a row's figure.
 pub(crate) const ERROR: &str = "error_displacement";
@@ -65,7 +65,7 @@ fn max_vertices(count: usize) -> String {
 impl Options {
     /// The defaults for a scene, with and without `quick`.
     pub fn new(scene: &str, quick: bool) -> Self {
-        let (cap_s, reference_vertices) = if quick { (10.0, 3_000) } else { (40.0, 30_000) };
+        let (cap_s, reference_vertices) = if quick { (10.0, 3_000) } else { (80.0, 30_000) };
         let overrides = match quick {
             true => vec![max_vertices(QUICK_VERTICES)],
             false => Vec::new(),
@@ -180,7 +180,7 @@ impl Study {
                     false => Ok(()),
                 };
                 let cap_s = self.options.cap_s;
-                let found = measure(&scene, stages, reference, cap_s, advance, &mut watch)?;
+                let found = measure(&scene, stages, Some(reference), cap_s, advance, &mut watch)?;
                 if let Some(picture) = shown.into_inner().picture() {
                     folder.write(write::PICTURE, picture.svg())?;
                 }

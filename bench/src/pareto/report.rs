@@ -10,8 +10,10 @@ use crate::picture::escape;
 pub(crate) struct Content<'a> {
     pub results: &'a Results,
     pub machine: &'a Machine,
-    /// Names of the rows on the front.
+    /// Names of the rows on the front, by the error of displacement.
     pub front: &'a [&'a str],
+    /// The same by that of the force.
+    pub front_of_force: &'a [&'a str],
     /// SVG texts.
     pub plots: Vec<String>,
     /// SVG text.
@@ -23,7 +25,8 @@ const SCRIPT: &str = include_str!("report.js");
 
 /// Columns: a row's figure or measurement, its head, and what it means.
 const COLUMNS: &[(&str, &str, &str)] = &[
-    (TIME, "ms per step", "median over the steps"),
+    (TIME, "ms per step", "mean over the steps"),
+    ("step_p50_ms", "p50", "median of the same, ms"),
     ("step_p99_ms", "p99", "99th percentile of the same, ms"),
     ("precompute_s", "precompute s", "from the scene to the first step"),
     ("memory_mb", "MB", "growth of the resident memory at its peak"),
@@ -94,7 +97,8 @@ fn facts(content: &Content<'_>) -> String {
                 reference.residual_max
             ),
         ),
-        ("On the front", content.front.join("; ")),
+        ("On the front of displacement", content.front.join("; ")),
+        ("On the front of force", content.front_of_force.join("; ")),
     ];
     let items: String = lines
         .iter()

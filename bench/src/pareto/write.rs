@@ -15,6 +15,7 @@ pub(crate) const PICTURE: &str = "cases/picture.svg";
 /// Columns of the table that is printed.
 const COLUMNS: &[&str] = &[
     TIME,
+    "step_p50_ms",
     "step_p99_ms",
     "precompute_s",
     "memory_mb",
@@ -31,7 +32,7 @@ const COLUMNS: &[&str] = &[
 const NAMED: &[&str] = &["default", "paper", "own", "named"];
 
 /// What is on the axes of the plots.
-pub(crate) const X: Axis<'static> = Axis { name: TIME, title: "time per step, median, ms" };
+pub(crate) const X: Axis<'static> = Axis { name: TIME, title: "time per step, mean, ms" };
 const DISPLACEMENT: Axis<'static> =
     Axis { name: ERROR, title: "error of displacement, relative L2" };
 const FORCE: Axis<'static> = Axis { name: "error_force", title: "error of force, relative" };
@@ -43,8 +44,10 @@ const FORCE: Axis<'static> = Axis { name: "error_force", title: "error of force,
 pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchError> {
     let Results { scene, plan, reference, rows } = results;
     let machine = Machine::here();
-    let on_front: Vec<&str> =
-        front_of(rows, TIME, ERROR).iter().map(|&i| &rows[i].case[..]).collect();
+    let front = |error| -> Vec<&str> {
+        front_of(rows, TIME, error).iter().map(|&i| &rows[i].case[..]).collect()
+    };
+    let (on_front, on_front_of_force) = (front(ERROR), front(FORCE.name));
     let json = json!({
         "study": "pareto",
         "scene": scene.name,
@@ -53,11 +56,12 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchErr
         "reference_own_error": own_error(results),
         "left_out": plan.iter().filter(|row| !row.runs).collect::<Vec<_>>(),
         "front": on_front,
+        "front_force": on_front_of_force,
         "rows": rows,
     });
     folder.write("pareto.json", format!("{json:#}\n"))?;
     folder.write("pareto.csv", cases::csv(rows))?;
-    let text = summary(results, &machine, &on_front);
+    let text = summary(results, &machine, &on_front, &on_front_of_force);
     folder.write("pareto.md", &text)?;
     let title = format!("{}: error against time", scene.name);
     let plots: Vec<_> = [&DISPLACEMENT, &FORCE]
@@ -74,6 +78,7 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchErr
         results,
         machine: &machine,
         front: &on_front,
+        front_of_force: &on_front_of_force,
         plots: plots.iter().map(|plot| plot.svg()).collect(),
         body,
     });
@@ -81,7 +86,7 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchErr
     Ok(text)
 }
 
-fn summary(results: &Results, machine: &Machine, on_front: &[&str]) -> String {
+fn summary(results: &Results, machine: &Machine, on_front: &[&str], of_force: &[&str]) -> String {
     let Results { scene, plan, reference, rows } = results;
     let mut text = format!(
         "# {}: error against time\n\n{}, {} threads. Reference: uniform level {} with {} vertices, \
@@ -101,7 +106,8 @@ fn summary(results: &Results, machine: &Machine, on_front: &[&str]) -> String {
         text += &format!("By the uniform levels, its own error is about {error:.1e}.\n\n");
     }
     text += &cases::markdown(rows, COLUMNS);
-    text += &format!("\nOn the front: {}.\n", on_front.join("; "));
+    text += &format!("\nOn the front of displacement: {}.\n", on_front.join("; "));
+    text += &format!("On the front of force: {}.\n", of_force.join("; "));
     let lost = rows.iter().filter(|row| row.failure.is_none() && !converged(row)).count();
     if lost > 0 {
         text += &format!("{lost} candidate(s) did not converge in every step.\n");

@@ -38,7 +38,7 @@ const COLUMNS: &[&str] = &[
     "step_p50_ms",
 ];
 
-/// Seconds that a point may take, and as many its reference.
+/// Seconds that a point may take, and as many its reference, without which it has no errors.
 pub(super) fn cap_s(quick: bool) -> f64 {
     if quick { 20.0 } else { 120.0 }
 }
@@ -74,12 +74,23 @@ pub(super) fn run(
             }
             let (scene, _) = scene_file::load(one.scene, &overrides)?;
             let name = format!("reference-{number:03}");
-            let reference = Reference::of(&scene, (one.reference_vertices, cap_s), folder, &name)?;
+            let limits = (one.reference_vertices, cap_s);
+            let reference = match Reference::of(&scene, limits, folder, &name) {
+                // Whether a value can be run is not for its reference to say.
+                Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
+                other => Ok(other?),
+            };
             let stages = Stages::by_name(&scene.stages)?;
-            let mut found =
-                measure(&scene, stages, &reference.path, cap_s, advance, &mut |_| Ok(()))?;
-            found.figures.put("reference_converged", reference.summary.converged);
-            found.figures.put("reference_residual", reference.summary.residual_max);
+            let path = reference.as_ref().ok().map(|reference| &reference.path);
+            let mut found = measure(&scene, stages, path, cap_s, advance, &mut |_| Ok(()))?;
+            let figures = &mut found.figures;
+            match &reference {
+                Ok(Reference { summary, .. }) => {
+                    figures.put("reference_converged", summary.converged);
+                    figures.put("reference_residual", summary.residual_max);
+                }
+                Err(ended) => figures.put("reference_failure", &ended[..]),
+            }
             Ok(found)
         })
     };
