@@ -21,7 +21,6 @@ use std::sync::Arc;
 
 use faer::{Mat, MatRef};
 
-use crate::batch::one_by_one;
 use crate::change::{check_length, check_range, check_vector};
 use crate::counts::Tally;
 use crate::drift::{DRIFT_LIMIT, is_too_far, kept_drift};
@@ -46,9 +45,11 @@ const SOFTENED: f64 = 1e4;
 /// Operations of a walk relative to those of a fresh factor, before there was any.
 const TYPICAL_WALK: f64 = 0.1;
 
-/// What a fresh factor takes, its order included, as operations of walks in the time that it would
-/// take for its own: measured.
-const FRESH: f64 = 1.5;
+/// What a fresh factor takes per operation of its own and, for its order, per vertex, and what
+/// every walk takes beside its operations: as operations of walks in the same time, measured.
+const FRESH_OPERATION: f64 = 0.6;
+const FRESH_VERTEX: f64 = 5e4;
+const WALK_START: f64 = 2.5e5;
 
 /// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
 /// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
@@ -302,13 +303,19 @@ impl Sparse {
         });
     }
 
-    /// Whether so many walks would take longer than a fresh factor.
-    fn is_many(&self, updates: usize) -> bool {
-        let walk = match self.scratch.walks {
+    /// Whether so many walks would take longer than a fresh factor, given the walks and their
+    /// operations before the batch.
+    fn is_many(&self, updates: usize, before: (usize, f64)) -> bool {
+        let mean = |(walks, operations): (usize, f64)| operations / walks.max(1) as f64;
+        let all = (self.scratch.walks, self.scratch.operations);
+        let walk = match all.0 {
             0 => TYPICAL_WALK * self.based.operations,
-            walks => self.scratch.operations / walks as f64,
+            // Walks of a batch are alike: a few tell what the others will take.
+            _ => mean(all).max(mean((all.0 - before.0, all.1 - before.1))),
         };
-        updates as f64 * walk > FRESH * self.based.operations
+        let fresh = FRESH_OPERATION * self.based.operations
+            + FRESH_VERTEX * self.stiffness.vertices() as f64;
+        updates as f64 * (walk + WALK_START) > fresh
     }
 
     /// K after all updates, and its factor.
@@ -377,16 +384,22 @@ impl InverseMaintainer for Sparse {
     }
 
     fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        if self.is_many(updates.len())
-            && let Ok((stiffness, based)) = self.afresh_after(updates)
-        {
-            self.stiffness = stiffness;
-            self.adopt(based, Vec::new());
-            self.rebases += 1;
-            return Ok(());
+        let before = (self.scratch.walks, self.scratch.operations);
+        let mut is_walked = false;
+        for (done, update) in updates.iter().enumerate() {
+            if !is_walked && self.is_many(updates.len() - done, before) {
+                if let Ok((stiffness, based)) = self.afresh_after(&updates[done..]) {
+                    self.stiffness = stiffness;
+                    self.adopt(based, Vec::new());
+                    self.rebases += 1;
+                    return Ok(());
+                }
+                // Walks say which update is to blame, or find a way after all.
+                is_walked = true;
+            }
+            update.make(self).map_err(|source| InverseError::in_batch(done, source))?;
         }
-        // Says which update is to blame, or finds a way by walks after all.
-        one_by_one(self, updates)
+        Ok(())
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
