@@ -45,11 +45,12 @@ const SOFTENED: f64 = 1e4;
 /// Operations of a walk relative to those of a fresh factor, before there was any.
 const TYPICAL_WALK: f64 = 0.1;
 
-/// What a fresh factor takes per operation of its own and, for its order, per vertex, and what
-/// every walk takes beside its operations: as operations of walks in the same time, measured.
+/// What a fresh factor takes per operation of its own and, for its order, per vertex, and what an
+/// update takes beside its walk, per cube of its columns: as operations of walks in the same time,
+/// measured.
 const FRESH_OPERATION: f64 = 0.6;
 const FRESH_VERTEX: f64 = 5e4;
-const WALK_START: f64 = 2.5e5;
+const UPDATE_COLUMNS: f64 = 150.0;
 
 /// When the factor of [`Sparse`] gets a fresh elimination order: by these limits, or as soon as a
 /// pivot has softened so much (stiff tissue gone from a soft place) that digits were lost.
@@ -210,7 +211,7 @@ impl Sparse {
                 Ok(())
             }
             Err(error) => {
-                self.restore();
+                self.based.restore(&self.journal, &mut self.scratch);
                 Err(error)
             }
         }
@@ -229,7 +230,7 @@ impl Sparse {
                 return Ok(());
             }
         }
-        self.based.factor.apply(edit, &mut self.scratch)?;
+        self.based.apply(edit, &mut self.scratch)?;
         self.journal.push(Arc::clone(edit));
         if let Some(pending) = &mut self.rebase {
             pending.rebase.push(edit);
@@ -238,15 +239,6 @@ impl Sparse {
                 && self.scratch.operations - pending.operations >= wanted;
         }
         Ok(())
-    }
-
-    /// Makes the factor again as it was, to the last bit: the same edits of the same base.
-    fn restore(&mut self) {
-        self.based.factor = (*self.based.base).clone();
-        for edit in &self.journal {
-            let again = self.based.factor.apply(edit, &mut self.scratch);
-            debug_assert!(again.is_ok(), "the same edits went well before");
-        }
     }
 
     /// K⁻¹ of the columns of `loads` as the factor gives it, [`TOGETHER`] at a time.
@@ -303,9 +295,9 @@ impl Sparse {
         });
     }
 
-    /// Whether so many walks would take longer than a fresh factor, given the walks and their
-    /// operations before the batch.
-    fn is_many(&self, updates: usize, before: (usize, f64)) -> bool {
+    /// Whether updates would take longer than a fresh factor, given the walks and their operations
+    /// before the batch.
+    fn is_many(&self, updates: &[Update], before: (usize, f64)) -> bool {
         let mean = |(walks, operations): (usize, f64)| operations / walks.max(1) as f64;
         let all = (self.scratch.walks, self.scratch.operations);
         let walk = match all.0 {
@@ -315,11 +307,19 @@ impl Sparse {
         };
         let fresh = FRESH_OPERATION * self.based.operations
             + FRESH_VERTEX * self.stiffness.vertices() as f64;
-        updates as f64 * (walk + WALK_START) > fresh
+        let block = self.stiffness.block();
+        let columns = updates.iter().map(|update| (update.most_columns(block) as f64).powi(3));
+        updates.len() as f64 * walk + UPDATE_COLUMNS * columns.sum::<f64>() > fresh
     }
 
     /// K after all updates, and its factor.
-    fn afresh_after(&self, updates: &[Update]) -> Result<(SparseStiffness, Based), InverseError> {
+    fn afresh_after(
+        &mut self,
+        updates: &[Update],
+    ) -> Result<(SparseStiffness, Based), InverseError> {
+        // The new factor can have its memory: to get more from the system takes as long as half of
+        // the work.
+        self.old = None;
         let mut stiffness = self.stiffness.clone();
         updates.iter().try_for_each(|update| stiffness.update(update))?;
         let based = fresh(&stiffness)?;
@@ -327,7 +327,7 @@ impl Sparse {
     }
 
     fn is_due(&self) -> bool {
-        let limit = self.options.growth * self.based.base.blocks as f64;
+        let limit = self.options.growth * self.based.blocks as f64;
         self.journal.len() >= self.options.updates
             || self.based.factor.blocks as f64 > limit
             || self.scratch.loss > SOFTENED
@@ -387,7 +387,7 @@ impl InverseMaintainer for Sparse {
         let before = (self.scratch.walks, self.scratch.operations);
         let mut is_walked = false;
         for (done, update) in updates.iter().enumerate() {
-            if !is_walked && self.is_many(updates.len() - done, before) {
+            if !is_walked && self.is_many(&updates[done..], before) {
                 if let Ok((stiffness, based)) = self.afresh_after(&updates[done..]) {
                     self.stiffness = stiffness;
                     self.adopt(based, Vec::new());

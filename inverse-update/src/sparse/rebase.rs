@@ -14,9 +14,11 @@ use super::symbolic::Symbolic;
 
 /// A factor as it was made, and as it is after some edits.
 pub(crate) struct Based {
-    pub base: Arc<Factor>,
+    /// As it was made, once there is an edit.
+    base: Option<Factor>,
     pub factor: Factor,
-    /// Products of numbers that the base took.
+    /// Blocks of the base, and products of numbers that it took.
+    pub blocks: usize,
     pub operations: f64,
 }
 
@@ -30,15 +32,34 @@ impl Based {
         let last = symbolic.order.len();
         let factor = Factor::new(pattern, &symbolic)
             .map_err(|bad| BadPivot { position: symbolic.order[last - 1 - bad.position], ..bad })?;
-        let operations = factor.operations();
-        Ok(Self { base: Arc::new(factor.clone()), factor, operations })
+        let (blocks, operations) = (factor.blocks, factor.operations());
+        Ok(Self { base: None, factor, blocks, operations })
+    }
+
+    /// Makes an edit.
+    ///
+    /// # Errors
+    /// [`BadPivot`]; the factor is damaged then.
+    pub(crate) fn apply(&mut self, edit: &Edit, scratch: &mut Scratch) -> Result<(), BadPivot> {
+        self.base.get_or_insert_with(|| self.factor.clone());
+        self.factor.apply(edit, scratch)
+    }
+
+    /// Makes the factor again as it was after these edits, to the last bit.
+    pub(crate) fn restore(&mut self, edits: &[Arc<Edit>], scratch: &mut Scratch) {
+        let Some(base) = &self.base else { return };
+        self.factor = base.clone();
+        for edit in edits {
+            let again = self.factor.apply(edit, scratch);
+            debug_assert!(again.is_ok(), "the same edits went well before");
+        }
     }
 
     /// The factor after `edits`; none if one of them fails.
     pub(crate) fn replay(mut self, edits: impl IntoIterator<Item = Arc<Edit>>) -> Option<Self> {
         let mut scratch = Scratch::default();
         for edit in edits {
-            self.factor.apply(&edit, &mut scratch).ok()?;
+            self.apply(&edit, &mut scratch).ok()?;
         }
         Some(self)
     }
