@@ -17,8 +17,28 @@ const LEAF: usize = 8;
 /// A plane may leave this part of the vertices on its smaller side.
 const SMALLEST_SIDE: f64 = 0.3;
 
-/// Planes tried along one axis: more find hardly better ones.
-const PLANES: usize = 7;
+/// Planes looked at along one direction: more find hardly better ones.
+const PLANES: usize = 3;
+
+/// Planes of all directions for which the fewest separating vertices are found.
+const TRIED: usize = 3;
+
+/// Directions of planes: along the axes and the diagonals of the faces. Meshes of bisected cubes
+/// have faces in the planes across all of them.
+const DIRECTIONS: [[i32; 3]; 9] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, -1, 0],
+    [1, 0, -1],
+    [0, 1, -1],
+    [1, 1, 0],
+    [1, 0, 1],
+    [0, 1, 1],
+];
+
+/// One number per direction.
+type Along = [i32; DIRECTIONS.len()];
 
 /// The vertices in the order of their elimination: first to go, first listed.
 ///
@@ -27,26 +47,21 @@ const PLANES: usize = 7;
 /// George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10(2), 1973;
 /// without places Amestoy, Davis, Duff, An approximate minimum degree ordering algorithm, 1996.
 pub(crate) fn order(pattern: &Pattern) -> Vec<usize> {
-    let n = pattern.vertices();
     let mut keys = pattern.keys.clone();
     keys.sort_unstable();
     // Two vertices in one place: these are not places.
     if keys.windows(2).any(|pair| pair[0] == pair[1]) {
         return minimum_degree(pattern);
     }
-    let mut dissection = Dissection {
-        pattern,
-        points: pattern.keys.iter().map(|&key| point(key)).collect(),
-        side: vec![OUTSIDE; n],
-        order: Vec::with_capacity(n),
-    };
-    dissection.divide((0..n).collect());
+    let mut dissection = Dissection::new(pattern);
+    dissection.divide(dissection.whole());
     dissection.order
 }
 
-/// The lattice point of a key: 3 × 21 bits, x lowest.
-fn point(key: u64) -> [u32; 3] {
-    [0, 21, 42].map(|shift| (key >> shift) as u32 & 0x1f_ffff)
+/// Where the lattice point of a key lies: 3 × 21 bits, x lowest.
+fn place(key: u64) -> Along {
+    let point = [0, 21, 42].map(|shift| (key >> shift) as i32 & 0x1f_ffff);
+    DIRECTIONS.map(|direction| (0..3).map(|i| direction[i] * point[i]).sum())
 }
 
 fn minimum_degree(pattern: &Pattern) -> Vec<usize> {
@@ -68,66 +83,106 @@ fn minimum_degree(pattern: &Pattern) -> Vec<usize> {
 }
 
 const OUTSIDE: u8 = 0;
-const LOW: u8 = 1;
-const HIGH: u8 = 2;
-const BETWEEN: u8 = 3;
+const INSIDE: u8 = 1;
+const LOW: u8 = 2;
+const HIGH: u8 = 3;
+const BETWEEN: u8 = 4;
 
 struct Dissection<'a> {
     pattern: &'a Pattern,
-    points: Vec<[u32; 3]>,
+    places: Vec<Along>,
     /// Of the part at hand: on which side each of its vertices is.
     side: Vec<u8>,
     order: Vec<usize>,
 }
 
-/// A way to cut a part: vertices up to `last` along `axis` are low.
-#[derive(Clone, Copy)]
-struct Plane {
-    axis: usize,
-    last: u32,
+/// Vertices, sorted along every direction.
+struct Part([Vec<usize>; DIRECTIONS.len()]);
+
+impl Part {
+    fn vertices(&self) -> &[usize] {
+        &self.0[0]
+    }
+
+    fn len(&self) -> usize {
+        self.vertices().len()
+    }
 }
 
-impl Dissection<'_> {
+/// A way to cut a part: vertices up to `last` along a direction are low.
+#[derive(Clone, Copy)]
+struct Plane {
+    direction: usize,
+    last: i32,
+    /// How many those are.
+    low: usize,
+    /// How many of either side have a neighbour on the other.
+    ends: [usize; 2],
+}
+
+/// An update walks up one side only: a separator costs its square, a side less than that for every
+/// vertex more.
+fn cost(between: usize, larger: usize, all: usize) -> f64 {
+    (between as f64 + 1.0) * (larger as f64 / all as f64 + 0.5)
+}
+
+impl<'a> Dissection<'a> {
+    fn new(pattern: &'a Pattern) -> Self {
+        let n = pattern.vertices();
+        let places = pattern.keys.iter().map(|&key| place(key)).collect();
+        Self { pattern, places, side: vec![OUTSIDE; n], order: Vec::with_capacity(n) }
+    }
+
+    fn part(&self, vertices: &[usize]) -> Part {
+        Part(std::array::from_fn(|d| {
+            let mut sorted = vertices.to_vec();
+            sorted.sort_unstable_by_key(|&v| (self.places[v][d], v));
+            sorted
+        }))
+    }
+
+    fn whole(&self) -> Part {
+        self.part(&(0..self.places.len()).collect::<Vec<_>>())
+    }
+
     /// Orders a part: its two sides first, what separates them last.
-    fn divide(&mut self, part: Vec<usize>) {
+    fn divide(&mut self, part: Part) {
         if part.len() <= LEAF {
-            self.order.extend(part);
+            self.order.extend(part.vertices());
             return;
         }
         let between = self.separate(&part);
-        let of = |side: u8| -> Vec<usize> {
-            part.iter().copied().filter(|&v| self.side[v] == side).collect()
-        };
-        let (low, high) = (of(LOW), of(HIGH));
-        part.iter().for_each(|&v| self.side[v] = OUTSIDE);
+        let sides = [LOW, HIGH].map(|side| {
+            let of = |sorted: &Vec<usize>| {
+                sorted.iter().copied().filter(|&v| self.side[v] == side).collect()
+            };
+            Part(part.0.each_ref().map(of))
+        });
+        part.vertices().iter().for_each(|&v| self.side[v] = OUTSIDE);
         match between {
             Some(between) => {
-                self.divide(low);
-                self.divide(high);
+                sides.into_iter().for_each(|side| self.divide(side));
                 self.order.extend(between);
             }
-            None => self.order.extend(part),
+            None => self.order.extend(part.vertices()),
         }
     }
 
     /// Marks the sides of the best cut; the vertices between them, none if there is no cut.
-    fn separate(&mut self, part: &[usize]) -> Option<Vec<usize>> {
+    fn separate(&mut self, part: &Part) -> Option<Vec<usize>> {
+        let all = part.len();
+        let mut planes = self.planes(part);
+        // The vertices of the smaller end separate as well; mostly a few less do.
+        let guess = |p: &Plane| cost(p.ends[0].min(p.ends[1]), p.low.max(all - p.low), all);
+        planes.sort_by(|a, b| guess(a).total_cmp(&guess(b)));
         let mut best: Option<(f64, Plane, Vec<usize>)> = None;
-        for axis in 0..3 {
-            for plane in self.planes(part, axis) {
-                let between = self.cut(part, plane);
-                let low = part.iter().filter(|&&v| self.side[v] == LOW).count();
-                let rest = part.len() - between.len();
-                let larger = low.max(rest - low) as f64;
-                if larger >= part.len() as f64 {
-                    continue;
-                }
-                // An update walks up one side only: a separator costs its square, a side less
-                // than that for every vertex more.
-                let cost = (between.len() as f64 + 1.0) * (larger / part.len() as f64 + 0.5);
-                if best.as_ref().is_none_or(|(least, _, _)| cost < *least) {
-                    best = Some((cost, plane, between));
-                }
+        for &plane in planes.iter().take(TRIED) {
+            let between = self.cut(part, plane);
+            let low = part.vertices().iter().filter(|&&v| self.side[v] == LOW).count();
+            let larger = low.max(all - between.len() - low);
+            let cost = cost(between.len(), larger, all);
+            if larger < all && best.as_ref().is_none_or(|(least, _, _)| cost < *least) {
+                best = Some((cost, plane, between));
             }
         }
         let (_, plane, between) = best?;
@@ -136,35 +191,61 @@ impl Dissection<'_> {
         Some(between)
     }
 
-    /// Planes near the middle, each behind another coordinate.
-    fn planes(&self, part: &[usize], axis: usize) -> Vec<Plane> {
-        let mut places: Vec<u32> = part.iter().map(|&v| self.points[v][axis]).collect();
-        places.sort_unstable();
-        let n = places.len();
-        let smallest = (SMALLEST_SIDE * n as f64) as usize;
-        // Behind place i, the first of its coordinate to be followed by another one.
-        let mut cuts: Vec<usize> = (smallest.max(1)..=n - smallest.max(1))
-            .filter(|&i| places[i - 1] < places[i])
-            .collect();
-        if cuts.is_empty() {
-            cuts = (1..n).filter(|&i| places[i - 1] < places[i]).collect();
+    /// Planes near the middle along every direction.
+    fn planes(&mut self, part: &Part) -> Vec<Plane> {
+        let mut planes: Vec<Plane> = Vec::with_capacity(PLANES * DIRECTIONS.len());
+        (0..DIRECTIONS.len()).for_each(|d| planes.extend(self.planes_along(part, d)));
+        part.vertices().iter().for_each(|&v| self.side[v] = INSIDE);
+        for &v in part.vertices() {
+            let place = self.places[v];
+            let (mut least, mut most) = (place, place);
+            for &w in self.pattern.neighbours(v) {
+                if self.side[w as usize] == INSIDE {
+                    let other = &self.places[w as usize];
+                    (0..other.len()).for_each(|d| least[d] = least[d].min(other[d]));
+                    (0..other.len()).for_each(|d| most[d] = most[d].max(other[d]));
+                }
+            }
+            for plane in &mut planes {
+                let (d, last) = (plane.direction, plane.last);
+                plane.ends[0] += usize::from(place[d] <= last && last < most[d]);
+                plane.ends[1] += usize::from(least[d] <= last && last < place[d]);
+            }
         }
-        cuts.sort_by_key(|&i| i.abs_diff(n / 2));
-        cuts.truncate(PLANES);
-        cuts.into_iter().map(|i| Plane { axis, last: places[i - 1] }).collect()
+        planes
     }
 
-    fn mark(&mut self, part: &[usize], plane: Plane) {
-        for &v in part {
-            self.side[v] = if self.points[v][plane.axis] <= plane.last { LOW } else { HIGH };
+    /// Planes behind the vertices next to the middle that another coordinate follows.
+    fn planes_along(&self, part: &Part, direction: usize) -> Vec<Plane> {
+        let sorted = &part.0[direction];
+        let place = |i: usize| self.places[sorted[i]][direction];
+        let n = sorted.len();
+        let smallest = ((SMALLEST_SIDE * n as f64) as usize).max(1);
+        let mut cuts: Vec<usize> = Vec::with_capacity(PLANES);
+        for distance in 0..n {
+            // None in the middle: the next one will do.
+            if cuts.len() == PLANES || (distance + smallest > n / 2 && !cuts.is_empty()) {
+                break;
+            }
+            let both = [n / 2 - distance.min(n / 2), n / 2 + distance];
+            let sides = if distance == 0 { &both[..1] } else { &both[..] };
+            cuts.extend(sides.iter().filter(|&&i| 0 < i && i < n && place(i - 1) < place(i)));
+        }
+        let plane = |low: usize| Plane { direction, last: place(low - 1), low, ends: [0; 2] };
+        cuts.into_iter().take(PLANES).map(plane).collect()
+    }
+
+    fn mark(&mut self, part: &Part, plane: Plane) {
+        for (i, &v) in part.0[plane.direction].iter().enumerate() {
+            self.side[v] = if i < plane.low { LOW } else { HIGH };
         }
     }
 
     /// The fewest vertices that all edges across a plane end at; they are marked so.
-    fn cut(&mut self, part: &[usize], plane: Plane) -> Vec<usize> {
+    fn cut(&mut self, part: &Part, plane: Plane) -> Vec<usize> {
         self.mark(part, plane);
         let mut edges = Vec::new();
-        for &v in part.iter().filter(|&&v| self.side[v] == LOW) {
+        for &v in &part.0[plane.direction][..plane.low] {
             for &w in self.pattern.neighbours(v) {
                 if self.side[w as usize] == HIGH {
                     edges.push((v, w as usize));
@@ -233,20 +314,41 @@ mod tests {
     #[test]
     fn separators_separate() {
         let pattern = grid([10, 6, 5], true);
-        let points = pattern.keys.iter().map(|&key| point(key)).collect();
-        let side = vec![OUTSIDE; pattern.vertices()];
-        let mut dissection = Dissection { pattern: &pattern, points, side, order: Vec::new() };
-        let part: Vec<usize> = (0..pattern.vertices()).filter(|v| v % 11 != 3).collect();
+        let mut dissection = Dissection::new(&pattern);
+        let some: Vec<usize> = (0..pattern.vertices()).filter(|v| v % 11 != 3).collect();
+        let part = dissection.part(&some);
         let between = dissection.separate(&part).unwrap();
-        let count = |wanted| part.iter().filter(|&&v| dissection.side[v] == wanted).count();
+        let count = |wanted| some.iter().filter(|&&v| dissection.side[v] == wanted).count();
         // A plane across the longest side has 30 vertices.
         assert!(between.len() == count(BETWEEN) && between.len() < 60, "{}", between.len());
-        assert!(count(LOW).min(count(HIGH)) as f64 > 0.5 * SMALLEST_SIDE * part.len() as f64);
-        for &v in part.iter().filter(|&&v| dissection.side[v] == LOW) {
+        assert!(count(LOW).min(count(HIGH)) as f64 > 0.5 * SMALLEST_SIDE * some.len() as f64);
+        for &v in some.iter().filter(|&&v| dissection.side[v] == LOW) {
             for &w in pattern.neighbours(v) {
                 assert_ne!(dissection.side[w as usize], HIGH, "{v} and {w}");
             }
         }
+    }
+
+    #[test]
+    fn a_strip_across_the_axes_is_cut_across_itself() {
+        // 16 × 5 vertices, each tied to its eight neighbours, turned by 45°.
+        let number = |a: u64, b: u64| (5 * a + b) as usize;
+        let mut k = SparseStiffness::zeros(80, 1).unwrap();
+        let mut keys = Vec::new();
+        for (a, b) in (0..16).flat_map(|a| (0..5).map(move |b| (a, b))) {
+            keys.push((a + 4 - b) | (a + b) << 21);
+            let others = [(a + 1, b), (a, b + 1), (a + 1, b + 1), (a + 1, b.wrapping_sub(1))];
+            for (c, d) in others.into_iter().filter(|&(c, d)| c < 16 && d < 5) {
+                let spring = mat![[1.0, -1.0], [-1.0, 1.0]];
+                k.add(&[number(a, b), number(c, d)], spring.as_ref()).unwrap();
+            }
+        }
+        k.set_order_keys(&keys).unwrap();
+        let pattern = Pattern::of(&k);
+        let mut dissection = Dissection::new(&pattern);
+        let whole = dissection.whole();
+        // Across the axes two staircases would be needed, 8 or more.
+        assert_eq!(dissection.separate(&whole).map(|between| between.len()), Some(5));
     }
 
     #[test]
