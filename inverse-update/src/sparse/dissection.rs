@@ -335,7 +335,7 @@ mod tests {
         let number = |a: u64, b: u64| (5 * a + b) as usize;
         let mut k = SparseStiffness::zeros(80, 1).unwrap();
         let mut keys = Vec::new();
-        for (a, b) in (0..16).flat_map(|a| (0..5).map(move |b| (a, b))) {
+        for (a, b) in (0..16_u64).flat_map(|a| (0..5_u64).map(move |b| (a, b))) {
             keys.push((a + 4 - b) | (a + b) << 21);
             let others = [(a + 1, b), (a, b + 1), (a + 1, b + 1), (a + 1, b.wrapping_sub(1))];
             for (c, d) in others.into_iter().filter(|&(c, d)| c < 16 && d < 5) {
