@@ -221,10 +221,10 @@ impl<'a> Dissection<'a> {
         let place = |i: usize| self.places[sorted[i]][direction];
         let n = sorted.len();
         let smallest = ((SMALLEST_SIDE * n as f64) as usize).max(1);
-        let mut cuts: Vec<usize> = Vec::with_capacity(PLANES);
+        let mut cuts: Vec<usize> = Vec::with_capacity(PLANES + 1);
         for distance in 0..n {
             // None in the middle: the next one will do.
-            if cuts.len() == PLANES || (distance + smallest > n / 2 && !cuts.is_empty()) {
+            if cuts.len() >= PLANES || (distance + smallest > n / 2 && !cuts.is_empty()) {
                 break;
             }
             let both = [n / 2 - distance.min(n / 2), n / 2 + distance];

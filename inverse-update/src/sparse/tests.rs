@@ -82,6 +82,19 @@ impl Body {
         names.iter().map(slot).collect()
     }
 
+    /// Splits so often, and tells what was done to K.
+    fn splits(&mut self, count: usize) -> Vec<Update> {
+        let mut updates = Vec::new();
+        for _ in 0..count {
+            self.split();
+            let Refined { change, w, ring, .. } = &self.refined[self.refined.len() - 1];
+            let (slots, removed) = (self.slots(ring), Mat::zeros(w.nrows(), 0));
+            updates.push(Update::Change(StiffnessChange { slots, added: w.clone(), removed }));
+            updates.push(Update::Split(change.clone()));
+        }
+        updates
+    }
+
     /// Refines what is near a random vertex: K_p = W Wᵀ comes in, and is refined with
     /// b A22⁻¹ bᵀ = θ² W Wᵀ.
     fn split(&mut self) {
@@ -248,17 +261,9 @@ fn l_d_lt_is_k_through_random_histories() {
 #[test]
 fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
     let mut body = Body::new(4, 3, 0, quiet());
-    let mut updates = Vec::new();
     // The same updates twice: made one by one here, in batches there.
     let mut copy = Body::new(4, 3, 0, quiet());
-    for _ in 0..40 {
-        body.split();
-        let Refined { change, w, ring, .. } = &body.refined[body.refined.len() - 1];
-        let removed = Mat::zeros(w.nrows(), 0);
-        let ring = body.slots(ring);
-        updates.push(Update::Change(StiffnessChange { slots: ring, added: w.clone(), removed }));
-        updates.push(Update::Split(change.clone()));
-    }
+    let updates = body.splits(40);
     let (few, many) = updates.split_at(2);
     copy.sparse.batch(few).unwrap();
     assert_eq!(copy.sparse.rebases(), 0);
@@ -266,6 +271,28 @@ fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
     assert_eq!((copy.sparse.rebases(), copy.sparse.journal.len()), (1, 0));
     let (k, want) = (copy.sparse.stiffness.to_dense(), body.sparse.stiffness.to_dense());
     assert!((&k - &want).norm_max() < 1e-13 * want.norm_max());
+    assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
+}
+
+#[test]
+fn a_batch_counts_its_small_algebra_and_what_its_own_walks_show() {
+    // Walks seem to cost nothing so far.
+    let seem_free = |sparse: &mut Sparse| {
+        (sparse.scratch.walks, sparse.scratch.operations) = (1_000_000_000, 0.0);
+    };
+    let mut body = Body::new(4, 3, 0, quiet());
+    let mut copy = Body::new(4, 3, 0, quiet());
+    seem_free(&mut copy.sparse);
+    copy.sparse.batch(&body.splits(160)).unwrap();
+    assert_eq!((copy.sparse.rebases(), copy.sparse.scratch.walks), (1, 1_000_000_000));
+    // Rank one has next to no small algebra: the first walks tell that five thousand are many.
+    let added = Mat::from_fn(3, 1, |i, _| if i == 0 { 1e-3 } else { 0.0 });
+    let change = StiffnessChange { slots: vec![0], added, removed: Mat::zeros(3, 0) };
+    let mut copy = Body::new(4, 3, 0, quiet());
+    seem_free(&mut copy.sparse);
+    copy.sparse.batch(&vec![Update::Change(change); 5000]).unwrap();
+    let walks = copy.sparse.scratch.walks - 1_000_000_000;
+    assert!(copy.sparse.rebases() == 1 && (1..100).contains(&walks), "{walks} walks");
     assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
 }
 
