@@ -4,7 +4,7 @@ use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 
 impl InverseLink {
     /// C_pp of the displacements of `vertices` with those of `held` fixed, C_pp − C_ph C_hh⁻¹ C_hp:

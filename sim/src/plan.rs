@@ -4,7 +4,7 @@ use yawara_embed::Embedding;
 
 use crate::element_choice;
 use crate::fixed_mesh::FixedMesh;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::PlanRow;
 use crate::scene::{MassModel, Scene, Tool};
 use crate::setup::Setup;

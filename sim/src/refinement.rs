@@ -13,7 +13,7 @@ use yawara_mesh::{
 
 use crate::error::SimError;
 use crate::indicator::{Indicator, RingMember};
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::StageTimes;
 use crate::scene::Refinement;
 use crate::state::{Cell, State};

@@ -14,7 +14,7 @@ use crate::element_choice::{self, empty_body};
 use crate::error::SimError;
 use crate::frame;
 use crate::indicator::Indicator;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::motion::{self, Motion};
 use crate::plan;
 use crate::refinement::{Demand, Refiner, Remeshed, milliseconds};

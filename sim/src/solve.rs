@@ -8,7 +8,7 @@ use yawara_corot::{Problem, Tolerance};
 use yawara_mesh::VertexId;
 
 use crate::error::SimError;
-use crate::inverse_link::{Constrained, InverseLink};
+use crate::inverse::{Constrained, InverseLink};
 use crate::refinement::milliseconds;
 use crate::report::StageTimes;
 use crate::simulation::Simulation;

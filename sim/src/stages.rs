@@ -6,7 +6,7 @@ use yawara_inverse_update::{SparseStiffness, choose};
 
 use crate::error::SimError;
 use crate::indicator::{self, Indicator};
-use crate::inverse_link::InverseFactory;
+use crate::inverse::InverseFactory;
 use crate::scene::StageNames;
 
 /// The name that leaves the choice to the plan.

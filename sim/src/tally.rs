@@ -6,7 +6,7 @@ use std::time::Instant;
 use yawara_corot::Outcome;
 use yawara_mesh::Quality;
 
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{
     BodySummary, ForceSummary, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
     StepReport, StepSummary, Summary, SurfaceSummary, ToolSummary,
