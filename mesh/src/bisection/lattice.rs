@@ -43,7 +43,7 @@ impl<const N: usize> Points<N> {
     }
 }
 
-/// The finest level: 64 lattice units per root cube, whose [`PointMap`] page takes 1 MiB.
+/// The finest level: 64 lattice units per root cube, whose page in a `PointMap` takes 1 MiB.
 pub const MAX_LEVEL: u8 = 18;
 
 /// Root cubes and lattice units: sizes only, no state.

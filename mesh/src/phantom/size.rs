@@ -6,13 +6,13 @@ use super::shape::HALF_EXTENT;
 use crate::image::ImageError;
 use crate::image::volume::Grid;
 
-/// Label of the liver tissue of [`liver`], and of all of [`block`].
+/// Label of the liver tissue of [`liver`](fn@super::liver), and of all of [`block`](fn@super::block).
 pub const PARENCHYMA: i64 = 1;
-/// Label of the portal vessels of [`liver`].
+/// Label of the portal vessels of [`liver`](fn@super::liver).
 pub const VESSELS: i64 = 2;
-/// Label of the gallbladder of [`liver`].
+/// Label of the gallbladder of [`liver`](fn@super::liver).
 pub const GALLBLADDER_LABEL: i64 = 3;
-/// Label of the tumour of [`liver`].
+/// Label of the tumour of [`liver`](fn@super::liver).
 pub const TUMOUR: i64 = 4;
 
 /// Voxels across the organ: fewer resolve no gallbladder, more exceed memory.

@@ -36,7 +36,7 @@ pub struct VesselSegment {
     pub parent: Option<usize>,
 }
 
-/// The vessels of [`liver`](super::liver): a binary tree, the trunk first.
+/// The vessels of [`liver`](fn@super::liver): a binary tree, the trunk first.
 ///
 /// Points spread evenly in the tissue are split again and again in two sets, each fed by one
 /// branch that heads for its middle. Flow goes by the number of points, and r³ by the flow, so

@@ -1,6 +1,6 @@
 //! What one tetrahedron holds, in four bytes.
 
-/// A tetrahedron's content: one label throughout, or a heterogeneous node of a [`LabelTree`].
+/// A tetrahedron's content: one label throughout, or a heterogeneous node of a [`LabelTree`](super::LabelTree).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct NodeRef(u32);
 
@@ -10,7 +10,7 @@ pub enum Content {
     /// The whole tetrahedron has this dense label.
     Label(u16),
     /// The node of this index has two children that differ, or is a finest tetrahedron whose
-    /// material is its own ([`LabelTree::per_voxel`]).
+    /// material is its own ([`LabelTree::per_voxel`](super::LabelTree::per_voxel)).
     Node(usize),
 }
 
