@@ -1,6 +1,6 @@
 //! The swappable stages of a simulation, by name or by hand.
 
-use yawara_corot::{Corotation, Equilibrium, corotation_by_name, equilibrium_by_name};
+use yawara_corot::{Equilibrium, InternalForces, equilibrium_by_name, forces_by_name};
 use yawara_embed::Homogenisation;
 use yawara_inverse_update::{SparseStiffness, choose};
 
@@ -15,7 +15,7 @@ pub struct Stages {
     /// How fine material acts in coarse tetrahedra.
     pub homogenisation: Box<dyn Homogenisation>,
     /// How forces follow from positions.
-    pub corotation: Box<dyn Corotation>,
+    pub corotation: Box<dyn InternalForces>,
     /// How equilibrium is found.
     pub equilibrium: Box<dyn Equilibrium>,
     /// What asks for refinement.
@@ -47,7 +47,7 @@ impl Stages {
             AUTO => choose(k.vertices(), 0).to_owned(),
             name => name.to_owned(),
         };
-        let corotation = corotation_by_name(&names.corotation)?;
+        let corotation = forces_by_name(&names.corotation)?;
         let equilibrium = equilibrium_by_name(&names.equilibrium)?;
         yawara_corot::check_pair(corotation.as_ref(), equilibrium.as_ref())?;
         Ok(Self {

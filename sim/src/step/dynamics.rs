@@ -1,7 +1,7 @@
 //! Motion with inertia: what a step of implicit Euler starts from and what it ends in.
 
 use nalgebra::Vector3;
-use yawara_corot::{Corotation, EulerStep, ImplicitEuler};
+use yawara_corot::{EulerStep, ImplicitEuler, InternalForces};
 use yawara_embed::{EulerWeights, Mass};
 
 use super::equilibrium::Span;
@@ -61,7 +61,7 @@ impl Motion {
     }
 
     /// `corotation` with the inertia of the step under way.
-    pub fn forces<'a>(&'a self, corotation: &'a dyn Corotation) -> Option<ImplicitEuler<'a>> {
+    pub fn forces<'a>(&'a self, corotation: &'a dyn InternalForces) -> Option<ImplicitEuler<'a>> {
         Some(ImplicitEuler::new(corotation, &self.under_way.as_ref()?.euler))
     }
 }

@@ -269,7 +269,7 @@ impl Simulation {
             let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
             let mut problem = Problem {
                 body: &mut self.state.body,
-                corotation: moving.as_ref().map_or(&*self.corotation, |moving| moving),
+                forces: moving.as_ref().map_or(&*self.corotation, |moving| moving),
                 external: &external,
                 free: &held.free,
                 inverse: &inverse,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use yawara_corot::{Corotation, Equilibrium};
+use yawara_corot::{Equilibrium, InternalForces};
 use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, TetId, VertexId};
@@ -30,7 +30,7 @@ use crate::tools::{self, Regions, Tool};
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
     pub(crate) scene: Scene,
-    pub(crate) corotation: Box<dyn Corotation>,
+    pub(crate) corotation: Box<dyn InternalForces>,
     pub(crate) equilibrium: Box<dyn Equilibrium>,
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,

@@ -135,7 +135,7 @@ impl Check<'_> {
         self.that(known, "stages.element", &stages.element, &want)?;
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
-            ("corotation", &stages.corotation, yawara_corot::COROTATIONS),
+            ("corotation", &stages.corotation, yawara_corot::FORCES),
             ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
             ("indicator", &stages.indicator, crate::step::indicator::CHOICES),
             ("inverse", &stages.inverse, &inverses),
