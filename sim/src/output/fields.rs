@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::SimError;
-use crate::fields::Fields;
+use crate::report::Fields;
 
 /// Their folder in a run directory.
 pub(super) const FOLDER: &str = "fields";
