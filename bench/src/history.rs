@@ -1,7 +1,7 @@
 //! Random splits and merges of an organ, as changes of its stiffness matrix.
 
 use faer::Mat;
-use yawara_embed::{Embedding, RingStiffness};
+use yawara_embed::{ElementFormulation, Embedding, P1, RingStiffness};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
@@ -257,7 +257,7 @@ impl History {
     /// The ring of the last split or merge on the vertices that have slots.
     fn hand_over(&self) -> RingChange {
         let position = |v: VertexId| self.placement.position(self.forest.point(v));
-        let ring = RingStiffness::new(&self.delta, &self.embedding, position);
+        let ring = P1.ring(&self.delta, &self.embedding, &position);
         let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } =
             ring.restricted(|v| self.slots.get(v).is_some());
         let slots = vertices.into_iter().filter_map(|v| self.slots.get(v)).collect();
