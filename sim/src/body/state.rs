@@ -34,6 +34,9 @@ pub(crate) struct BodyState {
     /// By vertex number, m/s; in a quasi-static body those of the last step, zero where nothing
     /// goes on.
     pub velocities: Vec<Vector3<f64>>,
+    /// Accelerations at the end of the last step, m/s², by vertex number; zero unless the time
+    /// integrator uses them.
+    pub accelerations: Vec<Vector3<f64>>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub masses: Vec<f64>,
     /// Whether velocities mean anything.
@@ -110,12 +113,14 @@ impl BodyState {
             self.positions.resize(at + 1, Vector3::zeros());
             self.holds.resize(at + 1, Hold::Free);
             self.velocities.resize(at + 1, Vector3::zeros());
+            self.accelerations.resize(at + 1, Vector3::zeros());
             self.masses.resize(at + 1, 0.0);
         }
         self.is_active[at] = true;
         self.vertex_count += 1;
         (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
         (self.velocities[at], self.masses[at]) = (Vector3::zeros(), 0.0);
+        self.accelerations[at] = Vector3::zeros();
     }
 
     /// `vertex` goes out.

@@ -26,7 +26,7 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
 /// # Errors
 /// That of [`check_mixed`] if `p1p1` is asked for and another stage does not work with it.
 pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, SimError> {
-    let works = check_mixed(stages.corotation.as_ref(), stages.equilibrium.as_ref());
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     match (&scene.stages.element[..], works) {
         ("p1p1", works) => works.map(|()| "p1p1").map_err(SimError::from),
         (AUTO, Ok(())) => Ok(choose_element(ratios(scene))),
@@ -50,7 +50,7 @@ fn ratios(scene: &Scene) -> impl Iterator<Item = f64> {
 pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
     let highest = ratios(scene).fold(f64::NEG_INFINITY, f64::max);
     let asked = if scene.stages.element == AUTO { "" } else { "asked for; " };
-    let works = check_mixed(stages.corotation.as_ref(), stages.equilibrium.as_ref());
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     match (element, choose_element(ratios(scene)), works) {
         ("p1", "p1", _) => {
             format!("{asked}linear displacement; no Poisson ratio reaches {MIXED_FROM}")

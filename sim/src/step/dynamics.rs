@@ -1,74 +1,93 @@
-//! Motion with inertia: what a step of implicit Euler starts from and what it ends in.
+//! Motion with inertia: what a step starts from and what it ends in.
 
 use nalgebra::Vector3;
-use yawara_corot::{EulerStep, ImplicitEuler, InternalForces};
-use yawara_embed::{EulerWeights, Mass};
+use yawara_corot::{
+    ConstitutiveLaw, Inertia, TimeIntegrator, TimeStep, VertexMotion, forces_with_inertia,
+};
+use yawara_embed::{ElementFormulation, Mass, StepWeights, dynamic_by_name, formulation_by_name};
 
 use super::equilibrium::Span;
 use super::simulation::Simulation;
 use crate::body::{BodyState, Hold, ScannerAxes};
 use crate::error::SimError;
 use crate::report::Momentum;
-use crate::scene::{Dynamics, MassModel, Scene};
+use crate::scene::{MassModel, Scene};
 
 /// The inertia of a body.
 pub(crate) struct Motion {
-    weights: EulerWeights,
-    step_s: f64,
+    integrator: Box<dyn TimeIntegrator>,
+    mass: Mass,
+    step: TimeStep,
     /// While a step is under way.
     under_way: Option<UnderWay>,
 }
 
 /// A step whose end is being looked for.
 struct UnderWay {
-    euler: EulerStep,
-    /// Positions at its start.
-    from: Vec<Vector3<f64>>,
+    inertia: Inertia,
+    /// The motion at its start by vertex number.
+    from: Vec<VertexMotion>,
     /// Loads at its end by vertex number, N.
     loads: Vec<Vector3<f64>>,
     /// Loads at its end less all forces at its start, by vertex number, N.
     unbalanced: Vec<Vector3<f64>>,
 }
 
-/// The weights of the scene's steps; none for a quasi-static scene.
-///
-/// # Errors
-/// [`SimError::Embed`] for a step or a damping out of range.
-pub(crate) fn weights(scene: &Scene) -> Result<Option<EulerWeights>, SimError> {
-    let Some(dynamics) = &scene.dynamics else { return Ok(None) };
-    let mass = match dynamics.mass {
-        MassModel::Consistent => Mass::Consistent,
-        MassModel::Lumped => Mass::Lumped,
-    };
-    let Dynamics { damping_mass_per_s: alpha, damping_stiffness_s: beta, .. } = *dynamics;
-    Ok(Some(EulerWeights::new(mass, scene.time.step_s, alpha, beta)?))
-}
-
 impl Motion {
     /// Sets a body at rest in the motion that the scene starts with; none for a quasi-static scene.
     pub fn new(
         scene: &Scene,
+        integrator: Box<dyn TimeIntegrator>,
         axes: &ScannerAxes,
         state: &mut BodyState,
-    ) -> Result<Option<Self>, SimError> {
-        let (Some(weights), Some(dynamics)) = (weights(scene)?, &scene.dynamics) else {
-            return Ok(None);
+    ) -> Option<Self> {
+        let dynamics = scene.dynamics.as_ref()?;
+        let step = TimeStep {
+            length_s: scene.time.step_s,
+            damping_mass_per_s: dynamics.damping_mass_per_s,
+        };
+        integrator.weights(&step)?;
+        let mass = match dynamics.mass {
+            MassModel::Consistent => Mass::Consistent,
+            MassModel::Lumped => Mass::Lumped,
         };
         let velocity = axes.to_solver_direction(&Vector3::from(dynamics.velocity_m_s));
         let spin = axes.to_solver_direction(&Vector3::from(dynamics.spin_rad_s));
         state.set_moving(velocity, spin);
-        Ok(Some(Self { weights, step_s: scene.time.step_s, under_way: None }))
+        Some(Self { integrator, mass, step, under_way: None })
     }
 
-    /// `corotation` with the inertia of the step under way.
-    pub fn forces<'a>(&'a self, corotation: &'a dyn InternalForces) -> Option<ImplicitEuler<'a>> {
-        Some(ImplicitEuler::new(corotation, &self.under_way.as_ref()?.euler))
+    /// The inertia of the step under way.
+    pub fn inertia(&self) -> Option<&Inertia> {
+        Some(&self.under_way.as_ref()?.inertia)
     }
 }
 
+/// The element of a scene's steps: with the mass that the integrator and the stiffness that the law
+/// gives it.
+///
+/// # Errors
+/// [`SimError::Embed`] for weights out of range.
+pub(crate) fn formulation(
+    scene: &Scene,
+    element: &str,
+    law: &dyn ConstitutiveLaw,
+    motion: Option<&Motion>,
+) -> Result<Box<dyn ElementFormulation>, SimError> {
+    let stiffness = if law.is_linear() { 1.0 } else { law.stiffening(scene.time.step_s) };
+    let inertia = motion.and_then(|motion| motion.integrator.weights(&motion.step));
+    if inertia.is_none() && stiffness == 1.0 {
+        return Ok(formulation_by_name(element)?);
+    }
+    let mass = motion.map_or_else(Mass::default, |motion| motion.mass);
+    let mass_per_s2 = inertia.map_or(0.0, |inertia| inertia.mass_per_s2);
+    Ok(dynamic_by_name(element, StepWeights::new(mass, mass_per_s2, stiffness)?)?)
+}
+
 impl Simulation {
-    /// Begins the step of a dynamic body where it stands.
+    /// Begins a step where the body stands.
     pub(crate) fn set_off(&mut self, step: Span) {
+        self.state.body.begin_step(self.scene.time.step_s);
         if self.motion.is_none() {
             return;
         }
@@ -76,29 +95,38 @@ impl Simulation {
         let loads = self.weights(step.to);
         let Some(motion) = &mut self.motion else { return };
         let state = &self.state;
-        let euler = EulerStep::new(
-            motion.weights,
-            motion.step_s,
-            &state.body,
-            &state.positions,
-            &state.velocities,
-            |tet| state.cell(tet).density_kg_m3,
-        );
+        let from: Vec<VertexMotion> = (0..state.positions.len())
+            .map(|v| VertexMotion {
+                position: state.positions[v],
+                velocity: state.velocities[v],
+                acceleration: state.accelerations[v],
+            })
+            .collect();
+        let (integrator, start) = (&*motion.integrator, from.iter().copied());
+        let density = |tet| state.cell(tet).density_kg_m3;
+        let inertia =
+            Inertia::new(integrator, &motion.step, motion.mass, &state.body, start, density);
+        let Some(inertia) = inertia else { return };
         // Forces at the start with the inertia of the step.
-        let corotation = ImplicitEuler::new(&*self.corotation, &euler);
-        corotation.internal_forces(&mut self.state.body, &self.state.positions, &mut self.internal);
-        let unbalanced = loads.iter().zip(&self.internal).map(|(l, f)| l - f).collect();
-        let from = self.state.positions.clone();
-        motion.under_way = Some(UnderWay { euler, from, loads, unbalanced });
+        let Self { forces, internal, state: BodyState { body, positions, .. }, .. } = self;
+        forces_with_inertia(&**forces, Some(&inertia), body, positions, internal);
+        let unbalanced = loads.iter().zip(&*internal).map(|(l, f)| l - f).collect();
+        motion.under_way = Some(UnderWay { inertia, from, loads, unbalanced });
     }
 
-    /// Ends the step of a dynamic body: its velocities are v' = (x' − x)/h.
+    /// Ends a step: the law keeps its states, a dynamic body its velocities.
     pub(crate) fn arrive(&mut self) {
+        let state = &mut self.state;
+        state.body.commit();
         let Some(motion) = &mut self.motion else { return };
         let Some(UnderWay { from, .. }) = motion.under_way.take() else { return };
-        let state = &mut self.state;
+        let keeps = motion.integrator.uses_accelerations();
         for (v, from) in from.iter().enumerate() {
-            state.velocities[v] = (state.positions[v] - from) / motion.step_s;
+            let end = motion.integrator.finish(&motion.step, from, state.positions[v]);
+            state.velocities[v] = end.velocity;
+            if keeps {
+                state.accelerations[v] = end.acceleration;
+            }
         }
     }
 
@@ -121,7 +149,7 @@ impl Simulation {
         let Some(under_way) = self.motion.as_ref().and_then(|m| m.under_way.as_ref()) else {
             return;
         };
-        for (v, x) in under_way.euler.coasting().iter().enumerate() {
+        for (v, x) in under_way.inertia.predicted().iter().enumerate() {
             if self.state.holds[v] == Hold::Free {
                 self.state.positions[v] = *x;
             }
@@ -138,7 +166,7 @@ impl Simulation {
             let kg = element.geometry.volume * self.state.cell(element.tet).density_kg_m3;
             let x = element.vertices.map(|v| self.state.positions[v]);
             let v = element.vertices.map(|v| self.state.velocities[v]);
-            let m = motion.weights.mass.matrix(kg);
+            let m = motion.mass.matrix(kg);
             for i in 0..4 {
                 let p: Vector3<f64> = (0..4).map(|j| m[(i, j)] * v[j]).sum();
                 linear += p;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::{Problem, Tolerance};
+use yawara_corot::{Problem, Tolerance, forces_with_inertia};
 use yawara_mesh::VertexId;
 
 use super::contact::{Probing, Surroundings};
@@ -264,12 +264,13 @@ impl Simulation {
         };
         let mut pressed = self.pressed(span.to);
         let mut settling = Settling::new(&tolerance);
-        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
+        let inertia = self.motion.as_ref().and_then(|motion| motion.inertia());
         let outcome = loop {
             let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
             let mut problem = Problem {
                 body: &mut self.state.body,
-                forces: moving.as_ref().map_or(&*self.corotation, |moving| moving),
+                forces: &*self.forces,
+                inertia,
                 external: &external,
                 free: &held.free,
                 inverse: &inverse,
@@ -326,9 +327,9 @@ impl Simulation {
     /// Renews rotations and internal forces at the current positions.
     pub(crate) fn evaluate_forces(&mut self) {
         self.internal.resize(self.state.positions.len(), Vector3::zeros());
-        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.corotation));
-        let corotation = moving.as_ref().map_or(&*self.corotation, |moving| moving);
-        corotation.internal_forces(&mut self.state.body, &self.state.positions, &mut self.internal);
+        let inertia = self.motion.as_ref().and_then(|motion| motion.inertia());
+        let BodyState { body, positions, .. } = &mut self.state;
+        forces_with_inertia(&*self.forces, inertia, body, positions, &mut self.internal);
     }
 
     /// Loads at time `t` within `step`: weight, and what tools have just let go of.

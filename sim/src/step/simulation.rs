@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use yawara_corot::{Equilibrium, InternalForces};
-use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
+use yawara_embed::Embedding;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, TetId, VertexId};
 
@@ -30,7 +30,7 @@ use crate::tools::{self, Regions, Tool};
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
     pub(crate) scene: Scene,
-    pub(crate) corotation: Box<dyn InternalForces>,
+    pub(crate) forces: Box<dyn InternalForces>,
     pub(crate) equilibrium: Box<dyn Equilibrium>,
     indicator: Box<dyn Indicator>,
     plan: Vec<PlanRow>,
@@ -83,7 +83,7 @@ impl Simulation {
     /// As [`new`](Self::new), and [`EmbedError::Stopped`](yawara_embed::EmbedError::Stopped).
     pub fn with_progress(
         scene: &Scene,
-        stages: Stages,
+        mut stages: Stages,
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, SimError> {
         let begin = Instant::now();
@@ -93,10 +93,12 @@ impl Simulation {
         let (mut tools, holds) = tools::all(scene, &start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
         let Start { axes, organ, origin, .. } = start;
-        let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
+        let empty = empty_body(element).with_law(stages.take_law(scene)?);
+        let integrator = stages.take_integrator(scene)?;
+        let Stages { homogenisation, forces, equilibrium, indicator, inverse, .. } = stages;
         let (mut body_summary, mut volume) = (None, None);
         let (mut state, refiner, surfaces) = match origin {
-            Origin::MeshFile(mesh) => (mesh.state(&holds, empty_body(element)), None, None),
+            Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None, None),
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials);
                 let tree = Arc::clone(&setup.tree);
@@ -116,20 +118,18 @@ impl Simulation {
                     label_values,
                     &holds,
                     Regions::of(scene, organ, labels),
-                    empty_body(element),
+                    empty,
                 );
                 (state, Some(refiner), surfaces)
             }
         };
-        let is_fixed = |v: usize| state.holds[v] == Hold::Fixed;
+        let motion = Motion::new(scene, integrator, &axes, &mut state);
         let key = |v: VertexId| match &refiner {
             Some(refiner) => Lattice::key(refiner.forest.point(v)),
             None => organ.grid_key(&state.rest[v.index()]),
         };
-        let formulation = match dynamics::weights(scene)? {
-            Some(weights) => dynamic_by_name(element, weights)?,
-            None => formulation_by_name(element)?,
-        };
+        let is_fixed = |v: usize| state.holds[v] == Hold::Fixed;
+        let formulation = dynamics::formulation(scene, element, state.body.law(), motion.as_ref())?;
         let density = |tet| state.cell(tet).density_kg_m3;
         let (body, vertices) = (&state.body, state.vertices());
         let inverse = InverseLink::with_densities(
@@ -141,7 +141,6 @@ impl Simulation {
             key,
             &inverse,
         )?;
-        let motion = Motion::new(scene, &axes, &mut state)?;
         plan.push(plan::inverse(scene, &inverse));
         tools
             .iter_mut()
@@ -150,7 +149,7 @@ impl Simulation {
         Ok(Self {
             gravity: axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2)),
             scene: scene.clone(),
-            corotation,
+            forces,
             equilibrium,
             indicator,
             plan,
