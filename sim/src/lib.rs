@@ -3,10 +3,9 @@
 
 mod body;
 mod choice;
-mod compliance;
 mod error;
 pub mod haptic;
-mod inverse_link;
+pub mod inverse;
 pub mod output;
 pub mod report;
 pub mod scene;
@@ -16,7 +15,7 @@ mod tools;
 pub use choice::{MIXED_FROM, Stages, choose_element};
 pub use error::SimError;
 pub use haptic::{ForceModel, VirtualCoupling};
-pub use inverse_link::{InverseFactory, InverseLink};
+pub use inverse::{InverseFactory, InverseLink};
 pub use report::{Fields, Probe};
 pub use scene::file as scene_file;
 pub use step::{Simulation, indicator};

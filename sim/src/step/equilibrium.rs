@@ -11,7 +11,7 @@ use super::contact::{Probing, Surroundings};
 use super::simulation::Simulation;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse_link::{Constrained, InverseLink};
+use crate::inverse::{Constrained, InverseLink};
 use crate::report::{StageTimes, milliseconds};
 use crate::tools::Tool;
 

@@ -14,7 +14,7 @@ use yawara_mesh::{
 use super::indicator::{Indicator, RingMember};
 use crate::body::{BodyState, Cell, Hold};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{StageTimes, milliseconds};
 use crate::scene::Refinement;
 use crate::tools::Regions;

@@ -19,7 +19,7 @@ use super::refinement::{Demand, Refiner, Remeshed};
 use crate::body::{BodyState, Hold, ImageBody, Origin, ScannerAxes, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{
     BodySummary, Frame, PlanRow, RunStatistics, StageTimes, StepReport, Summary, Surfaces, capture,
     milliseconds,
