@@ -6,9 +6,9 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::device_loop::Ticks;
-use super::{HapticOptions, Made};
+use super::options::HapticOptions;
 use crate::error::SimError;
-use crate::output::write_whole;
+use crate::output::write_file;
 use crate::report::Percentiles;
 
 /// How a haptic loop went.
@@ -68,8 +68,17 @@ impl HapticSummary {
     pub fn write_json(&self, path: &Path) -> Result<(), SimError> {
         let io = |source| SimError::Io { path: path.into(), source };
         let json = serde_json::to_string_pretty(self).map_err(|error| io(error.into()))?;
-        write_whole(path, json + "\n")
+        write_file(path, json + "\n")
     }
+}
+
+/// What the solver's loop has made.
+#[derive(Default)]
+pub(super) struct Made {
+    pub step_ms: Vec<f64>,
+    pub converged: usize,
+    pub vertices: usize,
+    pub errors_n: Vec<f64>,
 }
 
 pub(super) fn summary(
