@@ -11,11 +11,13 @@
 
 mod graph;
 mod paths;
+mod picture;
 mod resolve;
 mod sources;
 mod uses;
 mod workspace;
 
 pub use graph::{Graph, Use};
+pub use picture::{pictures, room_graph};
 pub use uses::{file_graph, folder_graph, package_graph};
 pub use workspace::{Package, packages, root_above};
