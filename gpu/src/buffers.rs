@@ -98,7 +98,8 @@ impl<E: DeviceScalar> Buffers<E> {
         need.rows > rows || need.front > front || need.gather > gather || self.scratch.is_none()
     }
 
-    /// Grows to what is needed; the panel is 0 afterwards where [`is_short_of`](Self::is_short_of) said so.
+    /// Grows to what is needed; the panel is 0 afterwards where [`is_short_of`](Self::is_short_of)
+    /// said so.
     ///
     /// # Errors
     /// [`GpuError::Limit`], [`GpuError::OutOfMemory`], [`GpuError::Lost`]; what there is stays.

@@ -75,7 +75,8 @@ pub trait InverseMaintainer: Send {
     /// The scene name of the method, e.g. `woodbury`.
     fn name(&self) -> &'static str;
 
-    /// Where the inverse is stored, if not in the host's memory: the device, and the memory used there.
+    /// Where the inverse is stored, if not in the host's memory: the device, and the memory used
+    /// there.
     fn place(&self) -> Option<String> {
         None
     }
@@ -189,8 +190,8 @@ pub trait InverseMaintainer: Send {
         })
     }
 
-    /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with the
-    /// right-hand side w than from the columns.
+    /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with
+    /// the right-hand side w than from the columns.
     fn holds_columns(&self) -> bool {
         false
     }
@@ -261,9 +262,10 @@ fn drift_of<M: InverseMaintainer + ?Sized>(maintainer: &M, seed: u64, samples: u
     })
 }
 
-/// The methods of [`InverseMaintainer`] that the maintainers of this crate have in common: their K is
-/// `self.stiffness`, their counts are `self.tally`, `self.update` makes updates of all kinds, and
-/// `self.kept_drift` measures the columns of C as they are kept, to be rebuilt above `$drift_limit`.
+/// The methods of [`InverseMaintainer`] that the maintainers of this crate have in common: their K
+/// is `self.stiffness`, their counts are `self.tally`, `self.update` makes updates of all kinds,
+/// and `self.kept_drift` measures the columns of C as they are kept, to be rebuilt above
+/// `$drift_limit`.
 macro_rules! maintained {
     ($drift_limit:expr) => {
         fn stiffness(&self) -> &SparseStiffness {

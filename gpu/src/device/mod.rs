@@ -1,8 +1,8 @@
 //! Finding a device and talking to it.
 //!
-//! `open_device.rs` is the file to open first: an open [`Device`](open_device::Device), its memory budget, and
-//! how commands go out and answers come back. `adapters.rs` lists what the machine has, `report.rs`
-//! describes each, `choice.rs` picks one, `bandwidth.rs` measures its memory.
+//! `open_device.rs` is the file to open first: an open [`Device`](open_device::Device), its memory
+//! budget, and how commands go out and answers come back. `adapters.rs` lists what the machine has,
+//! `report.rs` describes each, `choice.rs` picks one, `bandwidth.rs` measures its memory.
 
 mod adapters;
 mod bandwidth;

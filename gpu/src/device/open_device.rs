@@ -222,8 +222,8 @@ impl Device {
             let timeout = Some(timeout);
             self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout })
         };
-        // A program that was suspended meanwhile finds its time over although the device is done: so
-        // there is a second attempt.
+        // A program that was suspended meanwhile finds its time over although the device is done:
+        // so there is a second attempt.
         let polled = wait(PATIENCE).or_else(|_| wait(GRACE));
         self.check()?;
         polled.map_err(|_| GpuError::Timeout { seconds: PATIENCE.as_secs() })?;

@@ -1,4 +1,5 @@
-// result[`other` + y · `terms` + x] ← s_x y_xᵀ (panel column `source` + y): the deferred terms, times X.
+// result[`other` + y · `terms` + x] ← s_x y_xᵀ (panel column `source` + y): the deferred terms,
+// times X.
 //
 // One workgroup per deferred column and column of X; 64 sums are added pairwise.
 //

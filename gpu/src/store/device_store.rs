@@ -13,9 +13,9 @@ use crate::scalar::DeviceScalar;
 
 /// A dense symmetric C on a device, its lower half in tiles of 64 × 64, in chunks of tiles.
 ///
-/// Small matrices are uploaded, rounded from f64 to `E`; small submatrices and single columns are read.
-/// Growing adds tiles, and chunks for them, and never moves one. Results are the same in every run
-/// on the same device.
+/// Small matrices are uploaded, rounded from f64 to `E`; small submatrices and single columns are
+/// read. Growing adds tiles, and chunks for them, and never moves one. Results are the same in
+/// every run on the same device.
 #[derive(Debug)]
 pub struct DeviceStore<E: DeviceScalar> {
     pub(super) device: Arc<Device>,

@@ -70,8 +70,8 @@ pub(super) enum From {
 }
 
 impl<E: DeviceScalar> DeviceStore<E> {
-    /// The work that brings the columns of some rows, with the deferred terms, into the panel; `None`
-    /// where they are there. To be recorded in front of what reads them.
+    /// The work that brings the columns of some rows, with the deferred terms, into the panel;
+    /// `None` where they are there. To be recorded in front of what reads them.
     pub(super) fn gathering(&mut self, rows: &[usize]) -> Result<Option<Gathering>, GpuError> {
         if self.gathered.as_deref() == Some(rows) {
             return Ok(None);

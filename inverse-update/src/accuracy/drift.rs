@@ -5,7 +5,8 @@ use faer::Mat;
 use super::residual::residual;
 use crate::matrix::SparseStiffness;
 
-/// The drift above which [`watch`](crate::InverseMaintainer::watch) has an inverse kept in f64 rebuilt.
+/// The drift above which [`watch`](crate::InverseMaintainer::watch) has an inverse kept in f64
+/// rebuilt.
 pub const DRIFT_LIMIT: f64 = 1e-8;
 
 /// The same for one kept in f32, whose solutions are refined.

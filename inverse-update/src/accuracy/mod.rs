@@ -1,6 +1,6 @@
 //! How good a kept inverse is: the residual of a solution and the step that reduces it
-//! (`residual.rs`, the file to open first), how far the inverse has drifted from K (`drift.rs`), and
-//! how often a maintainer had to act on either (`counts.rs`).
+//! (`residual.rs`, the file to open first), how far the inverse has drifted from K (`drift.rs`),
+//! and how often a maintainer had to act on either (`counts.rs`).
 
 mod counts;
 mod drift;

@@ -40,11 +40,12 @@ pub struct RingChange {
     /// b = a12 + Hᵀ A22, r × m: coupling to d = u_M − H u_old, with H = ½, ½ on the ends of the
     /// edge. Zero for families whose M is F Fᵀ − N Nᵀ alone.
     pub b: Mat<f64>,
-    /// F, r × p: by how much the children are stiffer than their parent, moved as one field; p may be
+    /// F, r × p: by how much the children are stiffer than their parent, moved as one field; p may
+    /// be
     /// 0.
     pub positive: Mat<f64>,
-    /// N, r × q: by how much they are softer; q may be 0. Below the parent's own stiffness where that is
-    /// positive definite: K has to stay so.
+    /// N, r × q: by how much they are softer; q may be 0. Below the parent's own stiffness where
+    /// that is positive definite: K has to stay so.
     pub negative: Mat<f64>,
     /// The position of the new vertex, for maintainers that keep a sparse factor; see
     /// [`SparseStiffness::set_order_keys`](crate::SparseStiffness::set_order_keys).

@@ -23,8 +23,8 @@ pub struct Staged<'a> {
 ///
 /// What every method reads is C with these terms. Rows are checked by the caller. Numbers are
 /// stored as [`Scalar`](Self::Scalar) and exchanged as f64. If a method fails, C is as before,
-/// unless the storage itself is lost: then all later calls fail as well. The provided methods are for
-/// stores that defer nothing and have no shorter way to read C.
+/// unless the storage itself is lost: then all later calls fail as well. The provided methods are
+/// for stores that defer nothing and have no shorter way to read C.
 ///
 /// A store of one's own that defers nothing:
 ///
@@ -113,7 +113,8 @@ pub trait DenseStore: Send {
     /// Takes the lower triangle of a square matrix, rounded, with nothing deferred. Cost: O(n²).
     ///
     /// # Errors
-    /// [`InverseError::Storage`], as all methods here, if memory does not suffice or the storage is lost.
+    /// [`InverseError::Storage`], as all methods here, if memory does not suffice or the storage is
+    /// lost.
     fn load(&mut self, lower: MatRef<'_, f64>) -> Result<(), InverseError>;
 
     /// Deferred columns.

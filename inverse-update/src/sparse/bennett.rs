@@ -32,8 +32,8 @@ pub(crate) struct Scratch {
     index_of: Vec<u32>,
     /// Index in `from` of each row in `to`.
     source: Vec<u32>,
-    /// Columns of U of one sign each. A column of the factor is changed by one group after the other
-    /// while it is in the cache, with the same result as by one walk per group.
+    /// Columns of U of one sign each. A column of the factor is changed by one group after the
+    /// other while it is in the cache, with the same result as by one walk per group.
     groups: Vec<SignGroup>,
     /// The largest ratio of a pivot's terms to the pivot, over all walks so far.
     pub loss: f64,

@@ -120,8 +120,8 @@ struct Plane {
     ends: [usize; 2],
 }
 
-/// The path of an update runs through one side only: a separator costs its square, a larger side less
-/// than that per vertex.
+/// The path of an update runs through one side only: a separator costs its square, a larger side
+/// less than that per vertex.
 fn cost(between: usize, larger: usize, all: usize) -> f64 {
     (between as f64 + 1.0) * (larger as f64 / all as f64 + 0.5)
 }

@@ -192,8 +192,8 @@ impl Factor {
         Ok(())
     }
 
-    /// Two changes on the same rows, and what the elimination of a vertex has subtracted from the others:
-    /// l D lᵀ of its own column.
+    /// Two changes on the same rows, and what the elimination of a vertex has subtracted from the
+    /// others: l D lᵀ of its own column.
     fn released<const M: usize>(&self, slot: usize, changes: [&SlotChange; 2]) -> SlotChange {
         let position = self.position_of[slot] as usize;
         let panel = &self.panels[self.panel_of[position] as usize];

@@ -34,22 +34,23 @@ const SOFTENED: f64 = 1e4;
 const TYPICAL_WALK: f64 = 0.1;
 
 /// Measured times in units of one operation of a walk (an update along its path of the elimination
-/// tree): a new factor per operation of its own and, for its order, per vertex; the small algebra of
-/// an update per cube of its columns.
+/// tree): a new factor per operation of its own and, for its order, per vertex; the small algebra
+/// of an update per cube of its columns.
 const FRESH_OPERATION: f64 = 0.6;
 const FRESH_VERTEX: f64 = 5e4;
 const UPDATE_COLUMNS: f64 = 150.0;
 
-/// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these limits,
-/// or as soon as a pivot has become so small (stiff tissue removed from soft) that digits were lost.
+/// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these
+/// limits, or as soon as a pivot has become so small (stiff tissue removed from soft) that digits
+/// were lost.
 ///
 /// New vertices are eliminated before all others and so join branches of the elimination tree that
 /// the order had kept apart: after a hundred splits in one place an update visits most of the
 /// factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RebaseOptions {
-    /// Updates after which a new factor is started, and the least number of updates from its snapshot
-    /// of K to its adoption.
+    /// Updates after which a new factor is started, and the least number of updates from its
+    /// snapshot of K to its adoption.
     pub updates: usize,
     /// The growth of the number of blocks above which a new factor is started.
     pub growth: f64,
@@ -67,7 +68,8 @@ impl Default for RebaseOptions {
     }
 }
 
-/// Keeps K = L D Lᵀ, in blocks of up to 4 rows, over a nested dissection of the vertices' positions.
+/// Keeps K = L D Lᵀ, in blocks of up to 4 rows, over a nested dissection of the vertices'
+/// positions.
 ///
 /// A new vertex is eliminated first. A split is then one signed low-rank pass with the columns of
 /// M = F Fᵀ − b A22⁻¹ bᵀ along one path of the elimination tree, and one new leaf column
@@ -314,8 +316,8 @@ impl Sparse {
     }
 }
 
-/// The order in which a new [`Sparse`] eliminates the vertices of `stiffness`: nested dissection where
-/// they have positions, minimum degree where they have none.
+/// The order in which a new [`Sparse`] eliminates the vertices of `stiffness`: nested dissection
+/// where they have positions, minimum degree where they have none.
 ///
 /// For callers that factor K by other means. Cost: O(n log n) and some hundred edges per vertex.
 #[must_use]

@@ -65,8 +65,8 @@ impl Based {
     }
 }
 
-/// A factor with a fresh order, being made. The result does not depend on which thread does the work,
-/// or when.
+/// A factor with a fresh order, being made. The result does not depend on which thread does the
+/// work, or when.
 pub(crate) enum Rebase {
     /// A thread makes the factor and follows the edits that are sent to it.
     Thread { edits: Sender<Arc<Edit>>, worker: JoinHandle<Option<Based>> },
@@ -75,8 +75,8 @@ pub(crate) enum Rebase {
 }
 
 impl Rebase {
-    /// Starts from a snapshot. If no thread is wanted, or none can be started, the work is done at the
-    /// end. The thread also frees the old factor, which takes time too.
+    /// Starts from a snapshot. If no thread is wanted, or none can be started, the work is done at
+    /// the end. The thread also frees the old factor, which takes time too.
     pub(crate) fn start(pattern: Pattern, background: bool, old: Option<Based>) -> Self {
         let pattern = Arc::new(pattern);
         if background {

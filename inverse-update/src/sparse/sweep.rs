@@ -6,7 +6,8 @@ use super::factor::{CHUNK, NONE, Panel};
 use super::pivot::{BadPivot, Pivot, square};
 use crate::change::PIVOT_FLOOR;
 
-/// w and Θ of some columns of U. w is stored in chunks of [`CHUNK`] scalar rows, each column by column.
+/// w and Θ of some columns of U. w is stored in chunks of [`CHUNK`] scalar rows, each column by
+/// column.
 #[derive(Debug, Default)]
 pub(crate) struct SignGroup {
     pub from: Vec<f64>,

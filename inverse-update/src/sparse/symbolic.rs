@@ -95,8 +95,8 @@ fn postorder(parent: &[usize]) -> Vec<usize> {
     result
 }
 
-/// Panels of columns with equal or nearly equal rows. A panel absorbs the child right before it as long
-/// as that adds few zeros.
+/// Panels of columns with equal or nearly equal rows. A panel absorbs the child right before it as
+/// long as that adds few zeros.
 fn panels(pattern: &Pattern, order: &[usize], parent: &[usize]) -> Vec<PanelShape> {
     let step = steps(order);
     let n = order.len();

@@ -1,4 +1,5 @@
-//! Updates made together: one submatrix of C is read for all of them, and one set of columns staged.
+//! Updates made together: one submatrix of C is read for all of them, and one set of columns
+//! staged.
 
 use std::collections::HashMap;
 
@@ -18,10 +19,10 @@ const MOST_ROWS: usize = 192;
 
 /// Updates whose small algebra is done, on the rows R that all of them touch.
 ///
-/// With s the rows R and behind them those of the vertices that came in, it keeps C_ss as the updates
-/// so far have left it, and X with C_:s = C⁰_:R X, C⁰ being what the store holds. An update by
-/// U Λ Uᵀ on rows r ⊂ s reads C_rr, adds Y = C_:r W = C⁰_:R (X_:r W), hence C_ss ← C_ss − Y_s Σ Y_sᵀ
-/// and X ← X − (X_:r W) Σ Y_sᵀ; a new vertex adds C_:m = C_:r t, that is X_:m = X_:r t.
+/// With s the rows R and behind them those of the vertices that came in, it keeps C_ss as the
+/// updates so far have left it, and X with C_:s = C⁰_:R X, C⁰ being what the store holds. An update
+/// by U Λ Uᵀ on rows r ⊂ s reads C_rr, adds Y = C_:r W = C⁰_:R (X_:r W), hence C_ss ← C_ss − Y_s Σ
+/// Y_sᵀ and X ← X − (X_:r W) Σ Y_sᵀ; a new vertex adds C_:m = C_:r t, that is X_:m = X_:r t.
 struct Batch {
     /// R: rows of C in the store.
     rows: Vec<usize>,
@@ -178,7 +179,8 @@ fn together(updates: &[Update], k: &SparseStiffness, most: usize) -> (usize, Vec
 }
 
 impl<S: DenseStore> Delayed<S> {
-    /// Makes updates, as many at a time as share one submatrix of C; those before a refused one stay.
+    /// Makes updates, as many at a time as share one submatrix of C; those before a refused one
+    /// stay.
     pub(super) fn update_all(&mut self, updates: &[Update]) -> Result<(), InverseError> {
         let mut done = 0;
         while done < updates.len() {

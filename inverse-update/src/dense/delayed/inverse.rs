@@ -27,8 +27,9 @@ pub const MOST_DELAYED: usize = 96;
 /// Λ + Uᵀ C_rr U = L Σ Lᵀ and W = U L⁻ᵀ it adds the columns Y = C_:r W, C ← C − Y Σ Yᵀ; a new
 /// vertex adds the row C_m: = T C_r:, T = −A22⁻¹ a12ᵀ, and C_mm = A22⁻¹ + T C_rr Tᵀ. Both are
 /// columns C_:r X with X known on the host in f64. Reads between passes see the columns; a pass
-/// folds all of them in at once. A batch reads one submatrix for as many splits and changes as touch up
-/// to 192 rows, and stages their columns together: as many calls of the store as one split.
+/// folds all of them in at once. A batch reads one submatrix for as many splits and changes as
+/// touch up to 192 rows, and stages their columns together: as many calls of the store as one
+/// split.
 ///
 /// Where C is kept in f32, solutions and columns are refined by K as those of
 /// [`WoodburyF32`](crate::WoodburyF32) are. A factor that fails makes it rebuild C from K, which

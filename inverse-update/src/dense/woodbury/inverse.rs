@@ -49,8 +49,8 @@ const DEFERRED: usize = 96;
 /// determinant update algorithms, J. Chem. Phys. 147, 2017.
 pub struct PackedInverse<E: Precision> {
     pub(super) stiffness: SparseStiffness,
-    /// Nothing is deferred between calls. Behind a lock so that a solution that can't be refined may
-    /// replace C.
+    /// Nothing is deferred between calls. Behind a lock so that a solution that can't be refined
+    /// may replace C.
     inverse: RwLock<Deferred<E>>,
     tally: Tally,
     /// Whether C was computed from K since the last update.
@@ -139,8 +139,8 @@ impl<E: Precision> PackedInverse<E> {
     /// X with K X = F, from `start` by X ← X + C (F − K X). A C with which that fails is rebuilt,
     /// once.
     ///
-    /// The norm is scaled by the diagonal, so that neither units nor soft tissue beside stiff tissue
-    /// decide which rows count. Cost: O(n² k) per step.
+    /// The norm is scaled by the diagonal, so that neither units nor soft tissue beside stiff
+    /// tissue decide which rows count. Cost: O(n² k) per step.
     /// # Errors
     /// [`InverseError::NotRefined`] if a rebuilt C does not help either;
     /// [`InverseError::NotFinite`] on overflow.
