@@ -32,7 +32,6 @@ pub struct Staged<'a> {
 /// use faer::{Mat, MatRef};
 /// use yawara_inverse_update::{DenseStore, InverseError, Staged};
 ///
-/// #[derive(Default)]
 /// struct Full {
 ///     c: Mat<f64>,
 ///     staged: Mat<f64>,
@@ -89,7 +88,8 @@ pub struct Staged<'a> {
 /// use yawara_inverse_update::{Delayed, InverseMaintainer, RingChange, SparseStiffness};
 /// let mut stiffness = SparseStiffness::zeros(1, 1)?;
 /// stiffness.add(&[0], mat![[5.0]].as_ref())?;
-/// let mut inverse = Delayed::new(stiffness, Full::default())?;
+/// let empty = Full { c: Mat::zeros(0, 0), staged: Mat::zeros(0, 0), signs: vec![] };
+/// let mut inverse = Delayed::new(stiffness, empty)?;
 /// inverse.split(&RingChange::freed(vec![0], mat![[-3.0]], mat![[3.0]], 0)?)?;
 /// let mut u = [0.0; 2];
 /// inverse.solve(&[0.0, 6.0], &mut u)?;
