@@ -67,7 +67,7 @@ fn run(name: &str) -> Run {
         let report = simulation.step().unwrap();
         iterations += report.iterations;
         directory.write_step(&report).unwrap();
-        if report.step % scene.output.frames_every == 0 || simulation.steps_left() == 0 {
+        if report.step.is_multiple_of(scene.output.frames_every) || simulation.steps_left() == 0 {
             write(&simulation, &mut directory, report.step);
         }
     }
