@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use yawara_embed::Material;
-use yawara_mesh::blur::gaussian_blur;
-use yawara_mesh::classify::{ValueRange, classify};
+use yawara_mesh::image::gaussian_blur;
+use yawara_mesh::image::{ReadReport, read_intensities_with, read_labels_with};
+use yawara_mesh::image::{ValueRange, classify};
 use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{
-    IntensityVolume, LabelVolume, ReadReport, read_intensities_with, read_labels_with,
-};
+use yawara_mesh::volume::{IntensityVolume, LabelVolume};
 
 use super::summary::{INTENSITIES, ImageSummary, LABELS, LabelVoxels, MaterialVoxels};
 use crate::error::SimError;

@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use yawara_corot::{Body, Element};
 use yawara_embed::{LinearTet, Material};
-use yawara_mesh::plain_mesh::LoadedMesh;
+use yawara_mesh::tet_file::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
 
 use super::components::spans_a_plane;
@@ -117,7 +117,7 @@ fn read(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
 
 #[cfg(feature = "gmsh")]
 fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
-    Ok(yawara_mesh::gmsh::read_msh(path, unit_m)?)
+    Ok(yawara_mesh::tet_file::read_msh(path, unit_m)?)
 }
 
 #[cfg(not(feature = "gmsh"))]
@@ -127,7 +127,7 @@ fn read_msh(path: &Path, _: f64) -> Result<LoadedMesh, SimError> {
 
 #[cfg(feature = "vtu")]
 fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
-    Ok(yawara_mesh::vtu_reader::read_vtu(path, unit_m)?)
+    Ok(yawara_mesh::tet_file::read_vtu(path, unit_m)?)
 }
 
 #[cfg(not(feature = "vtu"))]

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use yawara::SimError;
-use yawara_mesh::blur::gaussian_blur;
-use yawara_mesh::classify::{ValueRange, classify};
-use yawara_mesh::volume::{LabelVolume, ReadReport, read_intensities_with, read_labels_with};
+use yawara_mesh::image::gaussian_blur;
+use yawara_mesh::image::{ReadReport, read_intensities_with, read_labels_with};
+use yawara_mesh::image::{ValueRange, classify};
+use yawara_mesh::volume::LabelVolume;
 
 use super::arguments::LabelsArguments;
 use super::printer::Printer;
@@ -49,7 +50,7 @@ fn parse(text: &str) -> Result<ValueRange, SimError> {
 
 #[cfg(feature = "nifti")]
 fn write(file: &Path, volume: &LabelVolume) -> Result<(), SimError> {
-    Ok(yawara_mesh::volume::write_labels(file, volume)?)
+    Ok(yawara_mesh::image::write_labels(file, volume)?)
 }
 
 #[cfg(not(feature = "nifti"))]

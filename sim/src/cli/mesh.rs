@@ -55,7 +55,7 @@ fn writer(file: &Path) -> Result<Writer, SimError> {
 }
 
 fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
-    Ok(yawara_mesh::volume::read_labels(path)?)
+    Ok(yawara_mesh::image::read_labels(path)?)
 }
 
 fn refuse(key: &str, value: String, want: String) -> SimError {

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use yawara::SimError;
+use yawara_mesh::image::read_labels;
 use yawara_mesh::isosurface::{Outline, Outlines, PlyEncoding, SurfaceData, write_ply, write_vtp};
 use yawara_mesh::phantom::{LiverPhantom, liver};
-use yawara_mesh::volume::{LabelVolume, read_labels};
-use yawara_mesh::{CellGrid, Domain, LabelTree, Lattice, MeshError};
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{CellGrid, Domain, LabelTree, Lattice, SurfaceError};
 
 use super::arguments::SurfaceArguments;
 use super::printer::Printer;
@@ -64,7 +65,7 @@ pub fn run(arguments: &SurfaceArguments, out: &mut Printer) -> Result<(), SimErr
     out.print(&format!("written to {}\n", file.display()))
 }
 
-type Writer = fn(&Path, &SurfaceData<'_>) -> Result<(), MeshError>;
+type Writer = fn(&Path, &SurfaceData<'_>) -> Result<(), SurfaceError>;
 
 /// The writer that the name asks for.
 fn writer(file: &Path) -> Result<Writer, SimError> {
