@@ -25,7 +25,7 @@ pub use records::{
 };
 pub use tool::{ToolReport, ToolSummary};
 
-pub(crate) use records::milliseconds;
 pub(crate) use recorder::Recorder;
+pub(crate) use records::milliseconds;
 pub(crate) use run_statistics::{RunStatistics, Work};
 pub(crate) use surfaces::Surfaces;

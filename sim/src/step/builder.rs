@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::Body;
 use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
@@ -20,7 +19,7 @@ use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse_link::{InverseFactory, InverseLink};
-use crate::report::{PlanRow, Recorder, RunStatistics, Surfaces};
+use crate::report::{Recorder, RunStatistics, Surfaces};
 use crate::scene::Scene;
 use crate::tools::{self, BodyAtRest, Regions, Tool};
 
@@ -112,12 +111,8 @@ impl<'a> SimulationBuilder<'a> {
             Origin::Image(mut setup) => {
                 let materials = std::mem::take(&mut setup.materials).into();
                 let tree = Arc::clone(&setup.tree);
-                let embedding = Embedding::with_materials(
-                    tree,
-                    materials,
-                    homogenisation,
-                    &mut self.progress,
-                )?;
+                let embedding =
+                    Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
                 plan::homogenised(&mut plan, &embedding);
                 surfaces = Surfaces::new(scene, &setup, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;

@@ -242,10 +242,8 @@ impl StepSolver {
         };
         state.positions = moved.positions;
         state.body.set_pressures(&moved.pressures);
-        let tolerance = Tolerance {
-            residual: self.rules.residual,
-            max_iterations: self.rules.max_iterations,
-        };
+        let tolerance =
+            Tolerance { residual: self.rules.residual, max_iterations: self.rules.max_iterations };
         let around =
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
         let mut pressed = tool_loads(state, tools, span.to);

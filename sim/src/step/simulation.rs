@@ -85,8 +85,7 @@ impl Simulation {
         let mut times = StageTimes::default();
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, tools);
-        let mut acting =
-            Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
+        let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let outcome = solver.advance(span, &mut acting, &mut times)?;
         let felt = self.felt();
         let (support, reports) = (felt.support(), felt.reports(&self.tools));

@@ -61,11 +61,7 @@ impl ToolForces<'_> {
     }
 
     /// How the force of a tool grows with its displacement, N/m, rows by scanner axis.
-    pub fn stiffness(
-        &self,
-        tool: usize,
-        inverse: &InverseLink,
-    ) -> Result<[[f64; 3]; 3], SimError> {
+    pub fn stiffness(&self, tool: usize, inverse: &InverseLink) -> Result<[[f64; 3]; 3], SimError> {
         let mut stiffness = self.contact.stiffness(tool);
         let held = self.held_by(|hold| matches!(hold, Hold::Grabbed(_)));
         let held: Vec<usize> = held.into_iter().map(VertexId::index).collect();

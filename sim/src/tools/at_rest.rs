@@ -74,9 +74,8 @@ impl<'a> BodyAtRest<'a> {
 
     /// The vertices of the start mesh that touch material and that nothing holds yet.
     pub fn available(&self) -> impl Iterator<Item = VertexId> + '_ {
-        let is_free = |v: &VertexId| {
-            self.start.solid[v.index()] && self.holds[v.index()] == Hold::Free
-        };
+        let is_free =
+            |v: &VertexId| self.start.solid[v.index()] && self.holds[v.index()] == Hold::Free;
         self.start.vertices.iter().copied().filter(is_free)
     }
 

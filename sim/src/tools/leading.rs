@@ -9,10 +9,7 @@ use crate::scene::checks::FARTHEST_M;
 ///
 /// # Errors
 /// [`SimError::NoSuchTool`] if there is none of that number or it does not move.
-pub(crate) fn path_of(
-    tools: &mut [Box<dyn Tool>],
-    tool: usize,
-) -> Result<&mut ToolPath, SimError> {
+pub(crate) fn path_of(tools: &mut [Box<dyn Tool>], tool: usize) -> Result<&mut ToolPath, SimError> {
     let count = tools.len();
     let refused = |reason| SimError::NoSuchTool { tool, reason, count };
     let found = tools.get_mut(tool).ok_or_else(|| refused("is missing"))?;
