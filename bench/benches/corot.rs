@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
-use yawara_bench::{History, Organ, Size, Slots, Solid};
+use yawara::inverse::SlotMap;
+use yawara_bench::{History, Organ, Size, Solid};
 use yawara_corot::{
     Body, ElementCorotation, ElementReference, InternalForces, Outcome, Problem, StiffnessPacket,
     Tolerance, equilibrium_by_name, forces_by_name,
@@ -23,7 +24,7 @@ struct Case {
     rest: Vec<Vector3<f64>>,
     free: Vec<bool>,
     weight: Vec<Vector3<f64>>,
-    slots: Slots,
+    slots: SlotMap,
     inverse: Box<dyn InverseMaintainer>,
 }
 
@@ -53,11 +54,10 @@ impl Case {
         let corotation = forces_by_name("element").expect("built in");
         let mut equilibrium = equilibrium_by_name("anderson").expect("built in");
         let inverse = |f: &[f64], u: &mut [f64]| {
-            let n = 3 * self.slots.len();
-            let (mut load, mut displacement) = (vec![0.0; n], vec![0.0; n]);
-            self.slots.select(f, &mut load);
+            let load = self.slots.gather(3, f);
+            let mut displacement = vec![0.0; load.len()];
             self.inverse.solve(&load, &mut displacement).expect("finite loads");
-            self.slots.scatter(&displacement, u);
+            self.slots.scatter(3, &displacement, u);
         };
         let mut problem = Problem {
             body,

@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 
-use faer::Mat;
 use nalgebra::Vector3;
-use yawara_embed::{
-    ElementFormulation, Embedding, LinearTet, Material, MixedModuli, by_name, clamp,
-};
-use yawara_inverse_update::{InverseMaintainer, Sparse, SparseStiffness};
+use yawara::inverse::{Assembly, SlotMap};
+use yawara_embed::{ElementFormulation, Embedding, LinearTet, Material, MixedModuli, by_name};
+use yawara_inverse_update::{InverseMaintainer, Sparse};
 use yawara_mesh::kuhn::{Point, bisect, midpoint};
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
@@ -15,6 +13,7 @@ use yawara_mesh::{
 };
 
 use crate::error::BenchError;
+use crate::organ::elements_of;
 
 /// Voxels along the cube.
 const VOXELS: usize = 16;
@@ -115,58 +114,29 @@ impl Block {
         let domain = Domain::full(Lattice::new([1; 3], FINEST_LEVEL));
         let forest = BisectionForest::new(domain, Arc::clone(&self.tree), level, FINEST_LEVEL)?;
         let forest = Arc::new(forest);
-        let vertices: Vec<VertexId> = forest.vertices().collect();
-        let mut slot_of = vec![0; forest.vertex_capacity()];
-        vertices.iter().enumerate().for_each(|(slot, v)| slot_of[v.index()] = slot);
-        let inverse = Sparse::new(self.assemble(&forest, &slot_of, element)?)?;
+        let is_fixed = |v: VertexId| forest.point(v)[2] == 0;
+        let order_key = |v| Lattice::key(forest.point(v));
+        let assembly = Assembly::new(element, &is_fixed, &order_key);
+        let slots = assembly.slots(forest.vertices());
+        let elements = elements_of(&forest, &self.placement, &self.embedding);
+        let inverse = Sparse::new(assembly.assemble(elements, &slots)?)?;
         let m = element.unknowns();
         let solve = |traction: [f64; 3]| {
-            let load = self.load(&forest, &slot_of, traction, m);
+            let load = slots.gather(m, &self.load(&forest, traction, m));
             let mut u = vec![0.0; load.len()];
             inverse.solve(&load, &mut u)?;
-            Ok(self.field(&forest, &slot_of, &u, m))
+            Ok(self.field(&forest, &slots, &u, m))
         };
         LOADS.map(solve).into_iter().collect::<Result<Vec<_>, BenchError>>().map(two)
-    }
-
-    fn assemble(
-        &self,
-        forest: &BisectionForest,
-        slot_of: &[usize],
-        element: &dyn ElementFormulation,
-    ) -> Result<SparseStiffness, BenchError> {
-        let m = element.unknowns();
-        let vertices = forest.vertex_count();
-        let mut k = SparseStiffness::quasi_definite(vertices, m, element.negative())?;
-        let keys: Vec<u64> = forest.vertices().map(|v| Lattice::key(forest.point(v))).collect();
-        k.set_order_keys(&keys)?;
-        for tet in forest.leaves() {
-            let geometry = LinearTet::new(&self.corners(forest, &tet));
-            let mut part = element.stiffness(&geometry, &self.embedding.elasticity(tet.node));
-            clamp(&mut part, &tet.vertices.map(|v| is_held(forest, v)));
-            k.add(&tet.vertices.map(|v| slot_of[v.index()]), part.as_ref())?;
-        }
-        // Nothing couples to a held displacement; its size is that of the others'.
-        let anchor = Mat::from_fn(m, m, |i, j| if i == j && i < 3 { 1.0 } else { 0.0 });
-        for v in forest.vertices().filter(|&v| is_held(forest, v)) {
-            k.add(&[slot_of[v.index()]], anchor.as_ref())?;
-        }
-        Ok(k)
     }
 
     fn corners(&self, forest: &BisectionForest, tet: &Tet) -> [Vector3<f64>; 4] {
         tet.vertices.map(|v| self.placement.position(forest.point(v)))
     }
 
-    /// The traction on the top, a third of each face's to each of its corners.
-    fn load(
-        &self,
-        forest: &BisectionForest,
-        slot_of: &[usize],
-        traction: [f64; 3],
-        m: usize,
-    ) -> Vec<f64> {
-        let mut load = vec![0.0; m * forest.vertex_count()];
+    /// The traction on the top by vertex number, a third of each face's to each of its corners.
+    fn load(&self, forest: &BisectionForest, traction: [f64; 3], m: usize) -> Vec<f64> {
+        let mut load = vec![0.0; m * forest.vertex_capacity()];
         let top = forest.domain().lattice().units;
         for face in forest.boundary_faces() {
             let points = face.map(|v| forest.point(v));
@@ -176,7 +146,7 @@ impl Block {
             let [a, b, c] = points.map(|p| self.placement.position(p));
             let share = (b - a).cross(&(c - a)).norm() / 6.0;
             for v in face {
-                let row = m * slot_of[v.index()];
+                let row = m * v.index();
                 (0..3).for_each(|axis| load[row + axis] += share * traction[axis]);
             }
         }
@@ -186,17 +156,15 @@ impl Block {
     fn field(
         &self,
         forest: &Arc<BisectionForest>,
-        slot_of: &[usize],
-        u: &[f64],
+        slots: &SlotMap,
+        solution: &[f64],
         m: usize,
     ) -> Field {
-        let mut displacement = vec![Vector3::zeros(); slot_of.len()];
-        let mut pressure = vec![0.0; slot_of.len()];
-        for v in forest.vertices() {
-            let row = m * slot_of[v.index()];
-            displacement[v.index()] = Vector3::new(u[row], u[row + 1], u[row + 2]);
-            pressure[v.index()] = if m == 4 { self.moduli.shear * u[row + 3] } else { 0.0 };
-        }
+        let mut u = vec![0.0; m * forest.vertex_capacity()];
+        slots.scatter(m, solution, &mut u);
+        let displacement = u.chunks_exact(m).map(|u| Vector3::new(u[0], u[1], u[2])).collect();
+        let of = |u: &[f64]| u.get(3).map_or(0.0, |q| self.moduli.shear * q);
+        let pressure = u.chunks_exact(m).map(of).collect();
         let pressure = if m == 4 { Pressure::Linear(pressure) } else { Pressure::Constant };
         Field { forest: Arc::clone(forest), displacement, pressure }
     }
@@ -322,10 +290,6 @@ fn descend(corners: &[Corner; 4], level: u8, finest: u8, fine: &Field, sums: &mu
 /// ∫ f² of a linear f over a tetrahedron, up to V/20.
 fn square(values: &[f64; 4]) -> f64 {
     values.iter().map(|x| x * x).sum::<f64>() + values.iter().sum::<f64>().powi(2)
-}
-
-fn is_held(forest: &BisectionForest, vertex: VertexId) -> bool {
-    forest.point(vertex)[2] == 0
 }
 
 fn two<T>(items: Vec<T>) -> [T; 2] {

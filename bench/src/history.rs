@@ -1,15 +1,14 @@
 //! Random splits and merges of an organ, as changes of its stiffness matrix.
 
-use faer::Mat;
-use yawara_embed::{ElementFormulation, Embedding, P1, RingStiffness};
+use yawara::inverse::{Assembly, SlotMap};
+use yawara_embed::{ElementFormulation, Embedding, P1};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
 
 use crate::error::BenchError;
-use crate::organ::{Organ, body_of};
+use crate::organ::{Organ, elements_of};
 use crate::random::SplitMix64;
-use crate::slots::Slots;
 
 /// One vertex in or out, ready for any maintainer.
 #[derive(Clone, Debug)]
@@ -61,7 +60,7 @@ pub struct History {
     forest: BisectionForest,
     placement: Placement,
     embedding: Embedding,
-    slots: Slots,
+    slots: SlotMap,
     /// The number of free vertices stays between these while [`step`](Self::step) chooses.
     least: usize,
     most: usize,
@@ -81,7 +80,7 @@ impl History {
         growth: usize,
         seed: u64,
     ) -> Result<Self, BenchError> {
-        let slots = Slots::new(organ.free_vertices());
+        let slots = SlotMap::new(organ.free_vertices());
         Ok(Self {
             forest: organ.forest.clone(),
             placement: organ.placement,
@@ -151,7 +150,7 @@ impl History {
     }
 
     /// The slots of the free vertices as they are now.
-    pub fn slots(&self) -> &Slots {
+    pub fn slots(&self) -> &SlotMap {
         &self.slots
     }
 
@@ -160,20 +159,10 @@ impl History {
     /// # Errors
     /// [`BenchError::Inverse`] if an element's stiffness is not finite.
     pub fn stiffness(&self) -> Result<SparseStiffness, BenchError> {
-        let mut stiffness = SparseStiffness::zeros(self.slots.len(), 3)?;
-        let key = |&v: &VertexId| Lattice::key(self.forest.point(v));
-        stiffness.set_order_keys(&self.slots.vertices().iter().map(key).collect::<Vec<_>>())?;
-        let body = body_of(&self.forest, &self.placement, &self.embedding);
-        for element in body.elements() {
-            let slots = element.vertices.map(|v| self.slots.get(VertexId(v as u32)));
-            let kept: Vec<usize> = (0..4).filter(|&i| slots[i].is_some()).collect();
-            let k = element.geometry.stiffness(&element.elasticity);
-            let row = |i: usize| 3 * kept[i / 3] + i % 3;
-            let dense = Mat::from_fn(3 * kept.len(), 3 * kept.len(), |i, j| k[(row(i), row(j))]);
-            let slots: Vec<usize> = slots.into_iter().flatten().collect();
-            stiffness.add(&slots, dense.as_ref())?;
-        }
-        Ok(stiffness)
+        let is_fixed = |v| self.slots.get(v).is_none();
+        let order_key = |v| Lattice::key(self.forest.point(v));
+        let elements = elements_of(&self.forest, &self.placement, &self.embedding);
+        Ok(Assembly::new(&P1, &is_fixed, &order_key).assemble(elements, &self.slots)?)
     }
 
     /// Splits or merges at a random place, as likely one as the other where both are possible.
@@ -258,11 +247,7 @@ impl History {
     fn hand_over(&self) -> RingChange {
         let position = |v: VertexId| self.placement.position(self.forest.point(v));
         let ring = P1.ring(&self.delta, &self.embedding, &position);
-        let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } =
-            ring.restricted(|v| self.slots.get(v).is_some());
-        let slots = vertices.into_iter().filter_map(|v| self.slots.get(v)).collect();
-        let order_key = Lattice::key(self.forest.point(self.delta.vertex));
-        RingChange { slots, k_p, k_c, a12, a22, b, positive, negative, order_key }
+        self.slots.ring_change(ring, Lattice::key(self.forest.point(self.delta.vertex)))
     }
 }
 

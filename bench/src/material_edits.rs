@@ -1,13 +1,13 @@
 //! Changes of the stiffness that bring no vertex in or out: tetrahedra made stiffer, and back.
 
 use faer::Mat;
+use yawara::inverse::SlotMap;
 use yawara_inverse_update::{SparseStiffness, StiffnessChange};
 use yawara_mesh::VertexId;
 
 use crate::error::BenchError;
 use crate::organ::Organ;
 use crate::random::SplitMix64;
-use crate::slots::Slots;
 
 /// At most so many tetrahedra are stiffer than their material at a time.
 const MOST: usize = 32;
@@ -46,7 +46,7 @@ impl MaterialEdits {
     /// Rank 6. None where the chosen one has no free vertex.
     pub(crate) fn step(
         &mut self,
-        slots: &Slots,
+        slots: &SlotMap,
         random: &mut SplitMix64,
     ) -> Option<StiffnessChange> {
         let back = match self.active.len() {
@@ -72,7 +72,11 @@ impl MaterialEdits {
     ///
     /// # Errors
     /// [`BenchError::Inverse`] if an element's stiffness is not finite.
-    pub fn add_to(&self, stiffness: &mut SparseStiffness, slots: &Slots) -> Result<(), BenchError> {
+    pub fn add_to(
+        &self,
+        stiffness: &mut SparseStiffness,
+        slots: &SlotMap,
+    ) -> Result<(), BenchError> {
         for &(element, part) in &self.active {
             let (slots, factor) = self.factor(element, part, slots);
             stiffness.add(&slots, (&factor * factor.transpose()).as_ref())?;
@@ -81,7 +85,7 @@ impl MaterialEdits {
     }
 
     /// √part F on the free vertices of an element, and their slots.
-    fn factor(&self, element: usize, part: f64, slots: &Slots) -> (Vec<usize>, Mat<f64>) {
+    fn factor(&self, element: usize, part: f64, slots: &SlotMap) -> (Vec<usize>, Mat<f64>) {
         let (vertices, factor) = &self.elements[element];
         let kept: Vec<usize> = (0..4).filter(|&i| slots.get(vertices[i]).is_some()).collect();
         let row = |i: usize| 3 * kept[i / 3] + i % 3;
@@ -127,7 +131,7 @@ mod tests {
     #[test]
     fn a_step_adds_a_part_of_the_element_s_stiffness_and_takes_it_back() {
         let organ = Organ::new(Size::Quick).unwrap();
-        let slots = Slots::new(organ.forest.vertices());
+        let slots = SlotMap::new(organ.forest.vertices());
         let mut edits = MaterialEdits::new(&organ, "linear").unwrap();
         let mut random = SplitMix64(1);
         let change = edits.step(&slots, &mut random).unwrap();

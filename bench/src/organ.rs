@@ -144,7 +144,9 @@ impl Organ {
 
     /// The elements of the start mesh, unrotated.
     pub fn body(&self, embedding: &Embedding) -> Body {
-        body_of(&self.forest, &self.placement, embedding)
+        let mut body = Body::new();
+        elements_of(&self.forest, &self.placement, embedding).for_each(|e| body.insert(e));
+        body
     }
 
     /// Rest positions of the start mesh by vertex number, m.
@@ -158,23 +160,21 @@ impl Organ {
 }
 
 /// The elements of a forest's leaves, unrotated.
-pub(crate) fn body_of(
-    forest: &BisectionForest,
-    placement: &Placement,
-    embedding: &Embedding,
-) -> Body {
-    let mut body = Body::new();
-    for tet in forest.leaves() {
+pub(crate) fn elements_of<'a>(
+    forest: &'a BisectionForest,
+    placement: &'a Placement,
+    embedding: &'a Embedding,
+) -> impl Iterator<Item = Element> + 'a {
+    forest.leaves().map(|tet| {
         let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
-        body.insert(Element {
+        Element {
             tet: tet.id,
             vertices: tet.vertices.map(VertexId::index),
             geometry: LinearTet::new(&corners),
             elasticity: embedding.elasticity(tet.node),
             rotation: nalgebra::Matrix3::identity(),
-        });
-    }
-    body
+        }
+    })
 }
 
 fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {

@@ -1,11 +1,11 @@
 //! A held [`Solid`] with the inverse of its stiffness: what an equilibrium solver works on.
 
-use faer::Mat;
 use nalgebra::Vector3;
+use yawara::inverse::{Assembly, SlotMap};
 use yawara_corot::{Body, Equilibrium, InternalForces, Outcome, Problem, Tolerance};
-use yawara_embed::{ElementFormulation, P1, P1P1, clamp};
-use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build};
-use yawara_mesh::Lattice;
+use yawara_embed::{ElementFormulation, P1, P1P1};
+use yawara_inverse_update::{InverseMaintainer, build};
+use yawara_mesh::{Lattice, VertexId};
 
 use crate::error::BenchError;
 use crate::solid::Solid;
@@ -28,14 +28,11 @@ pub struct Statics {
 
 /// The inverse, and which vertex has which slot in it.
 struct Link {
-    slots: Vec<usize>,
-    vertices: Vec<usize>,
+    slots: SlotMap,
     inverse: Box<dyn InverseMaintainer>,
     /// Unknowns per vertex.
     block: usize,
 }
-
-const NO_SLOT: usize = usize::MAX;
 
 impl Statics {
     /// Factors the stiffness of `solid` with the vertices held for which `held` says so.
@@ -62,14 +59,12 @@ impl Statics {
         body: Body,
     ) -> Result<Self, BenchError> {
         let free: Vec<bool> = solid.points.iter().map(|x| !held(x)).collect();
-        // A held vertex keeps its pressure, if it has one.
-        let vertices: Vec<usize> =
-            (0..free.len()).filter(|&v| free[v] || body.is_mixed()).collect();
-        let mut slots = vec![NO_SLOT; free.len()];
-        vertices.iter().enumerate().for_each(|(slot, &v)| slots[v] = slot);
-        let stiffness = stiffness(solid, &body, element.as_ref(), &free, &slots)?;
-        let block = element.unknowns();
-        let link = Link { slots, vertices, inverse: build("sparse", stiffness)?, block };
+        let order_key = order_keys(solid);
+        let is_fixed = |v: VertexId| !free[v.index()];
+        let assembly = Assembly::new(element.as_ref(), &is_fixed, &order_key);
+        let slots = assembly.slots((0..free.len()).map(|v| VertexId(v as u32)));
+        let inverse = build("sparse", assembly.assemble(body.elements(), &slots)?)?;
+        let link = Link { slots, inverse, block: element.unknowns() };
         let positions = solid.points.clone();
         let internal = vec![Vector3::zeros(); free.len()];
         Ok(Self { body, rest: positions.clone(), positions, internal, free, link, element })
@@ -142,68 +137,29 @@ impl Statics {
 
     /// The slot of a vertex in the inverse; none if it is held and has no pressure.
     pub fn slot(&self, vertex: usize) -> Option<usize> {
-        Some(self.link.slots[vertex]).filter(|&slot| slot != NO_SLOT)
+        self.link.slots.get(VertexId(vertex as u32))
     }
 }
 
 impl Link {
     /// u = C f by vertex number; NaN where f is not finite.
     fn apply(&self, f: &[f64], u: &mut [f64]) {
-        let m = self.block;
-        let mut load = vec![0.0; m * self.vertices.len()];
-        for (slot, &v) in self.vertices.iter().enumerate() {
-            load[m * slot..m * slot + m].copy_from_slice(&f[m * v..m * v + m]);
-        }
+        let load = self.slots.gather(self.block, f);
         let mut solution = vec![0.0; load.len()];
         if self.inverse.solve(&load, &mut solution).is_err() {
             solution.fill(f64::NAN);
         }
-        u.fill(0.0);
-        for (slot, &v) in self.vertices.iter().enumerate() {
-            u[m * v..m * v + m].copy_from_slice(&solution[m * slot..m * slot + m]);
-        }
+        self.slots.scatter(self.block, &solution, u);
     }
 }
 
-/// Displacements of held vertices that have slots are held by the unit stiffness.
-fn stiffness(
-    solid: &Solid,
-    body: &Body,
-    element: &dyn ElementFormulation,
-    free: &[bool],
-    slots: &[usize],
-) -> Result<SparseStiffness, BenchError> {
-    let m = element.unknowns();
-    let vertices: Vec<usize> = (0..free.len()).filter(|&v| slots[v] != NO_SLOT).collect();
-    let mut k = SparseStiffness::quasi_definite(vertices.len(), m, element.negative())?;
-    k.set_order_keys(&order_keys(solid, &vertices))?;
-    for tet in body.elements() {
-        let kept: Vec<usize> = (0..4).filter(|&i| slots[tet.vertices[i]] != NO_SLOT).collect();
-        let mut ke = element.stiffness(&tet.geometry, &tet.elasticity);
-        clamp(&mut ke, &tet.vertices.map(|v| !free[v]));
-        let rows = m * kept.len();
-        let dense = Mat::from_fn(rows, rows, |i, j| {
-            let at = |i: usize| m * kept[i / m] + i % m;
-            0.5 * (ke[(at(i), at(j))] + ke[(at(j), at(i))])
-        });
-        let kept: Vec<usize> = kept.iter().map(|&i| slots[tet.vertices[i]]).collect();
-        k.add(&kept, dense.as_ref())?;
-    }
-    let anchor = Mat::from_fn(m, m, |i, j| if i == j && i < 3 { 1.0 } else { 0.0 });
-    for v in vertices.into_iter().filter(|&v| !free[v]) {
-        k.add(&[slots[v]], anchor.as_ref())?;
-    }
-    Ok(k)
-}
-
-/// Where the vertices lie on a grid of 2²⁰ points a side over the body's box.
-fn order_keys(solid: &Solid, vertices: &[usize]) -> Vec<u64> {
+/// Where a vertex lies on a grid of 2²⁰ points a side over the body's box.
+fn order_keys(solid: &Solid) -> impl Fn(VertexId) -> u64 + '_ {
     let low = solid.points.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
     let high = solid.points.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
     let scale = f64::from(1u32 << 20) / (high - low).max().max(f64::MIN_POSITIVE);
-    let key = |&v: &usize| {
-        let at = (solid.points[v] - low) * scale;
+    move |v| {
+        let at = (solid.points[v.index()] - low) * scale;
         Lattice::key([at.x as i32, at.y as i32, at.z as i32])
-    };
-    vertices.iter().map(key).collect()
+    }
 }

@@ -1,9 +1,10 @@
 //! A body of mixed elements, clamped at one side, with an inverse that follows its mesh.
 
-use faer::Mat;
-use nalgebra::DMatrix;
-use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1P1, RingStiffness, clamp};
-use yawara_inverse_update::{InverseError, InverseMaintainer, RingChange, SparseStiffness, build};
+use nalgebra::{DMatrix, Matrix3};
+use yawara::inverse::{Assembly, SlotMap, hold};
+use yawara_corot::Element;
+use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1P1, RingStiffness};
+use yawara_inverse_update::{InverseError, InverseMaintainer, SparseStiffness, Update, build};
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
 
 use crate::organ::Organ;
@@ -21,7 +22,7 @@ pub struct MixedBody {
     placement: Placement,
     embedding: Embedding,
     element: P1P1,
-    vertex_of: Vec<VertexId>,
+    slots: SlotMap,
     anchor: f64,
     delta: MeshDelta,
 }
@@ -39,7 +40,7 @@ impl MixedBody {
     ) -> Result<Self, InverseError> {
         let forest = organ.forest(0, max_level);
         let mut body = Self {
-            vertex_of: forest.vertices().collect(),
+            slots: SlotMap::new(forest.vertices()),
             placement: organ.placement(max_level),
             embedding: organ.embedding(homogenisation),
             element: P1P1::default(),
@@ -48,15 +49,7 @@ impl MixedBody {
             delta: MeshDelta::empty(),
             forest,
         };
-        let dense = body.assemble();
-        let mut k = SparseStiffness::quasi_definite(body.vertex_of.len(), M, 1)?;
-        let keys: Vec<u64> =
-            body.vertex_of.iter().map(|&v| Lattice::key(body.forest.point(v))).collect();
-        k.set_order_keys(&keys)?;
-        let all: Vec<usize> = (0..body.vertex_of.len()).collect();
-        let dense = Mat::from_fn(dense.nrows(), dense.ncols(), |i, j| dense[(i, j)]);
-        k.add(&all, dense.as_ref())?;
-        body.maintainer = build(maintainer, k)?;
+        body.maintainer = build(maintainer, body.stiffness()?)?;
         Ok(body)
     }
 
@@ -67,7 +60,7 @@ impl MixedBody {
 
     /// The vertices by slot.
     pub fn vertices(&self) -> &[VertexId] {
-        &self.vertex_of
+        self.slots.vertices()
     }
 
     /// Splits at one of the candidates. Returns false if there is none.
@@ -81,11 +74,7 @@ impl MixedBody {
         }
         let p = candidates[pick(candidates.len())];
         let vertex = self.forest.split(p, &mut self.delta).expect("a candidate");
-        let ring = self.ring(vertex);
-        let key = Lattice::key(p);
-        let slot = self.maintainer.split(&self.change(ring, key))?;
-        assert_eq!(slot, self.vertex_of.len());
-        self.vertex_of.push(vertex);
+        self.update(vertex, Lattice::key(p))?;
         Ok(true)
     }
 
@@ -102,15 +91,20 @@ impl MixedBody {
         let vertex = ready[pick(ready.len())];
         let key = Lattice::key(self.forest.point(vertex));
         self.forest.merge(vertex, &mut self.delta).expect("mergeable");
-        let ring = self.ring(vertex);
-        let slot = self.slot(vertex);
-        self.maintainer.merge(slot, &self.change(ring, key))?;
-        self.vertex_of.swap_remove(slot);
+        self.update(vertex, key)?;
         Ok(true)
     }
 
-    fn slot(&self, vertex: VertexId) -> usize {
-        self.vertex_of.iter().position(|&v| v == vertex).expect("a vertex of the mesh")
+    /// Gives the maintainer the split or merge that the mesh has just made.
+    fn update(&mut self, vertex: VertexId, order_key: u64) -> Result<(), InverseError> {
+        let ring = self.ring(vertex);
+        let slots = self.slots.len();
+        match self.slots.update(self.delta.change, vertex, true, ring, order_key) {
+            Some(Update::Split(change)) => assert_eq!(self.maintainer.split(&change)?, slots),
+            Some(Update::Merge { slot, change }) => _ = self.maintainer.merge(slot, &change)?,
+            other => unreachable!("every vertex has a slot: {other:?}"),
+        }
+        Ok(())
     }
 
     fn ring(&self, vertex: VertexId) -> RingStiffness {
@@ -121,33 +115,29 @@ impl MixedBody {
         // The point of a merged vertex is gone, that of the ends of its edge is not.
         let new_is_held = self.delta.edge.iter().all(|&end| self.is_held(end));
         debug_assert!(!self.delta.edge.contains(&vertex));
-        ring.clamp(|v| self.is_held(v), new_is_held, self.anchor)
-    }
-
-    fn change(&self, ring: RingStiffness, order_key: u64) -> RingChange {
-        let RingStiffness { vertices, k_p, k_c, a12, a22, b, positive, negative } = ring;
-        let slots = vertices.into_iter().map(|v| self.slot(v)).collect();
-        RingChange { slots, k_p, k_c, a12, a22, b, positive, negative, order_key }
+        hold(ring, M, new_is_held, |v| self.is_held(v), self.anchor)
     }
 
     /// K in slot order, from all tetrahedra.
     pub fn assemble(&self) -> DMatrix<f64> {
-        let n = M * self.vertex_of.len();
-        let mut k = DMatrix::zeros(n, n);
-        for tet in self.forest.leaves() {
+        let k = self.stiffness().expect("finite elements").to_dense();
+        DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)])
+    }
+
+    fn stiffness(&self) -> Result<SparseStiffness, InverseError> {
+        let elements = self.forest.leaves().map(|tet| {
             let corners = tet.vertices.map(|v| self.placement.position(self.forest.point(v)));
-            let elasticity = self.embedding.elasticity(tet.node);
-            let mut part = self.element.stiffness(&LinearTet::new(&corners), &elasticity);
-            clamp(&mut part, &tet.vertices.map(|v| self.is_held(v)));
-            let slots = tet.vertices.map(|v| self.slot(v));
-            let row = |i: usize| M * slots[i / M] + i % M;
-            for (i, j) in (0..4 * M).flat_map(|i| (0..4 * M).map(move |j| (i, j))) {
-                k[(row(i), row(j))] += part[(i, j)];
+            Element {
+                tet: tet.id,
+                vertices: tet.vertices.map(VertexId::index),
+                geometry: LinearTet::new(&corners),
+                elasticity: self.embedding.elasticity(tet.node),
+                rotation: Matrix3::identity(),
             }
-        }
-        for (slot, _) in self.vertex_of.iter().enumerate().filter(|(_, v)| self.is_held(**v)) {
-            (0..3).for_each(|axis| k[(M * slot + axis, M * slot + axis)] += self.anchor);
-        }
-        k
+        });
+        let is_fixed = |v| self.is_held(v);
+        let order_key = |v| Lattice::key(self.forest.point(v));
+        let assembly = Assembly::new(&self.element, &is_fixed, &order_key);
+        Assembly { anchor: self.anchor, ..assembly }.assemble(elements, &self.slots)
     }
 }

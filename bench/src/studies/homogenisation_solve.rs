@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
-use yawara_embed::{DetailMesh, Embedding, LinearTet, SparseCholesky};
-use yawara_inverse_update::{SparseStiffness, elimination_order};
+use yawara::inverse::Assembly;
+use yawara_embed::{DetailMesh, Embedding, P1, SparseCholesky};
+use yawara_inverse_update::elimination_order;
 use yawara_mesh::{BisectionForest, Domain, Lattice, Placement, VertexId};
 
 use super::homogenisation_cases::{Block, VOXELS, VOXELS_PER_CELL};
 use crate::direct::lower_half;
 use crate::error::BenchError;
+use crate::organ::elements_of;
 
 /// Tractions on the face z = 1: tension and shear.
 const TRACTIONS: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
@@ -48,56 +50,30 @@ impl CubeMesh {
     /// # Errors
     /// [`BenchError::NotFactored`], [`BenchError::Inverse`].
     pub fn solve(&self, embedding: &Embedding) -> Result<Solution, BenchError> {
-        let free: Vec<VertexId> =
-            self.forest.vertices().filter(|&v| self.forest.point(v)[2] > 0).collect();
-        let mut slot = vec![None; self.forest.vertex_capacity()];
-        for (i, v) in free.iter().enumerate() {
-            slot[v.index()] = Some(i);
-        }
-        let k = self.stiffness(embedding, &free, &slot)?;
+        let is_fixed = |v| self.forest.point(v)[2] == 0;
+        let order_key = |v| Lattice::key(self.forest.point(v));
+        let assembly = Assembly::new(&P1, &is_fixed, &order_key);
+        let slots = assembly.slots(self.forest.vertices());
+        let elements = elements_of(&self.forest, &self.placement, embedding);
+        let k = assembly.assemble(elements, &slots)?;
         let rows = k.dofs();
         let factor = SparseCholesky::new(&lower_half(&k), Some(&elimination_order(&k)), 3);
         let factor =
             factor.ok_or(BenchError::NotFactored { method: "sparse_refactor_nd", rows })?;
         let areas = self.loaded_areas();
-        let load =
-            |row: usize, which: usize| areas[free[row / 3].index()] * TRACTIONS[which][row % 3];
+        let load = |row: usize, which: usize| {
+            areas[slots.vertices()[row / 3].index()] * TRACTIONS[which][row % 3]
+        };
         let loads = Mat::from_fn(rows, 2, load);
         let mut u = loads.clone();
         factor.solve_in_place(&mut u);
         let displacement = |which: usize| {
-            let at = |v: usize| match slot[v] {
-                Some(i) => Vector3::from_fn(|axis, _| u[(3 * i + axis, which)]),
-                None => Vector3::zeros(),
-            };
-            (0..slot.len()).map(at).collect()
+            let mut by_vertex = vec![0.0; 3 * self.forest.vertex_capacity()];
+            slots.scatter(3, u.col_as_slice(which), &mut by_vertex);
+            by_vertex.chunks_exact(3).map(Vector3::from_column_slice).collect()
         };
         let work = |which: usize| (0..rows).map(|i| loads[(i, which)] * u[(i, which)]).sum();
         Ok(Solution { displacements: [0, 1].map(displacement), compliances: [0, 1].map(work) })
-    }
-
-    fn stiffness(
-        &self,
-        embedding: &Embedding,
-        free: &[VertexId],
-        slot: &[Option<usize>],
-    ) -> Result<SparseStiffness, BenchError> {
-        let mut k = SparseStiffness::zeros(free.len(), 3)?;
-        let keys: Vec<u64> = free.iter().map(|&v| Lattice::key(self.forest.point(v))).collect();
-        k.set_order_keys(&keys)?;
-        for tet in self.forest.leaves() {
-            let geometry = LinearTet::new(&tet.vertices.map(|v| self.rest(v)));
-            let element = geometry.stiffness(&embedding.elasticity(tet.node));
-            let kept: Vec<usize> =
-                (0..4).filter(|&i| slot[tet.vertices[i].index()].is_some()).collect();
-            let slots: Vec<usize> = tet.vertices.iter().filter_map(|v| slot[v.index()]).collect();
-            let entry = |i: usize, j: usize| {
-                let row = |i: usize| 3 * kept[i / 3] + i % 3;
-                0.5 * (element[(row(i), row(j))] + element[(row(j), row(i))])
-            };
-            k.add(&slots, Mat::from_fn(3 * kept.len(), 3 * kept.len(), entry).as_ref())?;
-        }
-        Ok(k)
     }
 
     /// A third of the area of every loaded face around each vertex.

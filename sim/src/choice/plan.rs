@@ -5,7 +5,7 @@ use yawara_embed::Embedding;
 use super::element;
 use super::stages::Stages;
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::PlanRow;
 use crate::scene::{AUTO, MassModel, Scene, ToolEntry};
 

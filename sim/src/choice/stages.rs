@@ -5,7 +5,7 @@ use yawara_embed::Homogenisation;
 use yawara_inverse_update::{SparseStiffness, choose};
 
 use crate::error::SimError;
-use crate::inverse_link::InverseFactory;
+use crate::inverse::InverseFactory;
 use crate::scene::{AUTO, ON_DEVICE, StageNames};
 use crate::step::indicator::{self, Indicator};
 

@@ -12,7 +12,7 @@ use super::run_statistics::RunStatistics;
 use super::surfaces::Surfaces;
 use crate::body::{BodyState, BodySummary, ScannerAxes};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::scene::Scene;
 
 /// Takes frames, fields and the summary of a body.

@@ -11,7 +11,7 @@ use super::records::{
 };
 use super::tool::ToolSummary;
 use crate::body::{BodyState, BodySummary};
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::scene::Scene;
 
 /// Layout version of [`Summary`].

@@ -18,7 +18,7 @@ use super::simulation::{SimulatedBody, Simulation};
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
-use crate::inverse_link::{InverseFactory, InverseLink};
+use crate::inverse::{InverseFactory, InverseLink};
 use crate::report::{Recorder, RunStatistics, Surfaces};
 use crate::scene::Scene;
 use crate::tools::{self, BodyAtRest, Regions, Tool};

@@ -7,7 +7,7 @@ use yawara_corot::{
 };
 
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::tools::Tool;
 
 /// Points this fraction of the radius outside a probe may come to touch it within a solve.

@@ -16,7 +16,7 @@ use super::settling::Settling;
 use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{Momentum, StageTimes, Work, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse_link::{Constrained, InverseLink};
+use crate::inverse::{Constrained, InverseLink};
 use crate::tools::Tool;
 
 /// Which vertices tools hold, and the inverse with them fixed.

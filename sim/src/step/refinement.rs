@@ -9,7 +9,7 @@ use super::content::Content;
 use super::indicator::{Indicator, RingMember};
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{StageTimes, milliseconds};
 use crate::scene::Refinement;
 use crate::tools::{Regions, Tool};

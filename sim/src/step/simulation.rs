@@ -13,7 +13,7 @@ use super::span::Span;
 use super::tool_forces::ToolForces;
 use crate::body::BodyState;
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::{
     Fields, Frame, Momentum, PlanRow, Probe, Recorder, StageTimes, StepReport, Summary,
     milliseconds,

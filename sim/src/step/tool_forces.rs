@@ -7,7 +7,7 @@ use super::contact::ContactState;
 use super::equilibrium::StepSolver;
 use crate::body::{BodyState, Hold, ScannerAxes};
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
+use crate::inverse::InverseLink;
 use crate::report::ToolReport;
 use crate::tools::Tool;
 

@@ -1,10 +1,10 @@
-//! What the body gives way at some of its vertices.
+//! The compliance of the body at some of its vertices.
 
 use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 
+use super::link::InverseLink;
 use crate::error::SimError;
-use crate::inverse_link::InverseLink;
 
 impl InverseLink {
     /// C_pp of the displacements of `vertices` with those of `held` fixed, C_pp − C_ph C_hh⁻¹ C_hp:

@@ -1,0 +1,24 @@
+//! From the mesh to the inverse of its stiffness matrix: slots, assembly, hand-over of changes.
+//!
+//! Start with [`InverseLink`] (`link.rs`): a maintained inverse that follows splits and merges of a
+//! mesh. It is made of three parts that anybody can use alone: [`SlotMap`] (`slots.rs`) says which
+//! vertex has which slot of the matrix, [`Assembly`] (`assembly.rs`) makes the matrix from elements,
+//! [`SlotMap::update`] (`hand_over.rs`) turns a ring of the mesh into an update of the inverse.
+//! `held.rs` holds further vertices in a solve, without a change of the inverse; `compliance.rs`
+//! says how far vertices give way to forces.
+
+mod assembly;
+mod compliance;
+mod hand_over;
+mod held;
+mod link;
+mod slots;
+
+pub use assembly::Assembly;
+pub use hand_over::hold;
+pub(crate) use held::Constrained;
+pub use link::{InverseFactory, InverseLink};
+pub use slots::SlotMap;
+
+/// Displacements of a vertex, the first of its unknowns.
+const DISPLACEMENTS: usize = 3;
