@@ -23,6 +23,9 @@ use crate::report::{Recorder, RunStatistics, Surfaces};
 use crate::scene::Scene;
 use crate::tools::{self, BodyAtRest, Regions, Tool};
 
+/// All tools, by number.
+type Tools = Vec<Box<dyn Tool>>;
+
 /// Makes a tool for a body at rest.
 type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
 
@@ -150,7 +153,7 @@ impl<'a> SimulationBuilder<'a> {
     }
 
     /// All tools, and what holds each vertex of the start mesh by its number.
-    fn make_tools(&mut self, start: &Start) -> Result<(Vec<Box<dyn Tool>>, Vec<Hold>), SimError> {
+    fn make_tools(&mut self, start: &Start) -> Result<(Tools, Vec<Hold>), SimError> {
         let mut body = BodyAtRest::new(self.scene, start);
         let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
             Box::new(move |body| tools::by_name(entry, &format!("tools[{i}]"), body))
