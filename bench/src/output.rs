@@ -4,6 +4,8 @@ use std::fs;
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use yawara_mesh::atomic_file;
+
 use crate::error::BenchError;
 
 /// A directory for a study's files, checked before anything is measured.
@@ -45,13 +47,8 @@ impl Output {
     /// # Errors
     /// [`BenchError::Io`]; an old file of that name then stays.
     pub fn write(&mut self, name: &str, text: &str) -> Result<PathBuf, BenchError> {
-        let (aside, path) = (self.aside(name), self.directory.join(name));
-        let written = fs::write(&aside, text).and_then(|()| fs::rename(&aside, &path));
-        if let Err(error) = written {
-            // The first error is the one to report.
-            let _ = fs::remove_file(&aside);
-            return Err(at(&path)(error));
-        }
+        let path = self.directory.join(name);
+        atomic_file::write(&path, text).map_err(at(&path))?;
         self.made.clear();
         Ok(path)
     }

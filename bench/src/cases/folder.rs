@@ -1,10 +1,11 @@
 //! A study's folder: its options, its finished cases, and what they were made from.
 
 use std::fs;
-use std::io::{Error, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use yawara_mesh::atomic_file::{self, PARTIAL};
 
 use super::Row;
 use crate::error::BenchError;
@@ -16,9 +17,6 @@ const OPTIONS: &str = "options.json";
 
 /// Where the finished cases are.
 const CASES: &str = "cases";
-
-/// The end of the name of a file that is being written.
-const PARTIAL: &str = ".partial";
 
 /// The folder of a study of cases.
 ///
@@ -87,15 +85,7 @@ impl Folder {
     /// [`BenchError::Io`].
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), BenchError> {
         let path = self.at(name);
-        let io = |source: Error| BenchError::Io { path: path.clone(), source };
-        // Several processes may write the same file; each has one of its own until it is whole.
-        let aside = self.at(&format!("{name}.{}{PARTIAL}", std::process::id()));
-        let written = fs::write(&aside, bytes).and_then(|()| fs::rename(&aside, &path));
-        if written.is_err() {
-            // The first error is the one to report.
-            let _ = fs::remove_file(&aside);
-        }
-        written.map_err(io)
+        atomic_file::write(&path, bytes).map_err(|source| BenchError::Io { path, source })
     }
 
     /// The row of a finished case; its number counts from 0.
@@ -143,7 +133,7 @@ impl Folder {
             // What an ended process has left of its options is nothing.
             Ok(entries) => Ok(entries.flatten().any(|entry| {
                 let name = entry.file_name().to_string_lossy().into_owned();
-                !(name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) && name != CASES
+                !(name.contains(OPTIONS) && name.ends_with(PARTIAL)) && name != CASES
             })),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
             Err(source) => Err(BenchError::Io { path: self.path.clone(), source }),

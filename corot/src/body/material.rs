@@ -98,6 +98,18 @@ impl Body {
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
     }
 
+    /// The stress of an element but for the part of its hydrostatic stress that belongs to
+    /// pressures: D ε and what the law has beyond D ε̃. As [`stress`](Self::stress) with
+    /// displacements alone; its von Mises stress is the same always.
+    ///
+    /// # Panics
+    /// As [`stress`](Self::stress).
+    pub fn stress_without_pressure(&self, number: usize, positions: &[Vector3<f64>]) -> Strain {
+        let element = &self.elements()[number];
+        let elastic = element.elasticity * element.corotated_strain(positions);
+        if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
+    }
+
     /// The law's answer for an element at `positions` with its stored rotation: σ and ∂σ/∂ε, Pa,
     /// pressures as they are.
     pub(crate) fn response(

@@ -133,20 +133,23 @@ impl Pressures {
         &self.moduli[number]
     }
 
+    /// q̄; vertices that nothing has set have none.
+    fn mean(&self, corners: [usize; 4]) -> f64 {
+        0.25 * corners.map(|v| self.vertices.get(v).map_or(0.0, |v| v.q)).iter().sum::<f64>()
+    }
+
     /// D'ε + μ q̄ m, Pa.
     pub fn stress(&self, number: usize, corners: [usize; 4], strain: &Strain) -> Strain {
         let MixedModuli { shear, deviatoric, .. } = &self.moduli[number];
-        let mean = 0.25 * corners.map(|v| self.vertices[v].q).iter().sum::<f64>();
-        let pressure = shear * mean;
+        let pressure = shear * self.mean(corners);
         deviatoric * strain + Strain::new(pressure, pressure, pressure, 0.0, 0.0, 0.0)
     }
 
     /// The assumed strain ε + D⁻¹m (μ q̄ − κ mᵀε): D times it is D'ε + μ q̄ m.
     pub fn assumed_strain(&self, number: usize, corners: [usize; 4], strain: &Strain) -> Strain {
         let MixedModuli { bulk, shear, expansion, .. } = &self.moduli[number];
-        let mean = 0.25 * corners.map(|v| self.vertices[v].q).iter().sum::<f64>();
         let dilation = strain[0] + strain[1] + strain[2];
-        strain + expansion * (shear * mean - bulk * dilation)
+        strain + expansion * (shear * self.mean(corners) - bulk * dilation)
     }
 }
 

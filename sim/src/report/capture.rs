@@ -37,7 +37,9 @@ pub(crate) fn capture(
         frame.level.push(cell.level);
         frame.label.push(cell.label);
         frame.young_modulus_pa.push(isotropic_part(&element.elasticity));
-        frame.von_mises_pa.push(von_mises(&state.body.stress(of_body, &state.positions)));
+        frame
+            .von_mises_pa
+            .push(von_mises(&state.body.stress_without_pressure(of_body, &state.positions)));
         frame.indicator.extend(indicator.map(|measured| measured(element.tet)));
     }
     frame
