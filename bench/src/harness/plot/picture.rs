@@ -144,7 +144,7 @@ impl Picture {
 }
 
 /// Makes `sans-serif` known to the plotting library, which looks for no fonts of the system.
-pub(crate) fn register_font() {
+fn register_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         let font = epaint_default_fonts::UBUNTU_LIGHT;

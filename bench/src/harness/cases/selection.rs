@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use clap::Args;
 
+use crate::harness::arguments::Destination;
+
 /// Where a study of cases writes and what of it this process runs.
 #[derive(Args, Clone, Debug)]
 pub struct Selection {
@@ -20,6 +22,24 @@ pub struct Selection {
     /// `mpi`) no parts are needed: every process takes the next case when it is free.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
+}
+
+impl Selection {
+    /// Where it writes.
+    pub fn destination(&self) -> Destination {
+        Destination { out: self.out.clone(), force: self.force }
+    }
+}
+
+/// Which of a study's cases are run, and where to.
+#[derive(Args, Clone, Debug)]
+pub struct CaseArguments {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub selection: Selection,
+    /// Fewer values or steps, and less time for each; the study's page says which.
+    #[arg(long)]
+    pub quick: bool,
 }
 
 /// The `number`-th of `of` parts: every `of`-th case, from the `number`-th on (from 1).

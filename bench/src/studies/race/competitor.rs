@@ -1,4 +1,4 @@
-//! One method under way: what it runs and how long that took.
+//! One method in a race: what it runs and how long that took.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -6,52 +6,15 @@ use std::time::Instant;
 use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
 use yawara_mesh::Change;
 
-use super::{BURST, Settings};
-use crate::direct::{Direct, Solver};
+use super::samples::{Samples, timed};
+use super::settings::{BURST, Settings, is_sparse};
+use super::workload::{Burst, unit_loads};
 use crate::error::BenchError;
-use crate::history::Update;
-use crate::random::SplitMix64;
-use crate::reference::{Reference, relative_error};
+use crate::solvers::direct::{Direct, Solver};
+use crate::solvers::reference::{Reference, relative_error};
 
 /// Columns that the drift is measured on.
 const DRIFT_COLUMNS: usize = 8;
-
-/// Times of one operation, ms, by burst.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Samples {
-    bursts: Vec<(usize, Vec<f64>)>,
-}
-
-impl Samples {
-    pub fn push(&mut self, burst: usize, milliseconds: f64) {
-        match self.bursts.last_mut() {
-            Some((number, times)) if *number == burst => times.push(milliseconds),
-            _ => self.bursts.push((burst, vec![milliseconds])),
-        }
-    }
-
-    pub fn bursts(&self) -> impl Iterator<Item = (usize, &[f64])> {
-        self.bursts.iter().map(|(number, times)| (*number, times.as_slice()))
-    }
-
-    pub fn burst(&self, number: usize) -> Option<&[f64]> {
-        self.bursts().find(|(other, _)| *other == number).map(|(_, times)| times)
-    }
-
-    pub fn all(&self) -> Vec<f64> {
-        self.bursts.iter().flat_map(|(_, times)| times.iter().copied()).collect()
-    }
-}
-
-/// Two updates, of which the second undoes the first.
-pub(crate) type Pair = [Update; 2];
-
-/// What everyone is to do before the next one's turn.
-pub(crate) struct Burst {
-    pub pairs: Vec<Pair>,
-    pub load: Vec<f64>,
-    pub tool: Vec<usize>,
-}
 
 /// How far the solutions are from the reference at the end.
 #[derive(Clone, Copy, Debug)]
@@ -80,9 +43,9 @@ enum Runner {
 }
 
 /// One method in one family.
-pub(crate) struct Lane {
+pub(crate) struct Competitor {
     pub name: &'static str,
-    pub course: usize,
+    pub workload: usize,
     runner: Runner,
     /// Bursts that it may take part in.
     limit: usize,
@@ -102,53 +65,29 @@ pub(crate) struct Lane {
     pub errors: Option<Errors>,
 }
 
-/// True for methods that don't hold n² numbers.
-pub(crate) fn is_sparse(name: &str) -> bool {
-    name.starts_with("sparse")
-}
-
-/// Time of a call, ms.
-pub(crate) fn timed<T>(call: impl FnOnce() -> T) -> f64 {
-    let begin = Instant::now();
-    black_box(call());
-    begin.elapsed().as_secs_f64() * 1e3
-}
-
-/// Three different slots, fewer if there are fewer.
-pub(crate) fn three_slots(random: &mut SplitMix64, vertices: usize) -> Vec<usize> {
-    let mut tool = Vec::new();
-    while tool.len() < 3.min(vertices) {
-        let slot = random.below(vertices);
-        if !tool.contains(&slot) {
-            tool.push(slot);
-        }
-    }
-    tool
-}
-
-impl Lane {
+impl Competitor {
     /// Builds a maintainer by its name.
     pub fn maintainer(
         name: &'static str,
-        course: usize,
+        workload: usize,
         stiffness: SparseStiffness,
     ) -> Result<Self, BenchError> {
         let begin = Instant::now();
         let kept = build(name, stiffness)?;
         let build_ms = Some(begin.elapsed().as_secs_f64() * 1e3);
-        Ok(Self { build_ms, ..Self::new(name, course, Runner::Kept(kept)) })
+        Ok(Self { build_ms, ..Self::new(name, workload, Runner::Kept(kept)) })
     }
 
     /// A direct method that rebuilds so many times, evenly spread over the bursts.
-    pub fn direct(method: Direct, course: usize, rebuilds: usize) -> Self {
+    pub fn direct(method: Direct, workload: usize, rebuilds: usize) -> Self {
         let runner = Runner::Direct { method, rebuilds, solver: None };
-        Self::new(method.name(), course, runner)
+        Self::new(method.name(), workload, runner)
     }
 
-    fn new(name: &'static str, course: usize, runner: Runner) -> Self {
+    fn new(name: &'static str, workload: usize, runner: Runner) -> Self {
         Self {
             name,
-            course,
+            workload,
             runner,
             limit: usize::MAX,
             spent_ms: 0.0,
@@ -316,13 +255,4 @@ impl Lane {
             Runner::Direct { solver: None, .. } | Runner::Done => Ok(Vec::new()),
         }
     }
-}
-
-/// The three unit loads of a slot.
-pub(crate) fn unit_loads(slot: usize, vertices: usize) -> impl Iterator<Item = Vec<f64>> {
-    (0..3).map(move |a| {
-        let mut load = vec![0.0; 3 * vertices];
-        load[3 * slot + a] = 1.0;
-        load
-    })
 }

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::machine::Place;
+use crate::harness::machine::Place;
+use crate::harness::report::cell;
 
 /// Named figures in the order in which they were put.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -67,17 +68,18 @@ impl Row {
     }
 
     /// A figure or a measurement, by name.
+    pub fn value(&self, name: &str) -> Option<&Value> {
+        self.figures.get(name).or_else(|| self.measured.get(name))
+    }
+
+    /// The same, if it is a number.
     pub fn number(&self, name: &str) -> Option<f64> {
-        self.figures.number(name).or_else(|| self.measured.number(name))
+        self.value(name)?.as_f64()
     }
 
     /// A figure or a measurement as it stands in tables; empty where there is none.
     pub fn cell(&self, name: &str) -> String {
-        match self.figures.get(name).or_else(|| self.measured.get(name)) {
-            None | Some(Value::Null) => String::new(),
-            Some(Value::String(text)) => text.clone(),
-            Some(value) => value.to_string(),
-        }
+        cell(self.value(name))
     }
 }
 

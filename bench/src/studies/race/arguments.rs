@@ -1,39 +1,12 @@
-//! What studies are asked for on the command line.
-
-use std::path::PathBuf;
+//! Command-line arguments of the studies over many sizes.
 
 use clap::Args;
 
-use super::race::{BURST, Settings};
-use crate::cases::Selection;
-use crate::direct::Direct;
+use super::settings::{BURST, Settings};
 use crate::error::BenchError;
-use crate::machine::Machine;
-
-/// Where a study writes, and how much of it is run.
-#[derive(Args, Clone, Debug)]
-pub struct Common {
-    /// Where the tables and plots go: a new or empty directory.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// A part of the study that takes less than a minute; its page says which.
-    #[arg(long)]
-    pub quick: bool,
-    /// Write into a directory that is not empty.
-    #[arg(long)]
-    pub force: bool,
-}
-
-/// Which of a study's cases are run, and where to.
-#[derive(Args, Clone, Debug)]
-pub struct CaseArguments {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub selection: Selection,
-    /// Fewer values or steps, and less time for each; the study's page says which.
-    #[arg(long)]
-    pub quick: bool,
-}
+use crate::harness::arguments::{Common, in_range, sizes};
+use crate::harness::machine::Machine;
+use crate::solvers::direct::Direct;
 
 /// Sizes, limits and where to write.
 #[derive(Args, Clone, Debug)]
@@ -65,10 +38,6 @@ pub(crate) struct Defaults {
     pub pairs: [usize; 2],
     pub direct: &'static [Direct],
 }
-
-/// Fewer vertices than the coarsest mesh are refused when it is there; more than this its finest
-/// level does not have.
-const VERTICES: (usize, usize) = (8, 32_768);
 
 /// Fewer pairs have no median, more take a day.
 const PAIRS: (usize, usize) = (BURST, 1_000_000);
@@ -107,47 +76,5 @@ impl Arguments {
         };
         let (direct, seed) = (defaults.direct, self.seed);
         Ok(Settings { vertices, direct, pairs, cap_s: self.cap_s as f64, memory_bytes, seed })
-    }
-}
-
-/// Numbers of free vertices, ascending, each once; `otherwise` if none is given.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
-pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, BenchError> {
-    let mut vertices = if given.is_empty() { otherwise } else { given }.to_vec();
-    vertices.iter().try_for_each(|&n| in_range("--vertices", n, VERTICES))?;
-    vertices.sort_unstable();
-    vertices.dedup();
-    Ok(vertices)
-}
-
-/// Refuses a number that makes no sense.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
-pub(crate) fn in_range(
-    option: &'static str,
-    value: usize,
-    limits: (usize, usize),
-) -> Result<(), BenchError> {
-    if (limits.0..=limits.1).contains(&value) {
-        return Ok(());
-    }
-    Err(BenchError::OutOfRange { option, value, limits })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_sorted_and_nonsense_is_refused() {
-        assert_eq!(sizes(&[512, 300, 512], &[9]).unwrap(), [300, 512]);
-        assert_eq!(sizes(&[], &[9]).unwrap(), [9]);
-        for bad in [0, 7, 32_769, usize::MAX] {
-            let error = sizes(&[512, bad], &[9]).unwrap_err();
-            assert!(matches!(error, BenchError::OutOfRange { value, .. } if value == bad));
-        }
     }
 }

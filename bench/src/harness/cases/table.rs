@@ -1,25 +1,29 @@
-//! Rows as tables.
+//! Rows of cases as tables.
 
-use super::Row;
-use crate::studies::markdown;
+use serde_json::{Map, Value};
 
-/// All rows as CSV: group, case, every figure and measurement that a row has, in order of first
-/// appearance, and why a row has none.
-pub fn csv(rows: &[Row]) -> String {
+use super::row::Row;
+use crate::harness::report::markdown;
+
+/// Rows as lines of CSV: group, case, every figure and then every measurement that a row has, in
+/// order of first appearance, and why a row has none.
+pub(crate) fn lines(rows: &[Row]) -> Vec<Map<String, Value>> {
     let columns = columns(rows);
-    let mut text = format!("group,case,{},failure\n", columns.join(","));
-    for row in rows {
-        let mut cells = vec![quoted(&row.group), quoted(&row.case)];
-        cells.extend(columns.iter().map(|name| quoted(&row.cell(name))));
-        cells.push(quoted(row.failure.as_deref().unwrap_or_default()));
-        text += &(cells.join(",") + "\n");
-    }
-    text
+    let line = |row: &Row| {
+        let own = [("group", &row.group), ("case", &row.case)];
+        let mut line: Map<String, Value> =
+            own.into_iter().map(|(name, text)| (name.to_owned(), text.as_str().into())).collect();
+        let value = |name: &String| row.value(name).cloned().unwrap_or_default();
+        line.extend(columns.iter().map(|name| (name.clone(), value(name))));
+        line.insert("failure".into(), row.failure.clone().into());
+        line
+    };
+    rows.iter().map(line).collect()
 }
 
 /// The columns `names` of all rows in Markdown, numbers to three digits; a row without figures has
 /// its reason below the table.
-pub fn markdown(rows: &[Row], names: &[&str]) -> String {
+pub(crate) fn markdown(rows: &[Row], names: &[&str]) -> String {
     let heads: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
     let line = |row: &Row| {
         let cells = names.iter().map(|name| rounded(row, name)).collect();
@@ -36,15 +40,10 @@ pub fn markdown(rows: &[Row], names: &[&str]) -> String {
 }
 
 /// Names of all figures, then of all measurements.
-pub(crate) fn columns(rows: &[Row]) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
+fn columns(rows: &[Row]) -> Vec<String> {
     let figures = rows.iter().flat_map(|row| row.figures.names());
-    for name in figures.chain(rows.iter().flat_map(|row| row.measured.names())) {
-        if !names.iter().any(|known| known == name) {
-            names.push(name.into());
-        }
-    }
-    names
+    let names = figures.chain(rows.iter().flat_map(|row| row.measured.names()));
+    crate::harness::report::each_once(names.map(str::to_owned))
 }
 
 /// A cell for people: three digits of what is not a whole number.
@@ -60,16 +59,10 @@ pub(crate) fn rounded(row: &Row, name: &str) -> String {
     }
 }
 
-fn quoted(cell: &str) -> String {
-    if cell.contains([',', '"', '\n']) {
-        return format!("\"{}\"", cell.replace('"', "\"\""));
-    }
-    cell.to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::harness::report::csv;
 
     fn rows() -> Vec<Row> {
         let mut one = Row::new("inverse", "lu, dense");
@@ -86,7 +79,7 @@ mod tests {
         let want = "group,case,error,drift,ms,failure\n\
                     inverse,\"lu, dense\",0.012345,,12.0,\n\
                     inverse,none,,1.25e-9,,\"has \"\"no\"\" inverse\"\n";
-        assert_eq!(csv(&rows()), want);
+        assert_eq!(csv(&lines(&rows())), want);
     }
 
     #[test]

@@ -1,26 +1,15 @@
-//! Cases, files, tables: a study as a list of cases that are run one by one and kept one by one.
-//!
-//! A [`Case`] makes a [`Row`]; [`Folder`] keeps every finished row as a file of its own, so that an
-//! interrupted study goes on where it was and several processes share one folder; [`csv`] and
-//! [`markdown`] make tables of the rows. What a row says in `figures` is the same on every run,
-//! what it says in `measured` (times, memory) is not.
-
-mod folder;
-mod row;
-mod selection;
-mod table;
-
-pub use folder::Folder;
-pub use row::{Figures, Row};
-pub use selection::{Selection, Shard};
-pub(crate) use table::rounded;
-pub use table::{csv, markdown};
+//! A case, and how a list of them is run.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use super::row::{Figures, Row};
+use super::selection::Shard;
 use crate::error::BenchError;
-use crate::progress::Progress;
-use crate::ranks;
+use crate::harness::folder::Folder;
+use crate::harness::machine::Place;
+use crate::harness::progress::Progress;
+use crate::harness::ranks;
+use crate::harness::report::Measured;
 
 /// What a case found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,9 +68,9 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
 }
 
 /// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it
-/// is finished. Returns the rows of all cases, in order, if every one of them is there, else
-/// `None`. Processes that mpirun has started together share them, whoever is free taking the next;
-/// all wait for the last, and the rows are for the first alone.
+/// is finished. Returns the rows of all cases, in order, if every one of them is there, and else
+/// says how many are. Processes that mpirun has started together share them, whoever is free taking
+/// the next; all wait for the last, and the rows are for the first alone.
 ///
 /// # Errors
 /// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
@@ -90,7 +79,8 @@ pub fn run(
     folder: &Folder,
     cases: &[Case<'_>],
     shard: Shard,
-) -> Result<Option<Vec<Row>>, BenchError> {
+) -> Result<Measured<Row>, BenchError> {
+    let place = Place::here();
     let mut waiting = Vec::new();
     for (number, case) in cases.iter().enumerate() {
         if shard.takes(number) && folder.row(number, &case.name)?.is_none() {
@@ -112,16 +102,24 @@ pub fn run(
             progress.advance(&case.name, case.weight * (fraction - done));
             done = fraction;
         });
-        row.on = folder.place().clone();
+        row.on = place.clone();
         progress.advance(&case.name, case.weight * (1.0 - done));
         folder.keep(number, &row)?;
     }
     if !ranks::is_first() {
-        return Ok(None);
+        return Ok(Measured::Waiting(String::new()));
     }
-    let rows: Result<Option<Vec<Row>>, _> =
-        cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name)).collect();
-    rows
+    let kept = cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name));
+    let kept: Vec<Option<Row>> = kept.collect::<Result<_, _>>()?;
+    let done = kept.iter().flatten().count();
+    if done == cases.len() {
+        return Ok(Measured::All(kept.into_iter().flatten().collect()));
+    }
+    Ok(Measured::Waiting(format!(
+        "{done} of {} cases are done; the tables come with the last one (run the other parts, or \
+         again without --shard, over the same folder)\n",
+        cases.len()
+    )))
 }
 
 #[cfg(test)]
@@ -153,6 +151,13 @@ mod tests {
         ]
     }
 
+    fn all(measured: Measured<Row>) -> Vec<Row> {
+        match measured {
+            Measured::All(rows) => rows,
+            Measured::Waiting(message) => panic!("{message}"),
+        }
+    }
+
     fn open(root: &std::path::Path) -> Folder {
         let options = serde_json::json!({ "study": "test" });
         Folder::open(&root.join("study"), &options, false).unwrap()
@@ -162,12 +167,12 @@ mod tests {
     fn failures_are_rows_and_finished_cases_are_not_run_again() {
         let root = tempfile::tempdir().unwrap();
         let log = RefCell::default();
-        let rows = run(&open(root.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        let rows = all(run(&open(root.path()), &cases(&log), Shard::ALL).unwrap());
         assert_eq!(*log.borrow(), ["one", "two", "three"]);
         assert_eq!(rows[0].figures.number("value"), Some(1.0 / 3.0));
         assert!(rows[1].failure.as_ref().unwrap().contains("no ring left"), "{rows:?}");
         assert_eq!(rows[2].failure.as_deref(), Some("panicked: a bug"));
-        let again = run(&open(root.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        let again = all(run(&open(root.path()), &cases(&log), Shard::ALL).unwrap());
         assert_eq!((log.borrow().len(), again), (3, rows));
     }
 
@@ -177,12 +182,13 @@ mod tests {
         let log = RefCell::default();
         let folder = open(root.path());
         let shard = |number| Shard { number, of: 2 };
-        assert_eq!(run(&folder, &cases(&log), shard(2)).unwrap(), None);
+        let part = run(&folder, &cases(&log), shard(2)).unwrap();
+        assert!(matches!(part, Measured::Waiting(message) if message.starts_with("1 of 3 cases")));
         assert_eq!(*log.borrow(), ["two"]);
-        let rows = run(&folder, &cases(&log), shard(1)).unwrap().unwrap();
+        let rows = all(run(&folder, &cases(&log), shard(1)).unwrap());
         assert_eq!(*log.borrow(), ["two", "one", "three"]);
         let other = tempfile::tempdir().unwrap();
-        let alone = run(&open(other.path()), &cases(&log), Shard::ALL).unwrap().unwrap();
+        let alone = all(run(&open(other.path()), &cases(&log), Shard::ALL).unwrap());
         let names = |rows: &[Row]| rows.iter().map(|row| row.case.clone()).collect::<Vec<_>>();
         assert_eq!(names(&rows), names(&alone));
         assert!(rows.iter().zip(&alone).all(|(a, b)| a.figures == b.figures));

@@ -1,4 +1,4 @@
-//! A study's folder: its options, its finished cases, and what they were made from.
+//! A study's folder: whole files, and for a study of cases its options and finished cases.
 
 use std::fs;
 use std::io::{Error, ErrorKind};
@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::Row;
+use super::cases::Row;
+use super::ranks;
 use crate::error::BenchError;
-use crate::machine::Place;
-use crate::ranks;
 
 /// What a study was asked for; a folder belongs to one set of options.
 const OPTIONS: &str = "options.json";
@@ -20,16 +19,39 @@ const CASES: &str = "cases";
 /// The end of the name of a file that is being written.
 const PARTIAL: &str = ".partial";
 
-/// The folder of a study of cases.
+/// The folder that a study writes to.
 ///
-/// Every file is written aside and renamed: a process that ends at any moment leaves whole files.
+/// Every file is written under another name and then renamed: a process that ends at any moment
+/// leaves whole files. A folder that stays empty is removed again, with the parents made for it.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
-    place: Place,
+    /// Directories that were not there before, outermost first.
+    made: Vec<PathBuf>,
 }
 
 impl Folder {
+    /// Takes `path`, which must be new or empty unless `force` is set, and checks that it can be
+    /// written to. Missing parents are made.
+    ///
+    /// # Errors
+    /// [`BenchError::NotEmpty`], [`BenchError::NotADirectory`], [`BenchError::Io`]; then nothing
+    /// is left behind.
+    pub fn create(path: &Path, force: bool) -> Result<Self, BenchError> {
+        let mut folder = Self { path: path.into(), made: Vec::new() };
+        if folder.names()?.iter().any(|_| !force) {
+            return Err(BenchError::NotEmpty { path: path.into() });
+        }
+        let missing = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists());
+        for path in missing.map(Path::to_owned).collect::<Vec<_>>().into_iter().rev() {
+            fs::create_dir(&path).map_err(at(&path))?;
+            folder.made.push(path);
+        }
+        let probe = folder.aside("probe");
+        fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(at(&probe))?;
+        Ok(folder)
+    }
+
     /// Opens `path` for a study with these `options`: a new or empty folder, or one that an earlier
     /// run with the same options left, whose finished cases count. With `force` these are dropped.
     /// Of processes that share it the first goes first.
@@ -44,14 +66,15 @@ impl Folder {
     }
 
     fn open_here(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
-        let folder = Self { path: path.into(), place: Place::here() };
-        if path.exists() && !path.is_dir() {
-            return Err(BenchError::NotADirectory { path: path.into() });
-        }
-        let found = folder.read(OPTIONS)?;
-        match found {
+        let folder = Self { path: path.into(), made: Vec::new() };
+        // Options that a process was writing when it ended, and cases without options, are nothing.
+        let left = |name: &String| {
+            (name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) || name == CASES
+        };
+        let names = folder.names()?;
+        match folder.read(OPTIONS)? {
             Some(found) if !force => folder.compare(&found, options)?,
-            None if !force && folder.holds_something()? => {
+            None if !force && !names.iter().all(left) => {
                 return Err(BenchError::NotEmpty { path: path.into() });
             }
             _ => folder.start(options)?,
@@ -59,9 +82,19 @@ impl Folder {
         Ok(folder)
     }
 
-    /// The machine and the commit that rows of this process are from.
-    pub fn place(&self) -> &Place {
-        &self.place
+    /// Names of what is in it; none if it is not there.
+    fn names(&self) -> Result<Vec<String>, BenchError> {
+        if self.path.exists() && !self.path.is_dir() {
+            return Err(BenchError::NotADirectory { path: self.path.clone() });
+        }
+        match fs::read_dir(&self.path) {
+            Ok(entries) => {
+                let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
+                Ok(entries.flatten().map(name).collect())
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
+            Err(error) => Err(at(&self.path)(error)),
+        }
     }
 
     /// Where a file of that name is.
@@ -77,7 +110,7 @@ impl Folder {
         match fs::read(self.at(name)) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(source) => Err(BenchError::Io { path: self.at(name), source }),
+            Err(error) => Err(at(&self.at(name))(error)),
         }
     }
 
@@ -86,16 +119,18 @@ impl Folder {
     /// # Errors
     /// [`BenchError::Io`].
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), BenchError> {
-        let path = self.at(name);
-        let io = |source: Error| BenchError::Io { path: path.clone(), source };
-        // Several processes may write the same file; each has one of its own until it is whole.
-        let aside = self.at(&format!("{name}.{}{PARTIAL}", std::process::id()));
+        let (aside, path) = (self.aside(name), self.at(name));
         let written = fs::write(&aside, bytes).and_then(|()| fs::rename(&aside, &path));
-        if written.is_err() {
+        written.map_err(|error| {
             // The first error is the one to report.
             let _ = fs::remove_file(&aside);
-        }
-        written.map_err(io)
+            at(&path)(error)
+        })
+    }
+
+    /// Several processes may write the same file; each has one of its own until it is whole.
+    fn aside(&self, name: &str) -> PathBuf {
+        self.at(&format!("{name}.{}{PARTIAL}", std::process::id()))
     }
 
     /// The row of a finished case; its number counts from 0.
@@ -120,9 +155,8 @@ impl Folder {
     /// [`BenchError::Io`].
     pub fn keep(&self, number: usize, row: &Row) -> Result<(), BenchError> {
         let name = file_name(number, &row.case);
-        let text = serde_json::to_string_pretty(row)
-            .map_err(|error| BenchError::Io { path: self.at(&name), source: error.into() })?;
-        self.write(&name, text + "\n")
+        let text = serde_json::to_string_pretty(row);
+        self.write(&name, text.map_err(|error| at(&self.at(&name))(error.into()))? + "\n")
     }
 
     /// Removes what ended processes have left half written; to be called when all is done.
@@ -138,31 +172,17 @@ impl Folder {
         }
     }
 
-    fn holds_something(&self) -> Result<bool, BenchError> {
-        match fs::read_dir(&self.path) {
-            // What an ended process has left of its options is nothing.
-            Ok(entries) => Ok(entries.flatten().any(|entry| {
-                let name = entry.file_name().to_string_lossy().into_owned();
-                !(name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) && name != CASES
-            })),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            Err(source) => Err(BenchError::Io { path: self.path.clone(), source }),
-        }
-    }
-
     fn start(&self, options: &Value) -> Result<(), BenchError> {
         let cases = self.at(CASES);
-        let io = |source| BenchError::Io { path: cases.clone(), source };
+        let gone = |removed: Result<(), Error>| match removed {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(at(&cases)(error)),
+            _ => Ok(()),
+        };
         for name in [OPTIONS, "reference.bin", "picture.svg"] {
-            match fs::remove_file(self.at(name)) {
-                Err(error) if error.kind() != ErrorKind::NotFound => return Err(io(error)),
-                _ => {}
-            }
+            gone(fs::remove_file(self.at(name)))?;
         }
-        match fs::remove_dir_all(&cases) {
-            Err(error) if error.kind() != ErrorKind::NotFound => return Err(io(error)),
-            _ => fs::create_dir_all(&cases).map_err(io)?,
-        }
+        gone(fs::remove_dir_all(&cases))?;
+        fs::create_dir_all(&cases).map_err(at(&cases))?;
         self.write(OPTIONS, format!("{options:#}\n"))
     }
 
@@ -175,6 +195,20 @@ impl Folder {
         let Some((key, old, new)) = difference("", &found, options) else { return Ok(()) };
         Err(BenchError::OptionsDiffer { path, key, old: shown(&old), new: shown(&new) })
     }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        for path in self.made.iter().rev() {
+            // Only an empty directory goes.
+            let _ = fs::remove_dir(path);
+        }
+    }
+}
+
+fn at(path: &Path) -> impl FnOnce(Error) -> BenchError {
+    let path = path.to_owned();
+    move |source| BenchError::Io { path, source }
 }
 
 fn file_name(number: usize, case: &str) -> String {
@@ -260,5 +294,55 @@ mod tests {
         assert_eq!(folder.row(0, "a").unwrap(), None);
         folder.tidy();
         assert!(!left.exists());
+    }
+
+    fn names(path: &Path) -> Vec<String> {
+        let entries = fs::read_dir(path).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_study_that_wrote_nothing() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::create(&root.path().join("new/deep"), false).unwrap();
+        assert!(names(&root.path().join("new/deep")).is_empty());
+        drop(folder);
+        assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
+    fn files_arrive_whole_and_replace_older_ones() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::create(&root.path().join("new"), false).unwrap();
+        folder.write("a.csv", "one").unwrap();
+        folder.write("a.csv", "two").unwrap();
+        drop(folder);
+        assert_eq!(names(&root.path().join("new")), ["a.csv"]);
+        assert_eq!(fs::read_to_string(root.path().join("new/a.csv")).unwrap(), "two");
+    }
+
+    #[test]
+    fn foreign_files_are_refused_unless_forced_and_then_kept() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("notes.txt"), "x").unwrap();
+        let error = Folder::create(root.path(), false).unwrap_err();
+        assert!(matches!(error, BenchError::NotEmpty { .. }), "{error}");
+        Folder::create(root.path(), true).unwrap().write("a.csv", "one").unwrap();
+        assert_eq!(names(root.path()), ["a.csv", "notes.txt"]);
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("notes.txt");
+        fs::write(&file, "x").unwrap();
+        let error = Folder::create(&file, true).unwrap_err();
+        assert!(matches!(error, BenchError::NotADirectory { .. }), "{error}");
+        let error = Folder::create(&file.join("below"), true).unwrap_err();
+        assert!(error.to_string().contains("notes.txt"), "{error}");
+        assert_eq!(names(root.path()), ["notes.txt"]);
     }
 }
