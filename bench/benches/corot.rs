@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 use yawara::inverse::SlotMap;
 use yawara_bench::{History, Organ, Size, Solid};
 use yawara_corot::{
-    Body, Corotation, ElementCorotation, ElementReference, Outcome, Problem, StiffnessPacket,
-    Tolerance, corotation_by_name, equilibrium_by_name,
+    Body, ElementCorotation, ElementReference, InternalForces, Outcome, Problem, StiffnessPacket,
+    Tolerance, equilibrium_by_name, forces_by_name,
 };
 use yawara_embed::{Embedding, isotropic};
 use yawara_inverse_update::{InverseMaintainer, build};
@@ -51,7 +51,7 @@ impl Case {
     }
 
     fn solve(&self, body: &mut Body, positions: &mut [Vector3<f64>]) -> Outcome {
-        let corotation = corotation_by_name("element").expect("built in");
+        let corotation = forces_by_name("element").expect("built in");
         let mut equilibrium = equilibrium_by_name("anderson").expect("built in");
         let inverse = |f: &[f64], u: &mut [f64]| {
             let load = self.slots.gather(3, f);
@@ -61,7 +61,7 @@ impl Case {
         };
         let mut problem = Problem {
             body,
-            corotation: corotation.as_ref(),
+            forces: corotation.as_ref(),
             external: &self.weight,
             free: &self.free,
             inverse: &inverse,
@@ -87,7 +87,7 @@ fn weight(organ: &Organ, embedding: &Embedding, body: &Body, vertices: usize) ->
 
 fn forces(c: &mut Criterion) {
     let Case { mut body, rest, .. } = Case::new(Size::Full);
-    let corotation = corotation_by_name("element").expect("built in");
+    let corotation = forces_by_name("element").expect("built in");
     // A bend about the y axis, a third of a radian at the far end.
     let bent: Vec<Vector3<f64>> =
         rest.iter().map(|x| x + Vector3::new(0.0, 0.0, 0.8 * x.x * x.x)).collect();
@@ -117,7 +117,7 @@ fn kernels(c: &mut Criterion) {
     let mut group = c.benchmark_group("corot/16800_tets");
     let mut turn = 0;
     for name in ["element", "element_reference"] {
-        let corotation = corotation_by_name(name).expect("built in");
+        let corotation = forces_by_name(name).expect("built in");
         group.bench_function(format!("{name}_forces"), |b| {
             b.iter(|| {
                 turn ^= 1;

@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use yawara_bench::{History, Organ, Size};
-use yawara_embed::RingStiffness;
+use yawara_embed::{ElementFormulation, P1};
 use yawara_mesh::{MeshDelta, VertexId};
 
 const HOMOGENISATIONS: [&str; 2] = ["linear", "laminate"];
@@ -44,7 +44,7 @@ fn ring(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 at = (at + 1) % RINGS;
-                RingStiffness::new(black_box(&deltas[at]), &embedding, position)
+                P1.ring(black_box(&deltas[at]), &embedding, &position)
             });
         });
         report_consistency(&organ, name);

@@ -7,15 +7,18 @@ use yawara::SimError;
 use yawara_corot::CorotError;
 use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
-use yawara_mesh::MeshError;
+use yawara_mesh::{BisectionError, ImageError};
 
 /// Everything that the benches and studies refuse.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum BenchError {
-    /// The mesh stage refused.
+    /// The forest or its label tree refused.
     #[error(transparent)]
-    Mesh(#[from] MeshError),
+    Bisection(#[from] BisectionError),
+    /// The image was refused.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// The embedding stage refused.
     #[error(transparent)]
     Embed(#[from] EmbedError),

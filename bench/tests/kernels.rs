@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use yawara_bench::Solid;
-use yawara_corot::{Body, Corotation, ElementCorotation, ElementReference, StiffnessPacket};
+use yawara_corot::{Body, ElementCorotation, ElementReference, InternalForces, StiffnessPacket};
 use yawara_embed::{P1P1, isotropic};
 use yawara_mesh::TetId;
 
@@ -86,7 +86,7 @@ fn figures_do_not_depend_on_the_number_of_threads() {
             ElementCorotation.internal_forces(&mut body, &x, of_body);
             ElementCorotation.internal_forces(&mut mixed, &x, of_mixed);
         });
-        let lack: Vec<f64> = (0..x.len()).map(|v| mixed.volume_residual(v)).collect();
+        let lack: Vec<f64> = (0..x.len()).map(|v| mixed.pressure_residual(v)).collect();
         let rotations = [body.vertex_rotations().to_vec(), mixed.vertex_rotations().to_vec()];
         (forces, lack, rotations)
     };

@@ -3,15 +3,15 @@
 use nalgebra::Vector3;
 use yawara_bench::{Beam, BeamLoad};
 use yawara_corot::{
-    COROTATIONS, EQUILIBRIA, Equilibrium, Fallback, Lbfgs, NoCorotation, Outcome, Problem,
-    Tolerance, check_pair, corotation_by_name, equilibrium_by_name,
+    EQUILIBRIA, Equilibrium, FORCES, Fallback, Lbfgs, NoCorotation, Outcome, Problem, Tolerance,
+    check_pair, equilibrium_by_name, forces_by_name,
 };
 
 const TIGHT: Tolerance = Tolerance { residual: 1e-9, max_iterations: 100 };
 
 fn step(part: f64, corotation: &str, equilibrium: &mut dyn Equilibrium) -> (Beam, Outcome) {
     let mut beam = Beam::new(BeamLoad::TipForce, 0.3).unwrap();
-    let stage = corotation_by_name(corotation).unwrap();
+    let stage = forces_by_name(corotation).unwrap();
     let outcome = beam.step(part, stage.as_ref(), equilibrium, &TIGHT).outcome;
     (beam, outcome)
 }
@@ -102,7 +102,7 @@ fn a_chain_starts_over_after_a_method_that_failed() {
 
 #[test]
 fn newton_is_refused_where_there_is_no_tangent() {
-    for corotation in COROTATIONS.iter().map(|name| corotation_by_name(name).unwrap()) {
+    for corotation in FORCES.iter().map(|name| forces_by_name(name).unwrap()) {
         for solver in EQUILIBRIA.iter().map(|name| equilibrium_by_name(name).unwrap()) {
             let refused = ["row", "paper"].contains(&corotation.name())
                 && ["newton", "fallback_newton"].contains(&solver.name());
@@ -120,7 +120,7 @@ fn newton_is_refused_where_there_is_no_tangent() {
 fn the_paper_s_iteration_finds_no_equilibrium_of_a_bent_beam() {
     let bend = |degrees: f64, corotation: &str, equilibrium: &str| {
         let mut beam = Beam::new(BeamLoad::Bend, 0.3).unwrap();
-        let stage = corotation_by_name(corotation).unwrap();
+        let stage = forces_by_name(corotation).unwrap();
         let mut solver = equilibrium_by_name(equilibrium).unwrap();
         let tolerance = Tolerance { residual: 1e-6, max_iterations: 300 };
         beam.step(degrees / 90.0, stage.as_ref(), solver.as_mut(), &tolerance).outcome

@@ -1,48 +1,21 @@
-//! The elements of the current mesh with their rest geometry, material and rotation.
+//! All elements of the current mesh: storage, pressures, and the passes over them.
 
 use std::sync::OnceLock;
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use yawara_embed::{LinearTet, P1P1, Strain, strain_from_gradient};
+use yawara_embed::P1P1;
 use yawara_mesh::TetId;
 
-use crate::element_kernel::{Pass, StiffnessPacket};
-use crate::lanes::LANES;
-use crate::mixed::Pressures;
-use crate::packets::Packets;
-use crate::rotation::polar_warm;
-use crate::stress::{add_forces, scaled_stress};
-use crate::sums::Sums;
-use crate::vertex_kernel::VertexPass;
-
-/// A linear tetrahedron in a [`Body`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Element {
-    /// Its number in the mesh.
-    pub tet: TetId,
-    /// Its corners' vertex numbers.
-    pub vertices: [usize; 4],
-    /// Rest geometry.
-    pub geometry: LinearTet,
-    /// Elasticity, Pa.
-    pub elasticity: Matrix6<f64>,
-    /// Rotation at the last force evaluation.
-    pub rotation: Matrix3<f64>,
-}
-
-impl Element {
-    /// Deformation gradient F = Σ x_i ⊗ ∇λ_i.
-    pub fn deformation_gradient(&self, positions: &[Vector3<f64>]) -> Matrix3<f64> {
-        self.geometry.gradient(&self.vertices.map(|v| positions[v]))
-    }
-
-    /// Strain of the co-rotated displacement Rᵀx − X under the stored rotation: sym(RᵀF) − I.
-    pub fn corotated_strain(&self, positions: &[Vector3<f64>]) -> Strain {
-        let f = self.deformation_gradient(positions);
-        strain_from_gradient(&(self.rotation.transpose() * f - Matrix3::identity()))
-    }
-}
+use crate::element::Element;
+use crate::element::pressures::Pressures;
+use crate::element::rotation::polar_warm;
+use crate::element::stress::{add_forces, scaled_stress};
+use crate::kernels::accumulators::Accumulators;
+use crate::kernels::element::{Pass, StiffnessPacket};
+use crate::kernels::packets::Packets;
+use crate::kernels::simd::LANES;
+use crate::kernels::vertex::VertexPass;
 
 const ABSENT: u32 = u32::MAX;
 
@@ -68,7 +41,7 @@ pub struct Body {
     /// Σ V_e F_e and Σ V_e around each vertex: scratch of the renewals below.
     gradient_sums: Vec<(Matrix3<f64>, f64)>,
     /// Of each run of elements that is evaluated at once: scratch.
-    partial_sums: Vec<Sums>,
+    partial_sums: Vec<Accumulators>,
     /// None for displacements alone.
     pressures: Option<Pressures>,
     /// [`stiffness_scale`](Self::stiffness_scale), until an element comes or goes: every evaluation
@@ -134,7 +107,7 @@ impl Body {
     }
 
     /// P q − G u at a vertex at the last evaluation of forces, N m; 0 without pressures.
-    pub fn volume_residual(&self, vertex: usize) -> f64 {
+    pub fn pressure_residual(&self, vertex: usize) -> f64 {
         self.lack(vertex).0
     }
 
@@ -233,7 +206,7 @@ impl Body {
         }
         let count = packets.packets.len();
         let length = count.div_ceil((count / RUN_PACKETS).clamp(1, RUNS)).max(1);
-        partial_sums.resize_with(count.div_ceil(length).max(1), Sums::default);
+        partial_sums.resize_with(count.div_ceil(length).max(1), Accumulators::default);
         let mut rest = stiffness;
         let passes: Vec<Pass<'_>> = packets
             .packets

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, bisected_corner, midpoint};
 use yawara_mesh::{Content, LabelTree, NodeRef};
 
-use crate::elasticity::Material;
-use crate::element::LinearTet;
 use crate::error::EmbedError;
 use crate::fine::{FineBody, lattice_tet, voxel};
 use crate::homogenisation::{ChildPair, Excess, Homogenisation, ParentMaterial};
-use crate::materials::Materials;
-use crate::packed::Packed6;
+use crate::linear_tet::LinearTet;
+use crate::material::Material;
+use crate::material::Materials;
+use crate::material::Packed6;
 
 /// Elasticity and density of every tetrahedron of a [`LabelTree`].
 ///

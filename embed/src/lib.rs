@@ -13,38 +13,28 @@
 //! Voigt order xx yy zz xy yz zx with engineering shear; degrees of freedom vertex-major x, y, z.
 #![forbid(unsafe_code)]
 
-mod clamp;
 mod detail;
-mod elasticity;
 mod element;
 mod embedding;
 mod error;
 mod fine;
-mod follower;
-mod formulation;
+mod hand_over;
 mod homogenisation;
-mod mass;
-mod materials;
-mod packed;
-mod ring;
+mod linear_tet;
+mod material;
 
-pub use clamp::clamp;
-pub use detail::{DetailMesh, RotationOf};
-pub use elasticity::{FineMaterial, Material, isotropic};
-pub use element::{LinearTet, Strain, strain_from_gradient, strain_operator};
+pub use detail::{DetailMesh, Follower, RotationOf};
+pub use element::{
+    Dynamic, ElementFormulation, EulerWeights, FORMULATIONS, Mass, MixedModuli, P1, P1P1,
+    dynamic_by_name, formulation_by_name,
+};
 pub use embedding::Embedding;
 pub use error::EmbedError;
 pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
-pub use follower::Follower;
-pub use formulation::{
-    Dynamic, ElementFormulation, EulerWeights, FORMULATIONS, MixedModuli, P1, P1P1,
-    dynamic_by_name, formulation_by_name,
-};
+pub use hand_over::{Halved, RingPart, RingStiffness, clamp};
 pub use homogenisation::{
     CHOICES, ChildPair, Excess, GlobalHomogenisation, Homogenisation, Kharevych, Laminate, Linear,
     Paper, ParentMaterial, by_name,
 };
-pub use mass::Mass;
-pub use materials::{MaterialOfVoxel, Materials};
-pub use packed::Packed6;
-pub use ring::{Halved, RingPart, RingStiffness};
+pub use linear_tet::{LinearTet, Strain, strain_from_gradient, strain_operator};
+pub use material::{FineMaterial, Material, MaterialOfVoxel, Materials, Packed6, isotropic};

@@ -3,59 +3,17 @@
 //! This crate knows geometry and labels, no materials and no forces.
 #![forbid(unsafe_code)]
 
-pub mod blur;
-#[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
-mod byte_stream;
-pub mod classify;
-mod closure;
-mod closure_queue;
-mod delta;
-mod diamond;
-#[cfg(feature = "dicom")]
-pub mod dicom_reader;
-mod domain;
-mod error;
-mod forest;
-pub mod geometry;
-#[cfg(feature = "gmsh")]
-pub mod gmsh;
-mod image_reader;
+pub mod bisection;
+pub mod image;
 pub mod isosurface;
-pub mod kuhn;
-mod label_tree;
-pub mod lattice;
-mod locality;
-#[cfg(feature = "metaimage")]
-pub mod metaimage_reader;
-#[cfg(feature = "nifti")]
-pub mod nifti_reader;
-#[cfg(feature = "nifti")]
-mod nifti_writer;
-#[cfg(feature = "nrrd")]
-pub mod nrrd_reader;
 pub mod phantom;
-pub mod plain_mesh;
-mod queries;
-pub mod raw_volume;
-mod refine;
-pub mod resample;
-mod ring_shape;
-#[cfg(any(feature = "nrrd", feature = "metaimage"))]
-mod text_header;
-mod update;
-pub mod volume;
-mod voxels;
-#[cfg(feature = "vtu")]
-pub mod vtu_reader;
+pub mod tet_file;
 
-pub use closure_queue::ClosureQueue;
-pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
-pub use domain::Domain;
-pub use error::MeshError;
-pub use forest::BisectionForest;
-pub use geometry::{Placement, Quality};
-pub use kuhn::Point;
-pub use label_tree::{CellGrid, Content, LabelTree, LabelsIn, NodeRef};
-pub use lattice::Lattice;
-pub use plain_mesh::{PlainMesh, Repairs};
-pub use refine::{LabelRefinement, Region, Wants};
+pub use bisection::{
+    BisectionError, BisectionForest, CellGrid, Change, ClosureQueue, Content, Domain,
+    LabelRefinement, LabelTree, LabelsIn, Lattice, MeshDelta, NodeRef, Placement, Point, Quality,
+    Region, RingTet, Tet, TetId, VertexId, Wants, geometry, kuhn, lattice,
+};
+pub use image::{ImageError, volume};
+pub use isosurface::SurfaceError;
+pub use tet_file::{PlainMesh, Repairs, TetMeshError};

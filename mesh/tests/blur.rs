@@ -1,8 +1,8 @@
 //! The Gaussian blur against its definition.
 
 use proptest::prelude::*;
-use yawara_mesh::MeshError;
-use yawara_mesh::blur::gaussian_blur;
+use yawara_mesh::ImageError;
+use yawara_mesh::image::gaussian_blur;
 use yawara_mesh::volume::{Grid, IntensityVolume};
 
 fn image(dims: [usize; 3], spacing_mm: f64, values: Vec<f32>) -> IntensityVolume {
@@ -68,7 +68,7 @@ fn impossible_widths_are_refused() {
     let image = delta(3, 1.0);
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let error = gaussian_blur(&image, bad).unwrap_err();
-        assert!(matches!(error, MeshError::LengthValue { .. }), "{error}");
+        assert!(matches!(error, ImageError::LengthValue { .. }), "{error}");
         assert!(error.to_string().contains("standard deviation"), "{error}");
     }
 }

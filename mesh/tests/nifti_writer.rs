@@ -4,10 +4,9 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use nifti::{NiftiObject, NiftiVolume, RandomAccessNiftiVolume, ReaderOptions};
 use tempfile::TempDir;
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{
-    Grid, IntensityVolume, LabelVolume, read_intensities, read_labels, write_field, write_labels,
-};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{read_intensities, read_labels, write_field, write_labels};
+use yawara_mesh::volume::{Grid, IntensityVolume, LabelVolume};
 
 fn oblique(dims: [usize; 3]) -> Grid {
     let rotation: Matrix3<f64> = *Rotation3::from_euler_angles(0.3, -0.2, 0.4).matrix();
@@ -119,17 +118,17 @@ fn a_file_is_replaced_whole_or_not_at_all() {
     assert_eq!(read_labels(&path).unwrap().values(), [0, 9]);
     for name in ["a.nrrd", "nii", "a.gz", ""] {
         let error = write_labels(&folder.path().join(name), &volume).unwrap_err();
-        assert!(matches!(error, MeshError::Unwritable { field: "the name", .. }), "{error}");
+        assert!(matches!(error, ImageError::Unwritable { field: "the name", .. }), "{error}");
     }
     let long = LabelVolume::new(oblique([32768, 1, 1]), vec![0; 32768], vec![0]).unwrap();
     let error = write_labels(&path, &long).unwrap_err();
     assert!(error.to_string().contains("32768"), "{error}");
     let missing = folder.path().join("none").join("a.nii");
-    assert!(matches!(write_labels(&missing, &volume), Err(MeshError::Io { .. })));
+    assert!(matches!(write_labels(&missing, &volume), Err(ImageError::Io { .. })));
     // A folder of that name stops the renaming; nothing half-written stays.
     let taken = folder.path().join("taken.nii");
     std::fs::create_dir(&taken).unwrap();
-    assert!(matches!(write_labels(&taken, &volume), Err(MeshError::Io { .. })));
+    assert!(matches!(write_labels(&taken, &volume), Err(ImageError::Io { .. })));
     let mut left: Vec<_> =
         std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     left.sort();

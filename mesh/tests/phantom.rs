@@ -1,6 +1,6 @@
 //! The procedural liver: anatomy, one connected body, Murray's law, determinism.
 
-use yawara_mesh::MeshError;
+use yawara_mesh::ImageError;
 use yawara_mesh::phantom::{LiverPhantom, PARENCHYMA, VesselSegment, block, liver, vessel_tree};
 use yawara_mesh::volume::LabelVolume;
 
@@ -210,8 +210,8 @@ fn sizes_out_of_range_are_refused() {
         for size in
             [LiverPhantom { length_mm: bad, ..default }, LiverPhantom { voxel_mm: bad, ..default }]
         {
-            assert!(matches!(liver(size), Err(MeshError::Phantom { .. })), "{size:?}");
-            assert!(matches!(vessel_tree(size), Err(MeshError::Phantom { .. })), "{size:?}");
+            assert!(matches!(liver(size), Err(ImageError::Phantom { .. })), "{size:?}");
+            assert!(matches!(vessel_tree(size), Err(ImageError::Phantom { .. })), "{size:?}");
         }
     }
     for (cells, voxel_mm) in [
@@ -221,6 +221,6 @@ fn sizes_out_of_range_are_refused() {
         ([1, 1, 1], f64::NAN),
         ([1, 1, 1], 0.0),
     ] {
-        assert!(matches!(block(cells, voxel_mm), Err(MeshError::Phantom { .. })));
+        assert!(matches!(block(cells, voxel_mm), Err(ImageError::Phantom { .. })));
     }
 }

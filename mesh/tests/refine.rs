@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use yawara_mesh::{
-    BisectionForest, Domain, LabelTree, Lattice, MeshDelta, MeshError, Point, Region, Tet,
+    BisectionError, BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Point, Region, Tet,
 };
 
 /// 2 × 2 × 2 cells of one label, 8 lattice units each.
@@ -44,7 +44,7 @@ fn leaves_that_hold_a_point_are_refined_to_the_level() {
     assert!(!at.is_empty() && at.iter().all(|tet| tet.level == 7), "{at:?}");
     assert!(away.iter().any(|tet| tet.level < 4), "far away stays coarse");
     let error = f.refine_where(10, usize::MAX, Region::Everywhere, &|_, _| true).unwrap_err();
-    assert!(matches!(error, MeshError::Level { level: 10, limit: 9, .. }), "{error}");
+    assert!(matches!(error, BisectionError::Level { level: 10, limit: 9, .. }), "{error}");
 }
 
 #[test]
@@ -102,5 +102,5 @@ fn merging_ends_at_the_floor() {
     let v = f.split(p, &mut delta).unwrap();
     assert!(f.is_mergeable(v));
     let held = f.vertices().find(|&w| w != v).unwrap();
-    assert!(matches!(f.merge(held, &mut delta), Err(MeshError::NotMergeable { .. })));
+    assert!(matches!(f.merge(held, &mut delta), Err(BisectionError::NotMergeable { .. })));
 }

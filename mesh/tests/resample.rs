@@ -4,9 +4,9 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
-use yawara_mesh::MeshError;
-use yawara_mesh::raw_volume::{RawVolume, VoxelAffine, Voxels};
-use yawara_mesh::resample::Interpolation;
+use yawara_mesh::ImageError;
+use yawara_mesh::image::Interpolation;
+use yawara_mesh::image::{RawVolume, VoxelAffine, Voxels};
 use yawara_mesh::volume::Grid;
 
 /// Voxels along oblique axes, the second backwards.
@@ -134,26 +134,26 @@ fn impossible_spacings_and_grids_are_refused() {
     let volume = || scan.volume(Voxels::U8(vec![1; 12]));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error = volume().labels(Some(bad)).unwrap_err();
-        assert!(matches!(error, MeshError::LengthValue { .. }), "{error}");
+        assert!(matches!(error, ImageError::LengthValue { .. }), "{error}");
     }
     for tiny in [0.1, 1e-300] {
         let error = volume().intensities(Some(tiny)).unwrap_err();
-        assert!(matches!(error, MeshError::ResampledVoxels { limit: 3072, .. }), "{error}");
+        assert!(matches!(error, ImageError::ResampledVoxels { limit: 3072, .. }), "{error}");
         assert!(error.to_string().contains("larger spacing"), "{error}");
     }
     let new = |dims, voxels| RawVolume::new(Path::new("scan"), dims, &scan.affine, None, voxels);
     let few = new([3, 2, 2], Voxels::U8(vec![1; 11]));
-    assert!(matches!(few, Err(MeshError::VoxelCount { found: 11, .. })));
+    assert!(matches!(few, Err(ImageError::VoxelCount { found: 11, .. })));
     let none = new([3, 0, 2], Voxels::U8(vec![]));
-    assert!(matches!(none, Err(MeshError::Grid { field: "dims", .. })));
+    assert!(matches!(none, Err(ImageError::Grid { field: "dims", .. })));
     let many = new([usize::MAX, 2, 2], Voxels::U8(vec![]));
-    assert!(matches!(many, Err(MeshError::TooManyVoxels { .. })));
+    assert!(matches!(many, Err(ImageError::TooManyVoxels { .. })));
     let mut affine = scan.affine.clone();
     affine.columns[1].x = f64::NAN;
     let error = RawVolume::new(Path::new("scan"), [1; 3], &affine, None, Voxels::U8(vec![1]));
-    assert!(matches!(error, Err(MeshError::SingularAffine { .. })));
+    assert!(matches!(error, Err(ImageError::SingularAffine { .. })));
     let bad = scan.volume(Voxels::F32(vec![f32::NAN; 12])).intensities(None);
-    assert!(matches!(bad, Err(MeshError::IntensityValue { .. })));
+    assert!(matches!(bad, Err(ImageError::IntensityValue { .. })));
 }
 
 proptest! {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use yawara_corot::CorotError;
 use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
-use yawara_mesh::MeshError;
+use yawara_mesh::{BisectionError, ImageError, SurfaceError, TetMeshError};
 
 /// Why a scene was refused or a run ended.
 #[derive(Debug, thiserror::Error)]
@@ -266,9 +266,18 @@ pub enum SimError {
         /// The cargo feature.
         feature: &'static str,
     },
-    /// The mesh refused.
+    /// The forest or its label tree refused.
     #[error(transparent)]
-    Mesh(#[from] MeshError),
+    Bisection(#[from] BisectionError),
+    /// The image was refused.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// The surface was refused.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The mesh of another program was refused.
+    #[error(transparent)]
+    TetMesh(#[from] TetMeshError),
     /// The embedding refused.
     #[error(transparent)]
     Embed(#[from] EmbedError),

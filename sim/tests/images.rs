@@ -12,9 +12,8 @@ use serde_json::Value;
 use vtkio::Vtk;
 use vtkio::model::{Attribute, DataSet, IOBuffer, Piece, VertexNumbers};
 use workbench::{BAR, Workbench};
-use yawara_mesh::volume::{
-    Grid, IntensityVolume, LabelVolume, read_intensities, read_labels, write_field, write_labels,
-};
+use yawara_mesh::image::{read_intensities, read_labels, write_field, write_labels};
+use yawara_mesh::volume::{Grid, IntensityVolume, LabelVolume};
 
 /// Stored voxels of the CT below, and their edges in mm.
 const DIMS: [usize; 3] = [12, 10, 8];

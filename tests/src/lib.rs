@@ -3,5 +3,6 @@
 
 pub mod inverse_suite;
 pub mod mixed_body;
+pub mod module_graph;
 pub mod organ;
 pub mod rules;

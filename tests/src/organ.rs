@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use yawara_embed::{Embedding, Homogenisation, Material, RingStiffness, by_name};
+use yawara_embed::{
+    ElementFormulation, Embedding, Homogenisation, Material, P1, RingStiffness, by_name,
+};
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
     BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, VertexId,
@@ -108,5 +110,5 @@ pub fn ring(
     embedding: &Embedding,
     delta: &MeshDelta,
 ) -> RingStiffness {
-    RingStiffness::new(delta, embedding, |v: VertexId| placement.position(forest.point(v)))
+    P1.ring(delta, embedding, &|v: VertexId| placement.position(forest.point(v)))
 }

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 use proptest::prelude::*;
-use yawara_corot::{Body, COROTATIONS, Corotation, Element, ElementCorotation, corotation_by_name};
+use yawara_corot::{Body, Element, ElementCorotation, FORCES, InternalForces, forces_by_name};
 use yawara_mesh::VertexId;
 use yawara_tests::organ::{Organ, organs};
 
@@ -31,7 +31,7 @@ fn setting(organ: &Organ) -> (Body, Vec<Vector3<f64>>) {
 
 fn forces(name: &str, body: &mut Body, x: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, f64) {
     let mut forces = vec![Vector3::repeat(f64::NAN); x.len()];
-    let scale = corotation_by_name(name).unwrap().internal_forces(body, x, &mut forces);
+    let scale = forces_by_name(name).unwrap().internal_forces(body, x, &mut forces);
     (forces, scale)
 }
 
@@ -71,7 +71,7 @@ proptest! {
         let x: Vec<_> = rest.iter().enumerate()
             .map(|(i, x)| turn * x + Vector3::from(noise[i % 61]) * 5e-4)
             .collect();
-        for name in COROTATIONS {
+        for name in FORCES {
             let (got, scale) = forces(name, &mut body, &x);
             let n = x.len();
             let vertex = body.vertex_rotations();
@@ -105,7 +105,7 @@ proptest! {
         let stretch = Matrix3::identity() + Matrix3::new(a, d, e, d, b, f, e, f, c);
         let x: Vec<_> = rest.iter().map(|x| stretch * x).collect();
         let (want, scale) = forces("none", &mut body, &x);
-        for name in COROTATIONS {
+        for name in FORCES {
             let (got, _) = forces(name, &mut body, &x);
             prop_assert!(distance(&got, &want) <= 1e-11 * scale, "{name}");
         }
@@ -148,7 +148,7 @@ fn turning_the_body_turns_the_forces_of_all_but_linear_elasticity() {
     let (mut body, _, x) = bent_beam(0.5);
     let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, -1.1, 0.7));
     let turned: Vec<_> = x.iter().map(|x| turn * x).collect();
-    for name in COROTATIONS {
+    for name in FORCES {
         let (here, scale) = forces(name, &mut body, &x);
         let here: Vec<_> = here.iter().map(|f| turn * f).collect();
         let (there, _) = forces(name, &mut body, &turned);
@@ -176,7 +176,7 @@ fn rows_leave_ghost_forces_where_elements_leave_none() {
 fn what_is_not_finite_stays_visible() {
     let (mut body, mut rest) = setting(&Organ::homogeneous([1, 1, 1], 1e4, 0.3));
     rest[3].y = f64::NAN;
-    for name in COROTATIONS {
+    for name in FORCES {
         let (got, scale) = forces(name, &mut body, &rest);
         assert!(!scale.is_finite() && got.iter().any(|f| !f.y.is_finite()), "{name}");
     }

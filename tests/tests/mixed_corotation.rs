@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{
-    Anderson, Body, COROTATIONS, Element, Equilibrium, Problem, Tolerance, check_mixed,
-    corotation_by_name, equilibrium_by_name,
+    Anderson, Body, Element, Equilibrium, FORCES, Problem, Tolerance, check_mixed,
+    equilibrium_by_name, forces_by_name,
 };
 use yawara_embed::{ElementFormulation, LinearTet, P1P1};
 use yawara_mesh::{BisectionForest, Placement, VertexId};
@@ -41,8 +41,8 @@ fn setting(organ: &Organ, alpha: f64) -> (Body, Vec<Vector3<f64>>) {
 /// Forces, volume residuals and √Σ‖f_e‖².
 fn evaluate(name: &str, body: &mut Body, x: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<f64>, f64) {
     let mut forces = vec![Vector3::repeat(f64::NAN); x.len()];
-    let scale = corotation_by_name(name).unwrap().internal_forces(body, x, &mut forces);
-    let volumes = (0..x.len()).map(|v| body.volume_residual(v)).collect();
+    let scale = forces_by_name(name).unwrap().internal_forces(body, x, &mut forces);
+    let volumes = (0..x.len()).map(|v| body.pressure_residual(v)).collect();
     (forces, volumes, scale)
 }
 
@@ -190,10 +190,10 @@ fn a_small_load_gives_what_linear_statics_gives() {
         for name in CARRYING {
             let mut body = body(&organ, forest, &placement, 1.0);
             let (mut x, mut internal) = (rest.clone(), external.clone());
-            let corotation = corotation_by_name(name).unwrap();
+            let corotation = forces_by_name(name).unwrap();
             let mut problem = Problem {
                 body: &mut body,
-                corotation: corotation.as_ref(),
+                forces: corotation.as_ref(),
                 external: &external,
                 free: &free,
                 inverse: &select,
@@ -224,12 +224,12 @@ fn a_small_load_gives_what_linear_statics_gives() {
 #[test]
 fn what_can_t_take_pressures_says_so() {
     let fallback = equilibrium_by_name("fallback").unwrap();
-    for name in COROTATIONS {
-        let corotation = corotation_by_name(name).unwrap();
+    for name in FORCES {
+        let corotation = forces_by_name(name).unwrap();
         let answer = check_mixed(corotation.as_ref(), fallback.as_ref());
         assert_eq!(answer.is_ok(), CARRYING.contains(name), "{name}");
     }
-    let element = corotation_by_name("element").unwrap();
+    let element = forces_by_name("element").unwrap();
     for name in ["lbfgs", "newton"] {
         let mut solver = equilibrium_by_name(name).unwrap();
         let answer = check_mixed(element.as_ref(), solver.as_ref());
@@ -241,7 +241,7 @@ fn what_can_t_take_pressures_says_so() {
         let (external, free) = (vec![Vector3::zeros(); n], vec![true; n]);
         let mut problem = Problem {
             body: &mut body,
-            corotation: element.as_ref(),
+            forces: element.as_ref(),
             external: &external,
             free: &free,
             inverse: &|_, y| y.fill(f64::NAN),

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara::scene_file;
 use yawara::{Simulation, Stages};
-use yawara_corot::{Body, Corotation, Element, ElementCorotation};
+use yawara_corot::{Body, Element, ElementCorotation, InternalForces};
 use yawara_embed::Embedding;
 use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
 use yawara_tests::organ::{Organ, organs};

@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Rotation3, Vector3};
-use yawara_corot::{Body, Corotation, Element, ElementTangent, Equilibrium, Outcome, Tolerance};
+use yawara_corot::{
+    Body, Element, ElementTangent, Equilibrium, InternalForces, Outcome, Tolerance,
+};
 use yawara_embed::isotropic;
 
 use crate::error::BenchError;
@@ -118,7 +120,7 @@ impl Beam {
     pub fn step(
         &mut self,
         part: f64,
-        corotation: &dyn Corotation,
+        corotation: &dyn InternalForces,
         equilibrium: &mut dyn Equilibrium,
         tolerance: &Tolerance,
     ) -> StepCount {
@@ -153,7 +155,7 @@ impl Beam {
         load: BeamLoad,
         poisson_ratio: f64,
         steps: usize,
-        corotation: &dyn Corotation,
+        corotation: &dyn InternalForces,
         equilibrium: &mut dyn Equilibrium,
     ) -> Result<Vec<StepCount>, BenchError> {
         Ok(Self::new(load, poisson_ratio)?.all(steps, corotation, equilibrium))
@@ -163,7 +165,7 @@ impl Beam {
     pub fn all(
         mut self,
         steps: usize,
-        corotation: &dyn Corotation,
+        corotation: &dyn InternalForces,
         equilibrium: &mut dyn Equilibrium,
     ) -> Vec<StepCount> {
         let tolerance = Tolerance { residual: 1e-12, max_iterations: 200 };
@@ -181,12 +183,12 @@ pub fn mean_iterations(steps: &[StepCount]) -> [f64; 2] {
 
 /// A co-rotation that remembers where it was asked, after how many applications of the inverse.
 struct Recorded<'a> {
-    inner: &'a dyn Corotation,
+    inner: &'a dyn InternalForces,
     count: &'a AtomicUsize,
     path: Mutex<Vec<(usize, Vec<Vector3<f64>>)>>,
 }
 
-impl Corotation for Recorded<'_> {
+impl InternalForces for Recorded<'_> {
     fn name(&self) -> &'static str {
         self.inner.name()
     }

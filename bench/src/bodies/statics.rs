@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use yawara::inverse::{Assembly, SlotMap};
-use yawara_corot::{Body, Corotation, Equilibrium, Outcome, Problem, Tolerance};
+use yawara_corot::{Body, Equilibrium, InternalForces, Outcome, Problem, Tolerance};
 use yawara_embed::{ElementFormulation, P1, P1P1};
 use yawara_inverse_update::{InverseMaintainer, build};
 use yawara_mesh::{Lattice, VertexId};
@@ -75,7 +75,7 @@ impl Statics {
     /// `before_inverse` is called with every application of the inverse.
     pub fn solve(
         &mut self,
-        corotation: &dyn Corotation,
+        corotation: &dyn InternalForces,
         equilibrium: &mut dyn Equilibrium,
         external: &[Vector3<f64>],
         tolerance: &Tolerance,
@@ -86,13 +86,17 @@ impl Statics {
             before_inverse();
             link.apply(f, u);
         };
-        let mut problem = Problem { body, corotation, external, free, inverse: &inverse };
+        let mut problem = Problem { body, forces: corotation, external, free, inverse: &inverse };
         equilibrium.solve(&mut problem, positions, internal, tolerance)
     }
 
     /// Moves held vertices to `target` and drags the free ones along as in the warped linear body:
     /// the first iterate of a step.
-    pub fn drag(&mut self, corotation: &dyn Corotation, target: impl Fn(usize) -> Vector3<f64>) {
+    pub fn drag(
+        &mut self,
+        corotation: &dyn InternalForces,
+        target: impl Fn(usize) -> Vector3<f64>,
+    ) {
         corotation.internal_forces(&mut self.body, &self.positions, &mut self.internal);
         let rotations = self.body.vertex_rotations().to_vec();
         let mut moves = vec![Vector3::zeros(); self.rest.len()];

@@ -1,7 +1,7 @@
 //! Random splits and merges of an organ, as changes of its stiffness matrix.
 
 use yawara::inverse::{Assembly, SlotMap};
-use yawara_embed::{Embedding, P1, RingStiffness};
+use yawara_embed::{ElementFormulation, Embedding, P1};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
@@ -246,7 +246,7 @@ impl History {
     /// The ring of the last split or merge on the vertices that have slots.
     fn hand_over(&self) -> RingChange {
         let position = |v: VertexId| self.placement.position(self.forest.point(v));
-        let ring = RingStiffness::new(&self.delta, &self.embedding, position);
+        let ring = P1.ring(&self.delta, &self.embedding, &position);
         self.slots.ring_change(ring, Lattice::key(self.forest.point(self.delta.vertex)))
     }
 }

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::{Place, Run};
-use crate::anderson::MIN_DAMPING;
-use crate::equilibrium::Equilibrium;
+use super::run::{Place, Run};
+use crate::equilibrium::anderson::MIN_DAMPING;
+use crate::equilibrium::problem::Equilibrium;
 
 /// Solves under given contact forces at most.
 const TURNS: usize = 40;

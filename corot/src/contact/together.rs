@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Place, Run};
-use crate::anderson::{Anderson, MIN_DAMPING, Memory};
+use super::run::{Place, Run};
+use crate::equilibrium::anderson::{Anderson, MIN_DAMPING, Memory};
 
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;

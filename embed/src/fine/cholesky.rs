@@ -9,7 +9,8 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, Mat, Par, Side};
 
-use super::{FineStiffness, SixFields};
+use super::body::SixFields;
+use super::stiffness::FineStiffness;
 use crate::error::EmbedError;
 
 /// Finest vertices up to which a factorisation beats conjugate gradients at any ratio of

@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use nalgebra::RowVector6;
 use rayon::prelude::*;
 
+use super::body::SixFields;
 use super::multilevel::Multilevel;
-use super::{FineStiffness, SixFields};
+use super::stiffness::FineStiffness;
 use crate::error::EmbedError;
 
 /// Residual over load at which the solution is taken; energies are then right to its square.
@@ -105,7 +106,8 @@ fn add_scaled(x: &mut [SixFields], p: &[SixFields], alpha: &RowVector6<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fine::{FineBody, FineGrid};
+    use crate::fine::FineBody;
+    use crate::fine::grid::FineGrid;
     use crate::{Material, Materials};
     use yawara_mesh::volume::{Grid, LabelVolume};
     use yawara_mesh::{CellGrid, LabelTree};

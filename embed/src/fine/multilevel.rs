@@ -4,9 +4,10 @@ use nalgebra::{Matrix3, Matrix6};
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
 use yawara_mesh::{Lattice, NodeRef};
 
-use super::{FineBody, FineGrid, SixFields, lattice_tet};
-use crate::element::strain_operator;
+use super::body::{FineBody, SixFields, lattice_tet};
+use super::grid::FineGrid;
 use crate::error::EmbedError;
+use crate::linear_tet::strain_operator;
 
 /// z = Σ_L P_L diag(P_LᵀKP_L)⁻¹ P_Lᵀ r over the meshes of all levels L, P_L linear interpolation.
 ///

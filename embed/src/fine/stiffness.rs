@@ -3,9 +3,10 @@
 use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-use super::{FineBody, FineGrid, SixFields, lattice_tet};
-use crate::element::strain_operator;
+use super::body::{FineBody, SixFields, lattice_tet};
+use super::grid::FineGrid;
 use crate::error::EmbedError;
+use crate::linear_tet::strain_operator;
 use yawara_mesh::kuhn::Point;
 
 /// K of a component's vertices. Neighbours lie at most one voxel away along each axis, so a row

@@ -7,11 +7,13 @@ use rayon::prelude::*;
 use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
 use yawara_mesh::{Content, NodeRef};
 
-use super::{ChildPair, GlobalHomogenisation, Homogenisation, Laminate, ParentMaterial};
-use crate::element::LinearTet;
+use super::halves::{ChildPair, ParentMaterial};
+use super::laminate::Laminate;
+use super::rule::{GlobalHomogenisation, Homogenisation};
 use crate::error::EmbedError;
 use crate::fine::{FineBody, FineFields, lattice_tet};
-use crate::packed::Packed6;
+use crate::linear_tet::LinearTet;
+use crate::material::Packed6;
 
 /// The energy of the fine body under six uniform boundary tractions, handed to each coarse
 /// tetrahedron t as the material that stores as much under the strains it sees:

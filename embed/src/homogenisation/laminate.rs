@@ -1,6 +1,7 @@
 //! `laminate`: traction is continuous across the cut between the halves.
 
-use super::{ChildPair, Homogenisation, ParentMaterial, relaxed};
+use super::halves::{ChildPair, ParentMaterial, relaxed};
+use super::rule::Homogenisation;
 
 /// Keeps the parent's mean strain and lets the halves' strains differ by ±N d,
 /// N = ½(G(g₁)−G(g₂)), so that energy is least and traction continuous across their interface:

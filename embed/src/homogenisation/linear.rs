@@ -1,6 +1,7 @@
 //! `linear`: the new vertex stays in the middle of its edge.
 
-use super::{ChildPair, Homogenisation, ParentMaterial};
+use super::halves::{ChildPair, ParentMaterial};
+use super::rule::Homogenisation;
 
 /// X = 0, D_p = ½(D₁+D₂): the Voigt bound. Exact for homogeneous bodies, too stiff otherwise;
 /// conforming, so that a split changes the stiffness by rank 3 only.

@@ -1,119 +1,25 @@
-//! From the two halves of a bisected tetrahedron to the whole: the swappable stage.
+//! From the two halves of a bisected tetrahedron to the whole: the swappable stage
+//! [`Homogenisation`].
+//!
+//! `halves.rs` is what goes in and comes out, `rule.rs` the trait; one file per rule: `laminate.rs`
+//! (the default), `linear.rs`, `kharevych.rs`, `paper.rs`. Open `rule.rs` first. To add one: a file
+//! with a type that implements the trait, a line in [`by_name`].
 
+mod halves;
 mod kharevych;
 mod laminate;
 mod linear;
 mod paper;
+mod rule;
 
-use std::ops::ControlFlow;
-
-use nalgebra::{Matrix6, SMatrix, Vector3};
-
-use crate::element::{LinearTet, strain_operator};
-use crate::error::EmbedError;
-use crate::fine::FineBody;
-use crate::packed::Packed6;
-
+pub use halves::{ChildPair, Excess, ParentMaterial};
 pub use kharevych::Kharevych;
 pub use laminate::Laminate;
 pub use linear::Linear;
 pub use paper::Paper;
+pub use rule::{GlobalHomogenisation, Homogenisation};
 
-/// The two halves of a tetrahedron whose edge (a, b) is bisected at M.
-#[derive(Clone, Copy, Debug)]
-pub struct ChildPair {
-    /// Elasticity of the half at a and of the half at b, Pa.
-    pub elasticity: [Matrix6<f64>; 2],
-    /// Gradient of M's shape function in either half: 2∇λ_b and 2∇λ_a of the parent, 1/m.
-    pub midpoint_gradients: [Vector3<f64>; 2],
-}
-
-impl ChildPair {
-    /// The pair inside `parent`, whose corners `a` and `b` end the bisected edge.
-    pub fn new(parent: &LinearTet, a: usize, b: usize, elasticity: [Matrix6<f64>; 2]) -> Self {
-        let midpoint_gradients = [2.0 * parent.gradients[b], 2.0 * parent.gradients[a]];
-        Self { elasticity, midpoint_gradients }
-    }
-
-    /// G_c: strain of either half per displacement d of M off the middle of its edge (6×3, 1/m).
-    pub fn strain_operators(&self) -> [SMatrix<f64, 6, 3>; 2] {
-        self.midpoint_gradients.map(|g| strain_operator(&g))
-    }
-
-    /// ½(D₁+D₂), the Voigt mean: the parent's stiffness if d = 0.
-    pub fn mean_elasticity(&self) -> Matrix6<f64> {
-        0.5 * (self.elasticity[0] + self.elasticity[1])
-    }
-
-    /// True where both halves are of one material.
-    pub fn is_homogeneous(&self) -> bool {
-        self.elasticity[0] == self.elasticity[1]
-    }
-}
-
-/// How much softer than the Voigt mean a parent is: ½(D₁+D₂) − D_p.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Excess {
-    /// Exactly zero.
-    Zero,
-    /// E Eᵀ with this 6×3 matrix, √Pa: known in closed form, without cancellation.
-    Rank3(SMatrix<f64, 6, 3>),
-    /// Not known in factored form; whoever needs factors computes them from the matrices.
-    Unfactored,
-}
-
-/// What a homogenisation makes of two halves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ParentMaterial {
-    /// Elasticity D_p of the whole, symmetric positive definite, Pa.
-    pub elasticity: Matrix6<f64>,
-    /// Displacement of M off the middle of its edge per unit of the parent's strain, d = X ε;
-    /// 3×6, m.
-    pub midpoint: SMatrix<f64, 3, 6>,
-    /// ½(D₁+D₂) − D_p.
-    pub excess: Excess,
-}
-
-impl ParentMaterial {
-    /// A tetrahedron of one material: nothing to homogenise.
-    pub fn uniform(elasticity: Matrix6<f64>) -> Self {
-        Self { elasticity, midpoint: SMatrix::zeros(), excess: Excess::Zero }
-    }
-}
-
-/// Homogenises two halves into their parent.
-///
-/// Must be scale-free (D_p does not change when the tetrahedron is scaled) and give X = 0 and
-/// D_p = D for two equal halves if a homogeneous body is to stay exact.
-pub trait Homogenisation: Send + Sync {
-    /// The scene name.
-    fn name(&self) -> &str;
-
-    /// The parent of two halves. Cost: a few hundred flops; called once per heterogeneous
-    /// tetrahedron when a scene is built and once per ring tetrahedron in every split or merge.
-    fn combine(&self, pair: &ChildPair) -> ParentMaterial;
-
-    /// The part of the rule that looks at more than two halves; none for a local rule.
-    fn global(&self) -> Option<&dyn GlobalHomogenisation> {
-        None
-    }
-}
-
-/// A rule for D_p that needs the fine mesh of the whole body. X, and D_p where it gives none, come
-/// from [`Homogenisation::combine`] applied level by level on its own.
-pub trait GlobalHomogenisation: Send + Sync {
-    /// D_p of every node of the body's tree, by its number; `None` where the local rule is to be
-    /// used, and for finest tetrahedra. Called once, when a scene is built; `progress` is told the
-    /// fraction done and may stop the work.
-    ///
-    /// # Errors
-    /// [`EmbedError`] if the fine problem can't be solved; [`EmbedError::Stopped`].
-    fn homogenise(
-        &self,
-        body: &FineBody<'_>,
-        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
-    ) -> Result<Vec<Option<Packed6>>, EmbedError>;
-}
+use crate::error::EmbedError;
 
 /// Scene names of the built-in choices.
 pub const CHOICES: &[&str] = &["laminate", "linear", "kharevych", "paper"];
@@ -129,23 +35,5 @@ pub fn by_name(name: &str) -> Result<Box<dyn Homogenisation>, EmbedError> {
         "kharevych" => Ok(Box::new(Kharevych)),
         "paper" => Ok(Box::new(Paper)),
         _ => Err(EmbedError::UnknownHomogenisation { name: name.into(), choices: CHOICES }),
-    }
-}
-
-/// The parent whose internal displacement d minimises ½dᵀA d + dᵀCᵀε beside the Voigt energy:
-/// X = −A⁻¹Cᵀ, D_p = ½(D₁+D₂) − ½C A⁻¹Cᵀ. A is 3×3 SPD; a singular one gives NaN, which
-/// [`crate::Embedding`] refuses.
-fn relaxed(pair: &ChildPair, a: nalgebra::Matrix3<f64>, c: SMatrix<f64, 6, 3>) -> ParentMaterial {
-    let inverse_factor = a
-        .cholesky()
-        .and_then(|chol| chol.l().try_inverse())
-        .unwrap_or_else(|| nalgebra::Matrix3::repeat(f64::NAN));
-    // C L⁻ᵀ, so that both products below are symmetric by construction.
-    let half = c * inverse_factor.transpose();
-    let excess = std::f64::consts::FRAC_1_SQRT_2 * half;
-    ParentMaterial {
-        elasticity: pair.mean_elasticity() - excess * excess.transpose(),
-        midpoint: -inverse_factor.transpose() * half.transpose(),
-        excess: Excess::Rank3(excess),
     }
 }

@@ -1,6 +1,7 @@
 //! `paper`: the new vertex is left free of traction in each parent by itself.
 
-use super::{ChildPair, Homogenisation, ParentMaterial, relaxed};
+use super::halves::{ChildPair, ParentMaterial, relaxed};
+use super::rule::Homogenisation;
 
 /// H = −K_MM⁻¹K_MT per isolated parent, K_p = K_TT + HᵀK_MT, in terms of strains:
 /// X = −(ΣG_cᵀD_cG_c)⁻¹ ΣG_cᵀD_c, D_p = ½(ΣD_c + (ΣD_cG_c)X).

@@ -2,7 +2,7 @@
 //!
 //! All is combinatorial: which mesh edges the surface crosses and how its triangles turn.
 
-use crate::delta::VertexId;
+use crate::bisection::VertexId;
 
 /// A surface vertex by the mesh edge that it lies on: the smaller vertex number in the high
 /// half. An edge from a vertex to itself is that vertex.

@@ -1,11 +1,9 @@
 //! Where a label begins and ends, asked box by box: what a mesh must resolve to carry its outline.
 
-use crate::delta::Tet;
-use crate::error::MeshError;
-use crate::forest::BisectionForest;
-use crate::volume::LabelVolume;
-
+use super::error::SurfaceError;
 use super::label_field::bounding_box;
+use crate::bisection::{BisectionForest, Tet};
+use crate::image::volume::LabelVolume;
 
 /// How many voxels of one label any box of voxels holds.
 ///
@@ -22,11 +20,11 @@ impl LabelBoundary {
     /// Counts dense label `label`. Cost: O(voxels).
     ///
     /// # Errors
-    /// [`MeshError::IsoSurface`] if `label` is 0 or not in the volume's table.
-    pub fn new(volume: &LabelVolume, label: u16) -> Result<Self, MeshError> {
+    /// [`SurfaceError::IsoSurface`] if `label` is 0 or not in the volume's table.
+    pub fn new(volume: &LabelVolume, label: u16) -> Result<Self, SurfaceError> {
         if label == 0 || usize::from(label) >= volume.values().len() {
             let (value, want) = (label.into(), "an id of the volume's label table other than 0");
-            return Err(MeshError::IsoSurface { field: "dense label", value, want });
+            return Err(SurfaceError::IsoSurface { field: "dense label", value, want });
         }
         let Some([low, high]) = bounding_box(volume, label) else {
             return Ok(Self { sums: vec![0], first: [0; 3], dims: [0; 3] });
@@ -103,7 +101,7 @@ impl LabelBoundary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Grid;
+    use crate::image::volume::Grid;
 
     #[test]
     fn counts_are_those_of_a_loop_over_the_voxels() {
@@ -132,7 +130,7 @@ mod tests {
         let volume = LabelVolume::new(Grid::centred([1; 3], 1.0), vec![0], vec![0, 5]).unwrap();
         for label in [0, 2] {
             let error = LabelBoundary::new(&volume, label).unwrap_err();
-            assert!(matches!(error, MeshError::IsoSurface { .. }), "{error}");
+            assert!(matches!(error, SurfaceError::IsoSurface { .. }), "{error}");
         }
         assert_eq!(LabelBoundary::new(&volume, 1).unwrap().count([-9; 3], [9; 3]), 0);
     }

@@ -4,10 +4,9 @@ use std::f64::consts::LN_2;
 
 use rayon::prelude::*;
 
-use crate::error::MeshError;
-use crate::forest::BisectionForest;
-use crate::kuhn::Point;
-use crate::volume::LabelVolume;
+use super::error::SurfaceError;
+use crate::bisection::{BisectionForest, Point};
+use crate::image::volume::LabelVolume;
 
 /// The widest blur, voxels: beyond it an organ's outline has nothing to do with its voxels.
 const MAX_SIGMA: f64 = 16.0;
@@ -35,17 +34,21 @@ impl LabelField {
     /// for any number of threads. Cost: O(voxels of the box · (1 + σ)), twice its memory.
     ///
     /// # Errors
-    /// [`MeshError::IsoSurface`] if σ is not in 0 to 16 or `label` is 0 or not in the volume's
+    /// [`SurfaceError::IsoSurface`] if σ is not in 0 to 16 or `label` is 0 or not in the volume's
     /// table.
-    pub fn blurred(volume: &LabelVolume, label: u16, sigma_voxels: f64) -> Result<Self, MeshError> {
+    pub fn blurred(
+        volume: &LabelVolume,
+        label: u16,
+        sigma_voxels: f64,
+    ) -> Result<Self, SurfaceError> {
         // A range contains no NaN.
         if !(0.0..=MAX_SIGMA).contains(&sigma_voxels) {
             let (value, want) = (sigma_voxels, "0 to 16 voxels");
-            return Err(MeshError::IsoSurface { field: "sigma", value, want });
+            return Err(SurfaceError::IsoSurface { field: "sigma", value, want });
         }
         if label == 0 || usize::from(label) >= volume.values().len() {
             let (value, want) = (label.into(), "an id of the volume's label table other than 0");
-            return Err(MeshError::IsoSurface { field: "dense label", value, want });
+            return Err(SurfaceError::IsoSurface { field: "dense label", value, want });
         }
         let kernel = kernel(sigma_voxels);
         let mut field = Self::indicator(volume, label, kernel.len() / 2);
@@ -189,8 +192,8 @@ fn blur_axis(values: &[f32], dims: [usize; 3], axis: usize, kernel: &[f64]) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::volume::Grid;
     use crate::phantom::block;
-    use crate::volume::Grid;
 
     fn one_voxel() -> LabelVolume {
         let grid = Grid::centred([9, 9, 9], 1.0);
@@ -240,11 +243,14 @@ mod tests {
     fn parameters_out_of_range_are_refused() {
         for sigma in [-1.0, 16.5, f64::NAN, f64::INFINITY] {
             let error = LabelField::blurred(&one_voxel(), 1, sigma).unwrap_err();
-            assert!(matches!(error, MeshError::IsoSurface { field: "sigma", .. }), "{error}");
+            assert!(matches!(error, SurfaceError::IsoSurface { field: "sigma", .. }), "{error}");
         }
         for label in [0, 2, u16::MAX] {
             let error = LabelField::blurred(&one_voxel(), label, 1.0).unwrap_err();
-            assert!(matches!(error, MeshError::IsoSurface { field: "dense label", .. }), "{error}");
+            assert!(
+                matches!(error, SurfaceError::IsoSurface { field: "dense label", .. }),
+                "{error}"
+            );
         }
     }
 

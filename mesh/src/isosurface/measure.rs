@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::IsoSurface;
-use crate::error::MeshError;
+use super::error::SurfaceError;
+use super::surface::IsoSurface;
 
 impl IsoSurface {
     /// Area, Σ |(b − a) × (c − a)| / 2, in the squared unit of `points`.
@@ -11,8 +11,8 @@ impl IsoSurface {
     /// `points`: one per surface vertex, from [`IsoSurface::positions`]. Cost: O(triangles).
     ///
     /// # Errors
-    /// [`MeshError::EntryCount`].
-    pub fn area(&self, points: &[Vector3<f64>]) -> Result<f64, MeshError> {
+    /// [`SurfaceError::EntryCount`].
+    pub fn area(&self, points: &[Vector3<f64>]) -> Result<f64, SurfaceError> {
         self.check(points)?;
         let double: f64 = self
             .triangles
@@ -31,8 +31,8 @@ impl IsoSurface {
     /// `points`: one per surface vertex, from [`IsoSurface::positions`]. Cost: O(triangles).
     ///
     /// # Errors
-    /// [`MeshError::EntryCount`].
-    pub fn volume(&self, points: &[Vector3<f64>]) -> Result<f64, MeshError> {
+    /// [`SurfaceError::EntryCount`].
+    pub fn volume(&self, points: &[Vector3<f64>]) -> Result<f64, SurfaceError> {
         self.check(points)?;
         // Measured from a point of the surface: far from the origin large terms would cancel.
         let origin = points.first().copied().unwrap_or_default();
@@ -47,10 +47,10 @@ impl IsoSurface {
         Ok(six / 6.0)
     }
 
-    fn check(&self, points: &[Vector3<f64>]) -> Result<(), MeshError> {
+    fn check(&self, points: &[Vector3<f64>]) -> Result<(), SurfaceError> {
         let (found, want) = (points.len(), self.vertices.len());
         if found != want {
-            return Err(MeshError::EntryCount { what: "points", found, want });
+            return Err(SurfaceError::EntryCount { what: "points", found, want });
         }
         Ok(())
     }

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use super::{IsoSurface, LabelBoundary, LabelField, SurfaceOptions};
-use crate::domain::Domain;
-use crate::error::MeshError;
-use crate::forest::BisectionForest;
-use crate::label_tree::LabelTree;
-use crate::refine::Region;
-use crate::volume::LabelVolume;
+use super::error::SurfaceError;
+use super::label_boundary::LabelBoundary;
+use super::label_field::LabelField;
+use super::surface::{IsoSurface, SurfaceOptions};
+use crate::bisection::{BisectionForest, Domain, LabelTree, Region};
+use crate::image::volume::LabelVolume;
 
 /// How far around a label's voxels its mesh is fine, voxels: the field between centres of voxels
 /// ends half a voxel beyond them.
@@ -46,7 +45,7 @@ impl Outlines {
         domain: Domain,
         level: u8,
         asked: &[Outline],
-    ) -> Result<Self, MeshError> {
+    ) -> Result<Self, SurfaceError> {
         let boundaries: Vec<LabelBoundary> = asked
             .iter()
             .map(|outline| LabelBoundary::new(volume, outline.label))

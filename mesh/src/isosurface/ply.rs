@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::export::{SurfaceData, replace};
-use crate::error::MeshError;
+use super::error::SurfaceError;
+use super::surface_data::{SurfaceData, replace};
 
 /// How a PLY file holds its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,23 +22,27 @@ pub enum PlyEncoding {
 /// vertex_indices`. The same data gives the same bytes. Cost: O(points + triangles).
 ///
 /// # Errors
-/// [`MeshError::EntryCount`], [`MeshError::EntryNotFinite`] or [`MeshError::TriangleCorner`] if
-/// the data does not fit together; [`MeshError::IsoSurface`] if a label or the number of points
-/// is beyond the 32-bit integers of the format; [`MeshError::Io`] if the file can't be written.
+/// [`SurfaceError::EntryCount`], [`SurfaceError::EntryNotFinite`] or [`SurfaceError::TriangleCorner`] if
+/// the data does not fit together; [`SurfaceError::IsoSurface`] if a label or the number of points
+/// is beyond the 32-bit integers of the format; [`SurfaceError::Io`] if the file can't be written.
 pub fn write_ply(
     path: &Path,
     data: &SurfaceData<'_>,
     encoding: PlyEncoding,
-) -> Result<(), MeshError> {
+) -> Result<(), SurfaceError> {
     data.check()?;
     let largest = data.points_mm.len() as i64 - 1;
     if let Some(value) = beyond_i32([largest].iter()) {
         let want = "at most 2^31";
-        return Err(MeshError::IsoSurface { field: "number of points", value: value + 1.0, want });
+        return Err(SurfaceError::IsoSurface {
+            field: "number of points",
+            value: value + 1.0,
+            want,
+        });
     }
     if let Some(value) = beyond_i32(data.label.unwrap_or(&[]).iter()) {
         let want = "a 32-bit integer in a PLY file; write a VTP file instead";
-        return Err(MeshError::IsoSurface { field: "label", value, want });
+        return Err(SurfaceError::IsoSurface { field: "label", value, want });
     }
     let mut bytes = header(data, encoding).into_bytes();
     match encoding {

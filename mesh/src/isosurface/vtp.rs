@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::export::{SurfaceData, replace};
-use crate::error::MeshError;
+use super::error::SurfaceError;
+use super::surface_data::{SurfaceData, replace};
 
 /// Writes a surface to `path` (.vtp), replacing what stands there only once the file is whole.
 ///
@@ -12,11 +12,11 @@ use crate::error::MeshError;
 /// `UInt64`. The same data gives the same bytes. Cost: O(points + triangles).
 ///
 /// # Errors
-/// [`MeshError::EntryCount`], [`MeshError::EntryNotFinite`] or [`MeshError::TriangleCorner`] if
-/// the data does not fit together; [`MeshError::Io`] if the file can't be written.
+/// [`SurfaceError::EntryCount`], [`SurfaceError::EntryNotFinite`] or [`SurfaceError::TriangleCorner`] if
+/// the data does not fit together; [`SurfaceError::Io`] if the file can't be written.
 /// # Source
 /// VTK File Formats, section «XML File Formats», version 1.0 of the format.
-pub fn write_vtp(path: &Path, data: &SurfaceData<'_>) -> Result<(), MeshError> {
+pub fn write_vtp(path: &Path, data: &SurfaceData<'_>) -> Result<(), SurfaceError> {
     data.check()?;
     let mut appended = Vec::new();
     let mut array =

@@ -4,9 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::random::SplitMix64;
 use super::shape::{HALF_EXTENT, HILUM, RIGHT_LOBE, gallbladder, liver_field};
-use super::{LiverPhantom, PARENCHYMA, VESSELS};
-use crate::MeshError;
-use crate::volume::Grid;
+use super::size::{LiverPhantom, PARENCHYMA, VESSELS};
+use crate::image::ImageError;
+use crate::image::volume::Grid;
 
 /// Points of tissue to be fed; each takes the same share of the flow.
 const POINTS: usize = 320;
@@ -36,7 +36,7 @@ pub struct VesselSegment {
     pub parent: Option<usize>,
 }
 
-/// The vessels of [`liver`](super::liver): a binary tree, the trunk first.
+/// The vessels of [`liver`](fn@super::liver): a binary tree, the trunk first.
 ///
 /// Points spread evenly in the tissue are split again and again in two sets, each fed by one
 /// branch that heads for its middle. Flow goes by the number of points, and r³ by the flow, so
@@ -45,10 +45,10 @@ pub struct VesselSegment {
 /// Units: mm, scanner RAS. Cost: O(p log p) for 320 points.
 ///
 /// # Errors
-/// [`MeshError::Phantom`] if a size is not finite or out of range.
+/// [`ImageError::Phantom`] if a size is not finite or out of range.
 /// # Source
 /// Murray, "The physiological principle of minimum work", PNAS 12, 1926.
-pub fn vessel_tree(size: LiverPhantom) -> Result<Vec<VesselSegment>, MeshError> {
+pub fn vessel_tree(size: LiverPhantom) -> Result<Vec<VesselSegment>, ImageError> {
     size.check()?;
     let mut random = SplitMix64::new(size.seed);
     let mut points = Vec::with_capacity(POINTS);

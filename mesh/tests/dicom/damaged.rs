@@ -1,6 +1,6 @@
 //! Files whose structure or streams are broken.
 
-use yawara_mesh::dicom_reader::{DicomError, read_dicom};
+use yawara_mesh::image::{DicomError, read_dicom};
 
 use super::encoders::{jpeg_lossless, rle};
 use super::syntaxes::RAMP;

@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{read_intensities, read_labels};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{read_intensities, read_labels};
 
 use super::encoders::{jpeg_lossless, rle};
 use super::syntaxes::RAMP;
@@ -111,7 +111,7 @@ fn run(cases: u32) {
                 // Pixels are uncompressed, or one of the frames above; a voxel is made 256.
                 prop_assert!(volume.labels().len() <= 256 * 2 * (1440 + bytes.len()));
             }
-            Err(MeshError::TooManyLabels { .. }) => {}
+            Err(ImageError::TooManyLabels { .. }) => {}
             Err(error) => {
                 let folder = folder.path().display().to_string();
                 prop_assert!(error.to_string().contains(&folder), "names no file: {}", error);

@@ -13,9 +13,9 @@ mod writer;
 
 use std::path::Path;
 
-use yawara_mesh::MeshError;
-use yawara_mesh::dicom_reader::DicomError;
-use yawara_mesh::volume::{read_intensities_with, read_labels};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::DicomError;
+use yawara_mesh::image::{read_intensities_with, read_labels};
 
 use writer::{File, Folder};
 
@@ -34,12 +34,12 @@ fn error(folder: &Folder) -> DicomError {
 fn error_at(folder: &Folder, path: &Path) -> DicomError {
     let error = mesh_error(folder, path);
     match error {
-        MeshError::Dicom(error) => *error,
+        ImageError::Dicom(error) => *error,
         other => panic!("not by the DICOM reader: {other}"),
     }
 }
 
-fn mesh_error(folder: &Folder, path: &Path) -> MeshError {
+fn mesh_error(folder: &Folder, path: &Path) -> ImageError {
     let error = read_labels(path).unwrap_err();
     let text = error.to_string();
     assert!(text.contains(&folder.path().display().to_string()), "names no file: {text}");

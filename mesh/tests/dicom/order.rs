@@ -2,8 +2,8 @@
 
 use dicom_core::VR;
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use yawara_mesh::dicom_reader::read_dicom;
-use yawara_mesh::volume::{read_intensities_with, read_labels};
+use yawara_mesh::image::read_dicom;
+use yawara_mesh::image::{read_intensities_with, read_labels};
 
 use super::writer::*;
 use super::{SMALL, small, values};

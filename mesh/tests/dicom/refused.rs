@@ -1,8 +1,8 @@
 //! Series and headers that make no volume, each refused by file, element, value and limit.
 
 use dicom_core::{Tag, VR};
-use yawara_mesh::MeshError;
-use yawara_mesh::dicom_reader::{DicomError, read_dicom};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{DicomError, read_dicom};
 
 use super::writer::*;
 use super::{SMALL, assert_says, error, error_at, mesh_error, small, values};
@@ -285,12 +285,12 @@ fn forged_counts_are_refused_before_allocation() {
     let one = || small()[0].clone();
     let forged = folder(one().number(ROWS, 65_535).number(COLUMNS, 65_535));
     let error = mesh_error(&forged, forged.path());
-    assert!(matches!(error, MeshError::TooManyVoxels { .. }), "{error}");
+    assert!(matches!(error, ImageError::TooManyVoxels { .. }), "{error}");
     let forged = folder(one().number(ROWS, 30_000).number(COLUMNS, 60_000));
     assert_says(&super::error(&forged), &["has 8 bytes", "want 3600000000"]);
     let forged = folder(one().text(FRAMES, VR::IS, "2000000000"));
     let error = mesh_error(&forged, forged.path());
-    assert!(matches!(error, MeshError::TooManyVoxels { .. }), "{error}");
+    assert!(matches!(error, ImageError::TooManyVoxels { .. }), "{error}");
     let forged = folder(one().text(FRAMES, VR::IS, "500000000"));
     assert_says(&super::error(&forged), &["has 8 bytes", "want 4000000000"]);
     for syntax in [RLE, JPEG_LOSSLESS, JPEG_2000] {

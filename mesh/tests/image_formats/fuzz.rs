@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use tempfile::TempDir;
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{read_intensities, read_labels};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{read_intensities, read_labels};
 
 use super::Stored;
 use super::scratch::{gzip, read_files, zlib};
@@ -102,7 +102,7 @@ fn survives(path: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
             // Deflate packs 1032 bytes in one at most; a voxel is made 256 at most.
             prop_assert!(volume.labels().len() <= 256 * 1032 * bytes.len());
         }
-        Err(MeshError::TooManyLabels { .. }) => {}
+        Err(ImageError::TooManyLabels { .. }) => {}
         Err(error) => {
             let folder = path.parent().unwrap().display().to_string();
             prop_assert!(error.to_string().contains(&folder), "names no file: {}", error);

@@ -8,8 +8,9 @@ mod nifti;
 mod scratch;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{LabelVolume, read_intensities_with, read_labels_with};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{read_intensities_with, read_labels_with};
+use yawara_mesh::volume::LabelVolume;
 
 use scratch::{assert_says, labels, read_files};
 
@@ -187,9 +188,9 @@ fn the_report_names_the_format() {
 #[test]
 fn what_is_no_image_is_refused() {
     let error = labels("photo.png", b"\x89PNG\r\n\x1a\n").unwrap_err();
-    assert!(matches!(error, MeshError::UnknownFormat { .. }));
+    assert!(matches!(error, ImageError::UnknownFormat { .. }));
     assert_says(&error, &["PNG", "NRRD", "MetaImage"]);
-    assert!(matches!(labels("a.nrrd", b"").unwrap_err(), MeshError::EmptyFile { .. }));
+    assert!(matches!(labels("a.nrrd", b"").unwrap_err(), ImageError::EmptyFile { .. }));
     assert_says(&labels("a.nrrd", b"hello\n").unwrap_err(), &["NRRD0001", "hello"]);
     assert_says(&labels("a.mha", b"hello\n").unwrap_err(), &["hello"]);
 }
@@ -198,9 +199,9 @@ fn what_is_no_image_is_refused() {
 #[cfg(not(feature = "dicom"))]
 fn what_only_dicom_reads_is_refused_without_it() {
     let folder = tempfile::TempDir::new().unwrap();
-    let error = yawara_mesh::volume::read_labels(folder.path()).unwrap_err();
-    assert!(matches!(error, MeshError::NotAFile { .. }));
+    let error = yawara_mesh::image::read_labels(folder.path()).unwrap_err();
+    assert!(matches!(error, ImageError::NotAFile { .. }));
     let dicom = [&[0; 128][..], b"DICM"].concat();
     let error = labels("slice", &dicom).unwrap_err();
-    assert!(matches!(error, MeshError::FormatNotBuilt { feature: "dicom", .. }));
+    assert!(matches!(error, ImageError::FormatNotBuilt { feature: "dicom", .. }));
 }

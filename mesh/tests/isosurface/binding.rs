@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::isosurface::{IsoSurface, SurfaceOptions};
-use yawara_mesh::{MeshError, VertexId};
+use yawara_mesh::{SurfaceError, VertexId};
 
 use crate::checks::{CENTRE, CLOSED, OPEN, assert_closed, forest, positions, sample};
 use crate::cracks::split_where;
@@ -53,11 +53,11 @@ fn bad_input_is_refused() {
     let tets: Vec<[VertexId; 4]> = f.leaves().map(|tet| tet.vertices).collect();
     let nan = SurfaceOptions { level: f64::NAN, ..OPEN };
     let error = IsoSurface::of_forest(&f, &field, nan).unwrap_err();
-    assert!(matches!(error, MeshError::IsoSurface { field: "level", .. }), "{error}");
+    assert!(matches!(error, SurfaceError::IsoSurface { field: "level", .. }), "{error}");
     let error = IsoSurface::of_forest(&f, &field[1..], OPEN).unwrap_err();
-    assert!(matches!(error, MeshError::EntryCount { found: 7, want: 8, .. }), "{error}");
+    assert!(matches!(error, SurfaceError::EntryCount { found: 7, want: 8, .. }), "{error}");
     let error = IsoSurface::of_tets(&tets, &x[..7], &field, OPEN).unwrap_err();
-    assert!(matches!(error, MeshError::EntryCount { what: "positions", .. }), "{error}");
+    assert!(matches!(error, SurfaceError::EntryCount { what: "positions", .. }), "{error}");
     for value in [f64::NAN, f64::INFINITY] {
         let mut bad = field.clone();
         bad[3] = value;
@@ -65,19 +65,22 @@ fn bad_input_is_refused() {
             IsoSurface::of_forest(&f, &bad, OPEN).unwrap_err(),
             IsoSurface::of_tets(&tets, &x, &bad, OPEN).unwrap_err(),
         ] {
-            assert!(matches!(error, MeshError::EntryNotFinite { index: 3, .. }), "{error}");
+            assert!(matches!(error, SurfaceError::EntryNotFinite { index: 3, .. }), "{error}");
         }
         let mut bad = x.clone();
         bad[2].y = value;
         let error = IsoSurface::of_tets(&tets, &bad, &field, OPEN).unwrap_err();
-        assert!(matches!(error, MeshError::EntryNotFinite { index: 2, .. }), "{error}");
+        assert!(matches!(error, SurfaceError::EntryNotFinite { index: 2, .. }), "{error}");
         let surface = IsoSurface::of_forest(&f, &field, CLOSED).unwrap();
-        assert!(matches!(surface.positions(&bad), Err(MeshError::EntryNotFinite { index: 2, .. })));
-        assert!(matches!(surface.volume(&x[1..]), Err(MeshError::EntryCount { .. })));
+        assert!(matches!(
+            surface.positions(&bad),
+            Err(SurfaceError::EntryNotFinite { index: 2, .. })
+        ));
+        assert!(matches!(surface.volume(&x[1..]), Err(SurfaceError::EntryCount { .. })));
     }
     let flat = [[0, 1, 2, 2].map(VertexId)];
     let error = IsoSurface::of_tets(&flat, &x, &field, OPEN).unwrap_err();
-    assert!(matches!(error, MeshError::FlatTet { tet: 0, .. }), "{error}");
+    assert!(matches!(error, SurfaceError::FlatTet { tet: 0, .. }), "{error}");
     // Differences of extreme values overflow; the surface must not.
     let huge: Vec<f64> =
         (0..f.vertex_capacity()).map(|i| if i % 2 == 0 { f64::MAX } else { f64::MIN }).collect();

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use yawara_mesh::MeshError;
+use yawara_mesh::SurfaceError;
 use yawara_mesh::isosurface::{PlyEncoding, SurfaceData, write_ply, write_vtp};
 
 /// A tetrahedron with coordinates that short decimals don't hold.
@@ -219,9 +219,9 @@ fn what_is_refused_leaves_the_old_file() {
             let error = result.unwrap_err();
             let expected = matches!(
                 error,
-                MeshError::EntryNotFinite { index: 2, .. }
-                    | MeshError::EntryCount { found: 3, want: 4, .. }
-                    | MeshError::TriangleCorner { triangle: 1, corner: 3, points: 3 }
+                SurfaceError::EntryNotFinite { index: 2, .. }
+                    | SurfaceError::EntryCount { found: 3, want: 4, .. }
+                    | SurfaceError::TriangleCorner { triangle: 1, corner: 3, points: 3 }
             );
             assert!(expected, "{error}");
         }
@@ -231,7 +231,7 @@ fn what_is_refused_leaves_the_old_file() {
     assert_eq!(fs::read_to_string(&path).unwrap(), "old");
     let nowhere = dir.path().join("missing").join("surface.vtp");
     let error = write_vtp(&nowhere, &good).unwrap_err();
-    assert!(matches!(error, MeshError::Io { .. }), "{error}");
+    assert!(matches!(error, SurfaceError::Io { .. }), "{error}");
     assert!(error.to_string().contains("surface.vtp"), "{error}");
     write_vtp(&path, &good).unwrap();
     write_ply(&path, &good, PlyEncoding::Ascii).unwrap();

@@ -5,8 +5,9 @@
 mod scratch;
 
 use nalgebra::Vector3;
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{LabelVolume, read_intensities, read_labels};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::{read_intensities, read_labels};
+use yawara_mesh::volume::LabelVolume;
 
 use scratch::{assert_says, gzip, labels, read_files, zlib};
 
@@ -64,15 +65,15 @@ impl File {
         [self.header("LOCAL").as_bytes(), &self.data].concat()
     }
 
-    fn labels(&self) -> Result<LabelVolume, MeshError> {
+    fn labels(&self) -> Result<LabelVolume, ImageError> {
         labels("organ.mha", &self.bytes())
     }
 
-    fn error(&self) -> MeshError {
+    fn error(&self) -> ImageError {
         self.labels().unwrap_err()
     }
 
-    fn detached(&self, name: &str, data: &[u8]) -> Result<LabelVolume, MeshError> {
+    fn detached(&self, name: &str, data: &[u8]) -> Result<LabelVolume, ImageError> {
         let header = self.header(name);
         read_files(&[("organ.mhd", header.as_bytes()), (name, data)], read_labels)
     }
@@ -127,7 +128,7 @@ fn compressed_data_are_read() {
         let last = packed.len() - if packed[0] == 0x1f { 6 } else { 2 };
         damaged[last] ^= 1; // in the checksum
         let error = file.clone().data(damaged).error();
-        assert!(matches!(error, MeshError::Inflate { .. }), "{error}");
+        assert!(matches!(error, ImageError::Inflate { .. }), "{error}");
     }
     for bad in ["0", "-1", "x"] {
         let file = file.clone().set("CompressedDataSize", bad).data(zlib(&file.data));
@@ -148,7 +149,7 @@ fn byte_orders_text_and_header_sizes_are_read() {
     let text = file.clone().set("BinaryData", "False").data(b"0 1\n300 1\n".into());
     assert_small(&text.labels().unwrap());
     let error = text.data(b"0 1 40000 1".into()).error();
-    assert!(matches!(error, MeshError::TextVoxel { index: 2, .. }), "{error}");
+    assert!(matches!(error, ImageError::TextVoxel { index: 2, .. }), "{error}");
     let lead = [b"123", &file.data[..]].concat();
     for size in ["3", "-1"] {
         let sized = file.clone().set("HeaderSize", size);
@@ -157,7 +158,7 @@ fn byte_orders_text_and_header_sizes_are_read() {
     for bad in ["-2", "x"] {
         assert_says(&file.clone().set("HeaderSize", bad).error(), &["HeaderSize", bad]);
     }
-    assert!(matches!(file.set("HeaderSize", "9").error(), MeshError::Length { .. }));
+    assert!(matches!(file.set("HeaderSize", "9").error(), ImageError::Length { .. }));
 }
 
 /// Stores a value in a type.
@@ -225,7 +226,7 @@ fn intensities_are_scaled() {
         .set("ElementToIntensityFunctionOffset", "-10");
     let image = read_files(&[("a.mha", &file.bytes())], read_intensities).unwrap();
     assert_eq!(image.values(), [-10.0, -9.5, 140.0, -9.5]);
-    assert!(matches!(file.error(), MeshError::LabelValue { voxel: [1, 0, 0], .. }));
+    assert!(matches!(file.error(), ImageError::LabelValue { voxel: [1, 0, 0], .. }));
     let bad = file.set("ElementToIntensityFunctionSlope", "nan");
     assert_says(&bad.error(), &["Slope", "nan", "finite"]);
 }
@@ -240,7 +241,7 @@ fn further_axes_have_size_one() {
         .set("TransformMatrix", "-1 0 0 0 0 -1 0 0 0 0 1 0 0 0 0 1");
     assert_small(&file.labels().unwrap());
     let series = file.set("DimSize", "2 2 1 6");
-    assert!(matches!(series.error(), MeshError::NotThreeDimensional { rank: 4, count: 6, .. }));
+    assert!(matches!(series.error(), ImageError::NotThreeDimensional { rank: 4, count: 6, .. }));
 }
 
 #[test]
@@ -271,7 +272,7 @@ fn bad_headers_are_refused_by_line_and_field() {
     }
     for field in ["NDims", "DimSize", "ElementSpacing", "ElementType", "BinaryData"] {
         let error = File::small().without(field).error();
-        assert!(matches!(error, MeshError::MissingField { .. }), "{error}");
+        assert!(matches!(error, ImageError::MissingField { .. }), "{error}");
         assert_says(&error, &[field]);
     }
     let error = labels("a.mha", b"NDims = 3\n").unwrap_err();
@@ -280,23 +281,23 @@ fn bad_headers_are_refused_by_line_and_field() {
     assert_says(&error, &["line 2", "nothing"]);
     assert_says(&File::small().set("dimsize", "2 2 1").error(), &["once"]);
     let flat = File::small().set("TransformMatrix", "1 0 0 1 0 0 0 0 1");
-    assert!(matches!(flat.error(), MeshError::SingularAffine { .. }));
+    assert!(matches!(flat.error(), ImageError::SingularAffine { .. }));
 }
 
 #[test]
 fn forged_sizes_take_no_memory() {
     let huge = File::small().set("DimSize", "100000 100000 100");
-    assert!(matches!(huge.error(), MeshError::TooManyVoxels { .. }));
+    assert!(matches!(huge.error(), ImageError::TooManyVoxels { .. }));
     let absent = File::small().set("DimSize", "2000 1000 1000").set("ElementType", "MET_DOUBLE");
-    assert!(matches!(absent.error(), MeshError::Length { want: 16_000_000_000, .. }));
+    assert!(matches!(absent.error(), ImageError::Length { want: 16_000_000_000, .. }));
     let zipped = absent.clone().set("CompressedData", "True").data(zlib(&[0; 64]));
-    assert!(matches!(zipped.error(), MeshError::Length { found: 64, .. }));
+    assert!(matches!(zipped.error(), ImageError::Length { found: 64, .. }));
     let text = absent.set("BinaryData", "False").data(b"1 2 3".into());
-    assert!(matches!(text.error(), MeshError::TextVoxel { index: 3, .. }));
+    assert!(matches!(text.error(), ImageError::TextVoxel { index: 3, .. }));
     let endless = [b"NDims = ", &vec![b'3'; 2 << 20][..]].concat();
-    assert!(matches!(labels("a.mha", &endless), Err(MeshError::HeaderTooLong { .. })));
+    assert!(matches!(labels("a.mha", &endless), Err(ImageError::HeaderTooLong { .. })));
     let file = File::small();
     let cut = file.clone().data(file.data[..7].into());
-    assert!(matches!(cut.error(), MeshError::Length { found: 7, want: 8, .. }));
+    assert!(matches!(cut.error(), ImageError::Length { found: 7, want: 8, .. }));
     assert_small(&file.clone().data([&file.data[..], b"\n"].concat()).labels().unwrap());
 }

@@ -7,8 +7,9 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use nalgebra::{Matrix3, Vector3};
 use tempfile::TempDir;
-use yawara_mesh::MeshError;
-use yawara_mesh::volume::{LabelVolume, read_labels};
+use yawara_mesh::ImageError;
+use yawara_mesh::image::read_labels;
+use yawara_mesh::volume::LabelVolume;
 
 /// A NIfTI-1 file under construction: int16 voxels and a plain 2 mm sform unless changed.
 #[derive(Clone)]
@@ -81,11 +82,11 @@ impl File {
         [&self.header[..], &gap, &self.data].concat()
     }
 
-    pub fn labels(&self) -> Result<LabelVolume, MeshError> {
+    pub fn labels(&self) -> Result<LabelVolume, ImageError> {
         scratch(&self.bytes(), read_labels)
     }
 
-    pub fn error(&self) -> MeshError {
+    pub fn error(&self) -> ImageError {
         self.labels().unwrap_err()
     }
 }
@@ -99,21 +100,21 @@ pub fn gzip(bytes: &[u8]) -> Vec<u8> {
 /// Writes the bytes to a scratch file and reads that; an error must name the file.
 pub fn scratch<T>(
     bytes: &[u8],
-    read: impl Fn(&Path) -> Result<T, MeshError>,
-) -> Result<T, MeshError> {
+    read: impl Fn(&Path) -> Result<T, ImageError>,
+) -> Result<T, ImageError> {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("organ.nii");
     std::fs::write(&path, bytes).unwrap();
     let result = read(&path);
     if let Err(error) = &result {
         let text = error.to_string();
-        let unnamed = matches!(error, MeshError::TooManyLabels { .. });
+        let unnamed = matches!(error, ImageError::TooManyLabels { .. });
         assert!(unnamed || text.contains("organ.nii"), "names no file: {text}");
     }
     result
 }
 
-pub fn assert_says(error: &MeshError, words: &[&str]) {
+pub fn assert_says(error: &ImageError, words: &[&str]) {
     let text = error.to_string();
     for word in words {
         assert!(text.contains(word), "\"{word}\" is missing in: {text}");

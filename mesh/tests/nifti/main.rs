@@ -7,7 +7,7 @@ mod refused;
 mod values;
 
 use proptest::prelude::*;
-use yawara_mesh::volume::{read_intensities, read_labels};
+use yawara_mesh::image::{read_intensities, read_labels};
 
 use file::{File, gzip, scratch};
 

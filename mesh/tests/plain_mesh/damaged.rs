@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_mesh::gmsh::read_msh;
-use yawara_mesh::vtu_reader::read_vtu;
+use yawara_mesh::tet_file::read_msh;
+use yawara_mesh::tet_file::read_vtu;
 
 use crate::cube::{data, file};
 

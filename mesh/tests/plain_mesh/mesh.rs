@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use yawara_mesh::plain_mesh::FLATNESS;
+use yawara_mesh::tet_file::FLATNESS;
 use yawara_mesh::{
-    BisectionForest, Domain, LabelTree, Lattice, MeshDelta, MeshError, Placement, PlainMesh,
-    Repairs,
+    BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, PlainMesh, Repairs,
+    TetMeshError,
 };
 
 use crate::cube::{TAGS, TETS, cube, points};
@@ -76,21 +76,21 @@ fn points_of_no_tet_are_dropped() {
     assert_eq!(mesh.points(), &kept[..]);
 }
 
-fn refused(points: Vec<Vector3<f64>>, tets: Vec<[u32; 4]>) -> MeshError {
+fn refused(points: Vec<Vector3<f64>>, tets: Vec<[u32; 4]>) -> TetMeshError {
     let tags = vec![0; tets.len()];
     PlainMesh::new(points, tets, tags).unwrap_err()
 }
 
 #[test]
 fn lists_that_are_no_mesh_are_refused_by_index() {
-    assert!(matches!(refused(points(), vec![]), MeshError::NoTets));
+    assert!(matches!(refused(points(), vec![]), TetMeshError::NoTets));
     let error = PlainMesh::new(points(), TETS.to_vec(), vec![0; 4]).unwrap_err();
     assert_eq!(error.to_string(), "tags has 4 values, want 5");
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut points = points();
         points[3].y = bad;
         let error = refused(points, TETS.to_vec());
-        assert!(matches!(error, MeshError::MeshNotFinite { index: 3, .. }), "{error}");
+        assert!(matches!(error, TetMeshError::NotFinite { index: 3, .. }), "{error}");
     }
     let error = refused(points(), vec![TETS[0], [0, 1, 2, 8]]);
     assert_eq!(error.to_string(), "tet 1 has corner 8, want a point below 8");
@@ -110,13 +110,13 @@ fn flat_tets_are_refused_at_the_limit() {
     assert!(with_height(limit * 1.01).is_ok());
     for height in [limit * 0.99, 0.0, -limit * 0.99, 1e-200] {
         let error = with_height(height).unwrap_err();
-        assert!(matches!(error, MeshError::DegenerateTet { tet: 0, .. }), "{error}");
+        assert!(matches!(error, TetMeshError::DegenerateTet { tet: 0, .. }), "{error}");
     }
     assert_eq!(with_height(-1.0).unwrap().1.rewound, 1);
     // Lengths whose cubes overflow or vanish can't be judged.
     for scale in [1e200, 1e-200] {
         let error = refused(points().into_iter().map(|x| x * scale).collect(), TETS.to_vec());
-        assert!(matches!(error, MeshError::DegenerateTet { tet: 0, .. }), "{error}");
+        assert!(matches!(error, TetMeshError::DegenerateTet { tet: 0, .. }), "{error}");
     }
 }
 
@@ -128,9 +128,9 @@ fn faces_of_three_tets_and_overlaps_are_refused() {
     let message = "tet 0: its face [0, 1, 2] belongs to 3 tets, want at most 2";
     assert_eq!(error.to_string(), message);
     let error = refused(points(), vec![[0, 1, 2, 4], [0, 1, 2, 7]]);
-    assert!(matches!(error, MeshError::OverlappingTets { tets: [0, 1], face: [0, 1, 2] }));
+    assert!(matches!(error, TetMeshError::OverlappingTets { tets: [0, 1], face: [0, 1, 2] }));
     let error = refused(points(), vec![TETS[0], TETS[1], TETS[1]]);
-    assert!(matches!(error, MeshError::OverlappingTets { tets: [1, 2], .. }), "{error}");
+    assert!(matches!(error, TetMeshError::OverlappingTets { tets: [1, 2], .. }), "{error}");
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use yawara_mesh::gmsh::{read_msh, write_msh22, write_msh41};
-use yawara_mesh::{MeshError, PlainMesh, Repairs};
+use yawara_mesh::tet_file::{read_msh, write_msh22, write_msh41};
+use yawara_mesh::{PlainMesh, Repairs, TetMeshError};
 
 use crate::cube::{TAGS, TETS, assert_two_boxes, cube, data, file, irrational_cube};
 
@@ -44,7 +44,7 @@ const MSH41: &str = "$MeshFormat\r\n4.1 0 8\r\n$EndMeshFormat\n\
     $Elements\n3 3 1 9\n2 7 2 1\n1 10 20 30\n3 11 4 1\n5 10 20 30 900\n3 12 4 1\n6 10 40 30 900\n\
     $EndElements\n";
 
-fn read(text: &str) -> Result<yawara_mesh::plain_mesh::LoadedMesh, MeshError> {
+fn read(text: &str) -> Result<yawara_mesh::tet_file::LoadedMesh, TetMeshError> {
     let (_folder, path) = file("mesh.msh", text.as_bytes());
     read_msh(&path, 1.0)
 }
@@ -165,7 +165,7 @@ fn big_endian_files_are_read() {
 }
 
 type Writer =
-    fn(&std::path::Path, &PlainMesh, &BTreeMap<i64, String>, f64) -> Result<(), MeshError>;
+    fn(&std::path::Path, &PlainMesh, &BTreeMap<i64, String>, f64) -> Result<(), TetMeshError>;
 const WRITERS: [Writer; 2] = [write_msh22, write_msh41];
 
 #[test]
@@ -197,23 +197,23 @@ fn what_the_format_can_not_hold_is_not_written() {
         let (_folder, path) = file("mesh.msh", b"before");
         for tag in [-1, 1 << 31, i64::MIN] {
             let error = write(&path, &tagged(tag), &BTreeMap::new(), 1.0).unwrap_err();
-            assert!(matches!(error, MeshError::MeshTag { .. }), "{error}");
+            assert!(matches!(error, TetMeshError::Tag { .. }), "{error}");
         }
         let names = BTreeMap::from([(5, "two\nlines".to_string())]);
-        assert!(matches!(write(&path, &cube(), &names, 1.0), Err(MeshError::MeshTag { .. })));
+        assert!(matches!(write(&path, &cube(), &names, 1.0), Err(TetMeshError::Tag { .. })));
         for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let error = write(&path, &cube(), &BTreeMap::new(), unit).unwrap_err();
-            assert!(matches!(error, MeshError::LengthUnit { .. }), "{error}");
-            assert!(matches!(read_msh(&path, unit), Err(MeshError::LengthUnit { .. })));
+            assert!(matches!(error, TetMeshError::LengthUnit { .. }), "{error}");
+            assert!(matches!(read_msh(&path, unit), Err(TetMeshError::LengthUnit { .. })));
         }
         let error = write(&path, &cube(), &BTreeMap::new(), 1e-310).unwrap_err();
-        assert!(matches!(error, MeshError::MeshNotFinite { index: 1, .. }), "{error}");
+        assert!(matches!(error, TetMeshError::NotFinite { index: 1, .. }), "{error}");
         let nowhere = path.join("below a file.msh");
         assert!(matches!(
             write(&nowhere, &cube(), &BTreeMap::new(), 1.0),
-            Err(MeshError::Io { .. })
+            Err(TetMeshError::Io { .. })
         ));
         assert_eq!(std::fs::read(&path).unwrap(), b"before");
     }
-    assert!(matches!(read_msh(std::path::Path::new("/"), 1.0), Err(MeshError::Io { .. })));
+    assert!(matches!(read_msh(std::path::Path::new("/"), 1.0), Err(TetMeshError::Io { .. })));
 }

@@ -1,9 +1,9 @@
 //! VTU files: meshio's, hand-written and damaged ones, and those that we write.
 
 use vtkio::model::{Attribute, CellType, DataSet, Piece};
-use yawara_mesh::plain_mesh::{LoadedMesh, MeshField, write_vtu_plain};
-use yawara_mesh::vtu_reader::read_vtu;
-use yawara_mesh::{MeshError, PlainMesh, Repairs};
+use yawara_mesh::tet_file::read_vtu;
+use yawara_mesh::tet_file::{LoadedMesh, MeshField, write_vtu_plain};
+use yawara_mesh::{PlainMesh, Repairs, TetMeshError};
 
 use crate::cube::{TAGS, TETS, assert_two_boxes, cube, data, file, irrational_cube, points};
 
@@ -51,7 +51,7 @@ const VTU: &str = r#"<?xml version='1.0'?>
 </VTKFile>
 "#;
 
-fn read(text: &str) -> Result<LoadedMesh, MeshError> {
+fn read(text: &str) -> Result<LoadedMesh, TetMeshError> {
     let (_folder, path) = file("mesh.vtu", text.as_bytes());
     read_vtu(&path, 1.0)
 }

@@ -10,7 +10,8 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-use super::{Device, HapticOptions, Shared, lock};
+use super::options::{Device, HapticOptions};
+use super::shared::{Shared, lock};
 
 /// What the device's loop has seen.
 #[derive(Default)]

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::device_loop::Ticks;
-use super::{HapticOptions, Made};
+use super::options::HapticOptions;
 use crate::error::SimError;
 use crate::output::write_whole;
 use crate::report::Percentiles;
@@ -70,6 +70,15 @@ impl HapticSummary {
         let json = serde_json::to_string_pretty(self).map_err(|error| io(error.into()))?;
         write_whole(path, json + "\n")
     }
+}
+
+/// What the solver's loop has made.
+#[derive(Default)]
+pub(super) struct Made {
+    pub step_ms: Vec<f64>,
+    pub converged: usize,
+    pub vertices: usize,
+    pub errors_n: Vec<f64>,
 }
 
 pub(super) fn summary(

@@ -4,9 +4,11 @@
 //! mesh. It is made of three parts that anybody can use alone: [`SlotMap`] (`slots.rs`) says which
 //! vertex has which slot of the matrix, [`Assembly`] (`assembly.rs`) makes the matrix from elements,
 //! [`SlotMap::update`] (`hand_over.rs`) turns a ring of the mesh into an update of the inverse.
-//! `held.rs` holds further vertices in a solve, without a change of the inverse.
+//! `held.rs` holds further vertices in a solve, without a change of the inverse; `compliance.rs`
+//! says how far vertices give way to forces.
 
 mod assembly;
+mod compliance;
 mod hand_over;
 mod held;
 mod link;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::SimError;
-use crate::fields::Fields;
+use crate::report::Fields;
 
 /// Their folder in a run directory.
 pub(super) const FOLDER: &str = "fields";
@@ -19,7 +19,7 @@ pub(super) const FILES: [&str; 3] =
 /// [`SimError::Io`], or [`SimError::Mesh`] with the file, if they can't be written.
 #[cfg(feature = "nifti")]
 pub(super) fn write(directory: &Path, fields: &Fields) -> Result<(), SimError> {
-    use yawara_mesh::volume::{write_field, write_labels};
+    use yawara_mesh::image::{write_field, write_labels};
     let folder = directory.join(FOLDER);
     std::fs::create_dir_all(&folder).map_err(|source| SimError::Io { path: folder, source })?;
     let [displacement, stress, label] = FILES.map(|name| directory.join(name));

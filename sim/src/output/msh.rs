@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use yawara_mesh::PlainMesh;
-use yawara_mesh::gmsh::write_msh41;
+use yawara_mesh::tet_file::write_msh41;
 
 use crate::SimError;
 use crate::report::Frame;

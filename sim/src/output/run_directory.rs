@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
 use crate::SimError;
-use crate::fields::Fields;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
 use crate::output::{fields, pvd, steps_csv, write_vtu};
-use crate::report::{Frame, StepReport, Summary};
+use crate::report::{Fields, Frame, StepReport, Summary};
 use crate::scene::Scene;
 
 const SCENE: &str = "scene.toml";

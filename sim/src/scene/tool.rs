@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::Region;
+use super::description::Region;
 
 /// What touches the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Tool {
+pub enum ToolEntry {
     /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
     Grab {
         /// What it takes hold of, at rest.

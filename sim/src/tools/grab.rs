@@ -3,10 +3,11 @@
 use nalgebra::{Rotation3, Unit, Vector3};
 use yawara_mesh::VertexId;
 
-use super::{Hold, Path, Tool};
+use super::path::Path;
+use super::tool::Tool;
+use crate::body::{Hold, Start};
 use crate::error::SimError;
 use crate::scene::Region;
-use crate::start::Start;
 
 /// Held vertices follow x = c + R(t)(X − c) + d(t), c the centre of the region at rest.
 pub(super) struct Grab {

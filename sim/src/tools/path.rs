@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
+use crate::body::ScannerAxes;
 use crate::error::SimError;
 use crate::scene::Key;
-use crate::start::ScannerAxes;
 
 use super::path_csv;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::error::SimError;
 use crate::scene::Key;
-use crate::tool_check::FARTHEST_M;
+use crate::scene::checks::FARTHEST_M;
 
 /// The columns, in any order; the last may be missing.
 const COLUMNS: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "turn_deg"];

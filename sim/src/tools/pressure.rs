@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Skin, Tool};
+use super::surface_points::SurfacePoints;
+use super::tool::Tool;
+use crate::body::BodyState;
 use crate::scene::{Normal, PressureKey};
-use crate::state::State;
 
 /// f_v = −p(t) Σ w_v a over the patch's pieces, a their area vectors outward: those at rest
 /// (`dead`), or a = cof(F) A with F the deformation gradient of the piece's coarse tetrahedron
@@ -13,12 +14,17 @@ pub(super) struct Pressure {
     centre: Vector3<f64>,
     keys: Vec<PressureKey>,
     normal: Normal,
-    skin: Skin,
+    surface_points: SurfacePoints,
 }
 
 impl Pressure {
-    pub fn new(centre: Vector3<f64>, keys: &[PressureKey], normal: Normal, skin: Skin) -> Self {
-        Self { centre, keys: keys.to_vec(), normal, skin }
+    pub fn new(
+        centre: Vector3<f64>,
+        keys: &[PressureKey],
+        normal: Normal,
+        surface_points: SurfacePoints,
+    ) -> Self {
+        Self { centre, keys: keys.to_vec(), normal, surface_points }
     }
 
     /// p(t), Pa: linear between keys, held at both ends.
@@ -48,29 +54,29 @@ impl Tool for Pressure {
         self.centre
     }
 
-    fn skin(&self) -> Option<&Skin> {
-        Some(&self.skin)
+    fn surface_points(&self) -> Option<&SurfacePoints> {
+        Some(&self.surface_points)
     }
 
-    fn skin_mut(&mut self) -> Option<&mut Skin> {
-        Some(&mut self.skin)
+    fn surface_points_mut(&mut self) -> Option<&mut SurfacePoints> {
+        Some(&mut self.surface_points)
     }
 
     fn loads(&self) -> bool {
         true
     }
 
-    fn add_loads(&self, state: &State, t: f64, loads: &mut [Vector3<f64>]) {
+    fn add_loads(&self, state: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
         let pressure = self.pressure(t);
-        for (tet, range) in self.skin.groups() {
+        for (tet, range) in self.surface_points.groups() {
             let Some(element) = state.body.element(*tet) else { continue };
             let turn = match self.normal {
                 Normal::Dead => Matrix3::identity(),
                 Normal::Following => cofactor(&element.deformation_gradient(&state.positions)),
             };
-            for &i in &self.skin.order()[range.clone()] {
-                let Some(point) = self.skin.point(i) else { continue };
-                let force = turn * self.skin.area(i) * -pressure;
+            for &i in &self.surface_points.order()[range.clone()] {
+                let Some(point) = self.surface_points.point(i) else { continue };
+                let force = turn * self.surface_points.area(i) * -pressure;
                 for (&v, weight) in point.vertices.iter().zip(point.weights) {
                     loads[v] += weight * force;
                 }

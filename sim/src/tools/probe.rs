@@ -4,15 +4,17 @@ use nalgebra::Vector3;
 use yawara_corot::Sphere;
 
 use super::grab::acts;
-use super::{Path, Skin, Tool};
+use super::path::Path;
+use super::surface_points::SurfacePoints;
+use super::tool::Tool;
 
-/// A ball of radius R at c + d(t), which points of the skin may touch but not enter.
+/// A ball of radius R at c + d(t), which points of the surface may touch but not enter.
 pub(super) struct Probe {
     centre: Vector3<f64>,
     radius: f64,
     path: Path,
     release_s: Option<f64>,
-    skin: Skin,
+    surface_points: SurfacePoints,
 }
 
 impl Probe {
@@ -21,9 +23,9 @@ impl Probe {
         radius: f64,
         path: Path,
         release_s: Option<f64>,
-        skin: Skin,
+        surface_points: SurfacePoints,
     ) -> Self {
-        Self { centre, radius, path, release_s, skin }
+        Self { centre, radius, path, release_s, surface_points }
     }
 }
 
@@ -48,11 +50,11 @@ impl Tool for Probe {
         self.acts_at(t).then(|| Sphere { centre: self.reference(t), radius: self.radius })
     }
 
-    fn skin(&self) -> Option<&Skin> {
-        Some(&self.skin)
+    fn surface_points(&self) -> Option<&SurfacePoints> {
+        Some(&self.surface_points)
     }
 
-    fn skin_mut(&mut self) -> Option<&mut Skin> {
-        Some(&mut self.skin)
+    fn surface_points_mut(&mut self) -> Option<&mut SurfacePoints> {
+        Some(&mut self.surface_points)
     }
 }

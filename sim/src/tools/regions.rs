@@ -5,9 +5,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use yawara_mesh::volume::LabelVolume;
 
-use super::Hold;
-use crate::scene::{Region, Scene, Tool};
-use crate::setup::{OrganBox, touches_solid};
+use crate::body::{Hold, OrganBox, touches_solid};
+use crate::scene::{Region, Scene, ToolEntry};
 
 /// The regions of a scene in which vertices are held.
 pub(crate) struct Regions {
@@ -21,9 +20,9 @@ pub(crate) struct Regions {
 
 impl Regions {
     pub fn of(scene: &Scene, organ: OrganBox, volume: Arc<LabelVolume>) -> Self {
-        let grab = |(number, tool): (usize, &Tool)| match tool {
-            Tool::Grab { region, .. } => Some((number, region.clone())),
-            Tool::Probe { .. } | Tool::Pressure { .. } => None,
+        let grab = |(number, tool): (usize, &ToolEntry)| match tool {
+            ToolEntry::Grab { region, .. } => Some((number, region.clone())),
+            ToolEntry::Probe { .. } | ToolEntry::Pressure { .. } => None,
         };
         let grabbed: Vec<(usize, Region)> =
             scene.tools.iter().enumerate().filter_map(grab).collect();

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use yawara_corot::{Tolerance, corotation_by_name, equilibrium_by_name};
+use yawara_corot::{Tolerance, equilibrium_by_name, forces_by_name};
 
 use crate::beams::{Beam, BeamLoad};
 use crate::error::BenchError;
@@ -51,7 +51,7 @@ impl Report {
         for (corotation, equilibrium) in CHOICES {
             for &degrees in angles {
                 let mut beam = Beam::new(BeamLoad::Bend, 0.3)?;
-                let stage = corotation_by_name(corotation)?;
+                let stage = forces_by_name(corotation)?;
                 let mut solver = equilibrium_by_name(equilibrium)?;
                 let part = f64::from(degrees) / 90.0;
                 let outcome = beam.step(part, stage.as_ref(), solver.as_mut(), &tolerance).outcome;

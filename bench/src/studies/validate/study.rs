@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 use serde::Serialize;
-use yawara_corot::{Corotation, Direct, Equilibrium, NoCorotation, Tolerance};
+use yawara_corot::{Direct, Equilibrium, InternalForces, NoCorotation, Tolerance};
 
 use super::arguments::Common;
 use crate::error::BenchError;
@@ -219,7 +219,7 @@ fn solve_linear(
 fn solve(
     case: &'static str,
     statics: &mut Statics,
-    corotation: &dyn Corotation,
+    corotation: &dyn InternalForces,
     equilibrium: &mut dyn Equilibrium,
     load: &[Vector3<f64>],
     residual: f64,

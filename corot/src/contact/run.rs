@@ -1,0 +1,169 @@
+//! A solve with contact under way: forces, gaps and what is left of both.
+
+use nalgebra::Vector3;
+
+use super::gauss_seidel::projected_gauss_seidel;
+use super::surface_contact::{Contact, ContactOutcome};
+use crate::equilibrium::{Iterate, Outcome, Problem, Tolerance};
+
+/// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
+const SWEEPS: usize = 60;
+
+/// Merit, where the body stands, and λ.
+pub(super) type Place = (f64, Iterate, Vec<f64>);
+
+/// A solve under way.
+pub(super) struct Run<'a, 'b, 'p> {
+    pub(super) problem: &'a mut Problem<'p>,
+    pub(super) contact: &'a Contact<'b>,
+    pub(super) internal: &'a mut [Vector3<f64>],
+    pub(super) tolerance: &'a Tolerance,
+    pub(super) lambda: Vec<f64>,
+    /// Which points push, where that is settled for now: with a force of either sign, and no other.
+    pub(super) set: Option<Vec<bool>>,
+    pub(super) gaps: Vec<f64>,
+    pub(super) normals: Vec<Vector3<f64>>,
+    /// Loads with the contact forces.
+    pub(super) loads: Vec<Vector3<f64>>,
+    pub(super) residual: Vec<f64>,
+    pub(super) scratch: Vec<f64>,
+    pub(super) push: Vec<f64>,
+    pub(super) compliance: Vec<f64>,
+    pub(super) size: f64,
+    pub(super) iterations: usize,
+    pub(super) evaluations: usize,
+    pub(super) fallbacks: usize,
+}
+
+impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
+    pub(super) fn new(
+        problem: &'a mut Problem<'p>,
+        contact: &'a Contact<'b>,
+        multipliers: &[f64],
+        internal: &'a mut [Vector3<f64>],
+        tolerance: &'a Tolerance,
+    ) -> Self {
+        let (n, k) = (problem.rows(), contact.points.len());
+        let mut lambda = multipliers.to_vec();
+        lambda.resize(k, 0.0);
+        Self {
+            loads: problem.external.to_vec(),
+            residual: vec![0.0; n],
+            scratch: vec![0.0; n],
+            push: vec![0.0; n],
+            set: None,
+            gaps: vec![0.0; k],
+            normals: vec![Vector3::zeros(); k],
+            compliance: Vec::new(),
+            size: f64::NAN,
+            iterations: 0,
+            evaluations: 0,
+            fallbacks: 0,
+            problem,
+            contact,
+            internal,
+            tolerance,
+            lambda,
+        }
+    }
+
+    /// Renews gaps, normals, loads, forces and residual where the positions are.
+    pub(super) fn evaluate(&mut self, positions: &[Vector3<f64>]) {
+        self.loads.copy_from_slice(self.problem.external);
+        for (i, (point, obstacle)) in self.contact.points.iter().enumerate() {
+            let at = point.position(positions);
+            (self.gaps[i], self.normals[i]) = self.contact.obstacles[*obstacle].gap(&at);
+            for (v, weight) in point.vertices.iter().zip(point.weights) {
+                self.loads[*v] += self.normals[i] * (self.lambda[i] * weight);
+            }
+        }
+        let mut loaded = self.problem.with_loads(&self.loads);
+        self.size = loaded.evaluate(positions, self.internal, &mut self.residual, self.tolerance);
+        self.evaluations += 1;
+    }
+
+    /// How far from converged, at most 1 when it is: the residual and what is deeper or farther
+    /// than allowed, each in units of its limit.
+    pub(super) fn merit(&self) -> f64 {
+        if self.lambda.iter().any(|&force| force < 0.0) {
+            return f64::INFINITY;
+        }
+        self.merit_with(self.gaps.iter().zip(&self.lambda).map(|(gap, lambda)| {
+            let far = if *lambda > 0.0 { *gap } else { 0.0 };
+            (-gap).max(far)
+        }))
+    }
+
+    pub(super) fn merit_with(&self, off: impl Iterator<Item = f64>) -> f64 {
+        // A NaN must stay one.
+        off.fold(self.size / self.tolerance.residual, |merit, off| {
+            if off / self.contact.depth <= merit { merit } else { off / self.contact.depth }
+        })
+    }
+
+    pub(super) fn return_to(&mut self, best: &Place, positions: &mut [Vector3<f64>]) {
+        self.problem.return_to(&best.1, positions);
+        self.lambda.copy_from_slice(&best.2);
+        self.evaluate(positions);
+    }
+
+    /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0; renews W.
+    pub(super) fn forces_by_gaps(&mut self, moves: &[f64]) -> Vec<f64> {
+        let k = self.lambda.len();
+        self.compliance = self.contact.compliance(&self.normals, self.problem);
+        let m = self.problem.unknowns_per_vertex();
+        let mut slack = self.gaps.clone();
+        for (i, (point, _)) in self.contact.points.iter().enumerate() {
+            for (v, weight) in point.vertices.iter().zip(point.weights) {
+                let d = Vector3::from_column_slice(&moves[m * v..m * v + 3]);
+                slack[i] += weight * self.normals[i].dot(&d);
+            }
+            let row = &self.compliance[k * i..k * (i + 1)];
+            slack[i] -= row.iter().zip(&self.lambda).map(|(w, l)| w * l).sum::<f64>();
+        }
+        let mut renewed = self.lambda.clone();
+        let fine = 0.01 * self.contact.depth;
+        let set = self.set.as_deref();
+        projected_gauss_seidel(&self.compliance, &slack, &mut renewed, set, fine, SWEEPS);
+        renewed
+    }
+
+    /// moves ← moves + Ĉ Gᵀ(λ' − λ).
+    pub(super) fn add_push(&mut self, renewed: &[f64], moves: &mut [f64]) {
+        let m = self.problem.unknowns_per_vertex();
+        self.push.fill(0.0);
+        for (i, (point, _)) in self.contact.points.iter().enumerate() {
+            let force = self.normals[i] * (renewed[i] - self.lambda[i]);
+            for (&v, weight) in point.vertices.iter().zip(point.weights) {
+                if self.problem.free[v] {
+                    for axis in 0..3 {
+                        self.push[m * v + axis] += weight * force[axis];
+                    }
+                }
+            }
+        }
+        let mut pushed = vec![0.0; moves.len()];
+        self.problem.precondition(&self.push, &mut self.scratch, &mut pushed);
+        for (d, p) in moves.iter_mut().zip(&pushed) {
+            *d += p;
+        }
+    }
+
+    pub(super) fn outcome(self) -> ContactOutcome {
+        let deepest = self.gaps.iter().fold(0.0, |deepest: f64, gap| deepest.max(-gap));
+        ContactOutcome {
+            outcome: Outcome {
+                iterations: self.iterations,
+                evaluations: self.evaluations,
+                residual: self.size,
+                converged: self.merit() <= 1.0,
+                method: "contact",
+                fallbacks: self.fallbacks,
+            },
+            multipliers: self.lambda,
+            normals: self.normals,
+            compliance: self.compliance,
+            penetration: deepest,
+        }
+    }
+}

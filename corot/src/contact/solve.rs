@@ -1,0 +1,47 @@
+//! Equilibrium in the way of obstacles: they push, and never pull.
+
+use nalgebra::Vector3;
+
+use super::run::Run;
+use super::surface_contact::{Contact, ContactOutcome};
+use crate::equilibrium::{Equilibrium, Problem, Tolerance};
+
+/// Finds x and λ with f_int(x) = f_ext + Σ λ_i n_i w_i, gap_i(x) ≥ 0, λ_i ≥ 0 and λ_i gap_i = 0.
+///
+/// With Ĉ = T C Tᵀ, G the gaps' gradients, r the residual and h the gaps, an iteration solves
+/// 0 ≤ λ' ⊥ h + G Ĉ r + G Ĉ Gᵀ(λ' − λ) ≥ 0 and steps to x + Ĉ(r + Gᵀ(λ' − λ)) and λ', both mixed as
+/// in [`Anderson`](crate::Anderson): at a fixed point r = 0 and the conditions hold, whatever Ĉ is.
+/// `multipliers` begin it (those of the last solve, or zeros; one per point). It has converged when
+/// the relative residual is at most `tolerance.residual` and no point is deeper than
+/// `contact.depth` or pushed from farther away.
+///
+/// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where that happens
+/// again and again the set of points that push is settled first, with forces of either sign on them
+/// and none on the others, and renewed by the signs of forces and gaps in its solution. Where this
+/// iteration gives up, `equilibrium` solves under contact forces that stay as they are, and between
+/// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then
+/// counts it.
+///
+/// Cost: two applications of the inverse and a force evaluation an iteration, and O(k² + k v) for k
+/// points of v vertices. On return `internal` holds the internal forces.
+/// # Source
+/// Duriez, Dubois, Kheddar, Andriot, Realistic haptic rendering of interacting deformable objects
+/// in virtual environments, IEEE TVCG 12(1), 2006 (compliance at the contacts, Gauss-Seidel).
+pub fn solve_with_contact(
+    problem: &mut Problem<'_>,
+    equilibrium: &mut dyn Equilibrium,
+    contact: &Contact<'_>,
+    multipliers: &[f64],
+    positions: &mut [Vector3<f64>],
+    internal: &mut [Vector3<f64>],
+    tolerance: &Tolerance,
+) -> ContactOutcome {
+    let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
+    run.evaluate(positions);
+    let start = (run.merit(), run.problem.iterate(positions), run.lambda.clone());
+    if !run.together(&start, positions) {
+        run.return_to(&start, positions);
+        run.in_turn(equilibrium, positions);
+    }
+    run.outcome()
+}

@@ -1,0 +1,11 @@
+//! One tetrahedron: its state, the rotation nearest to its deformation gradient, the way from a
+//! stress to forces on its corners, and what pressures add to it in a mixed body.
+//!
+//! Open `tetrahedron.rs` first. Nothing here knows of a body.
+
+pub(crate) mod pressures;
+pub mod rotation;
+pub(crate) mod stress;
+mod tetrahedron;
+
+pub use tetrahedron::Element;

@@ -1,0 +1,79 @@
+//! `fallback`: one method after the other.
+
+use nalgebra::Vector3;
+
+use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+
+/// Tries its methods in turn until one converges, each from where the solve began unless the
+/// methods before have come closer. In a [mixed](crate::Body::mixed) body those are left out that
+/// [need an energy](Equilibrium::needs_definite).
+///
+/// What is left to the caller when none does is a smaller step. [`Outcome`] tells which method
+/// ended it; iterations are those of all. With each method the budget of iterations begins anew.
+pub struct Fallback {
+    name: &'static str,
+    methods: Vec<Box<dyn Equilibrium>>,
+}
+
+impl Fallback {
+    /// A chain under a scene name. An empty one only measures the residual.
+    pub fn new(name: &'static str, methods: Vec<Box<dyn Equilibrium>>) -> Self {
+        Self { name, methods }
+    }
+}
+
+/// The next method starts at the last one's best iterate if its residual is this small a part of
+/// the first one; farther away a small residual may be that of a tangled body.
+const CLOSER: f64 = 0.1;
+
+impl Equilibrium for Fallback {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn needs_tangent(&self) -> bool {
+        self.methods.iter().any(|method| method.needs_tangent())
+    }
+
+    fn needs_definite(&self) -> bool {
+        self.methods.iter().all(|method| method.needs_definite())
+    }
+
+    fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+    ) -> Outcome {
+        let start = problem.iterate(positions);
+        let mut residual = vec![0.0; problem.rows()];
+        let first = problem.evaluate(positions, internal, &mut residual, tolerance);
+        let mut total = Outcome {
+            iterations: 0,
+            evaluations: 1,
+            residual: first,
+            converged: first <= tolerance.residual,
+            method: self.name,
+            fallbacks: 0,
+        };
+        let mixed = problem.body.is_mixed();
+        let able = self.methods.iter_mut().filter(|method| !(mixed && method.needs_definite()));
+        for (number, method) in able.enumerate() {
+            if total.converged {
+                break;
+            }
+            if !(total.residual <= CLOSER * first) {
+                problem.return_to(&start, positions);
+            }
+            let outcome = method.solve(problem, positions, internal, tolerance);
+            total = Outcome {
+                iterations: total.iterations + outcome.iterations,
+                evaluations: total.evaluations + outcome.evaluations,
+                fallbacks: number,
+                ..outcome
+            };
+        }
+        total
+    }
+}

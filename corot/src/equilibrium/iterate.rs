@@ -1,0 +1,107 @@
+//! Where an iteration stands, and the best place it has been at.
+
+use nalgebra::Vector3;
+
+use super::problem::{Iterate, Outcome, Problem, Tolerance};
+
+/// Positions with their forces and residual, the best iterate so far, and the count of work.
+pub(crate) struct Point<'a> {
+    pub positions: &'a mut [Vector3<f64>],
+    pub internal: &'a mut [Vector3<f64>],
+    /// As [`Problem::evaluate`] gives it.
+    pub residual: Vec<f64>,
+    /// Relative size of the residual.
+    pub size: f64,
+    pub tolerance: &'a Tolerance,
+    iterations: usize,
+    evaluations: usize,
+    /// The least size among the iterates, and the iterate.
+    best: (f64, Iterate),
+}
+
+impl<'a> Point<'a> {
+    /// The first iterate: where `positions` are.
+    pub fn new(
+        problem: &mut Problem<'_>,
+        positions: &'a mut [Vector3<f64>],
+        internal: &'a mut [Vector3<f64>],
+        tolerance: &'a Tolerance,
+    ) -> Self {
+        let mut residual = vec![0.0; problem.rows()];
+        let size = problem.evaluate(positions, internal, &mut residual, tolerance);
+        let best = (size, problem.iterate(positions));
+        Self { positions, internal, residual, size, tolerance, iterations: 0, evaluations: 1, best }
+    }
+
+    /// Whether another iteration is wanted and allowed. A residual that is no number is not small.
+    pub fn goes_on(&self) -> bool {
+        !self.is_solved() && self.iterations < self.tolerance.max_iterations
+    }
+
+    /// Whether the residual is as small as asked for.
+    pub fn is_solved(&self) -> bool {
+        self.size <= self.tolerance.residual
+    }
+
+    /// Whether the residual is at most `factor` times the least so far.
+    pub fn is_within(&self, factor: f64) -> bool {
+        self.size <= factor * self.best.0
+    }
+
+    /// Counts an application of the inverse, or of a factor.
+    pub fn begin_iteration(&mut self) {
+        self.iterations += 1;
+    }
+
+    /// Renews forces, residual and its size where the positions are.
+    pub fn evaluate(&mut self, problem: &mut Problem<'_>) {
+        self.size =
+            problem.evaluate(self.positions, self.internal, &mut self.residual, self.tolerance);
+        self.evaluations += 1;
+    }
+
+    /// x ← x + `length` · `step`, with its forces.
+    pub fn advance(&mut self, problem: &mut Problem<'_>, step: &[f64], length: f64) {
+        problem.advance(self.positions, step, length);
+        self.evaluate(problem);
+    }
+
+    /// Remembers this iterate if it is the best so far.
+    pub fn keep_if_best(&mut self, problem: &Problem<'_>) {
+        if self.size < self.best.0 {
+            self.best = (self.size, problem.iterate(self.positions));
+        }
+    }
+
+    /// Goes back to the best iterate.
+    pub fn return_to_best(&mut self, problem: &mut Problem<'_>) {
+        problem.return_to(&self.best.1, self.positions);
+        self.evaluate(problem);
+    }
+
+    /// Ends at the best iterate.
+    pub fn finish(mut self, problem: &mut Problem<'_>, method: &'static str) -> Outcome {
+        if !self.is_within(1.0) {
+            self.return_to_best(problem);
+        }
+        Outcome {
+            iterations: self.iterations,
+            evaluations: self.evaluations,
+            residual: self.size,
+            converged: self.is_solved(),
+            method,
+            fallbacks: 0,
+        }
+    }
+}
+
+/// What a solver reports that leaves the body where it is.
+pub(crate) fn untouched(
+    problem: &mut Problem<'_>,
+    method: &'static str,
+    positions: &mut [Vector3<f64>],
+    internal: &mut [Vector3<f64>],
+    tolerance: &Tolerance,
+) -> Outcome {
+    Point::new(problem, positions, internal, tolerance).finish(problem, method)
+}

@@ -1,0 +1,60 @@
+//! How far to go along a direction, by the force along it alone.
+
+use super::iterate::Point;
+use super::problem::Problem;
+use super::vectors::dot;
+
+/// The slope may keep this fraction of what it was at the start, in either direction.
+const CURVATURE: f64 = 0.9;
+
+/// Trials at most.
+const TRIALS: usize = 12;
+
+/// The longest step tried, in units of the direction.
+const LONGEST: f64 = 8.0;
+
+/// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is small
+/// against φ'(0): the strong curvature condition. Returns α; 0 with `point` where it was if
+/// `direction` does not lead downhill or no length is found.
+///
+/// There need not be an energy, nor one that is known to more digits than the solution asks for:
+/// from φ'(0) < 0 on, the first bracket in which the slope changes its sign is halved by secants.
+/// Source: the approximate Wolfe conditions of Hager and Zhang, SIAM J. Optim. 16(1), 2005.
+pub(crate) fn search(problem: &mut Problem<'_>, point: &mut Point<'_>, direction: &[f64]) -> f64 {
+    let start = -dot(&point.residual, direction);
+    if !(start < 0.0 && start.is_finite()) {
+        return 0.0;
+    }
+    let base = point.positions.to_vec();
+    let (mut low, mut high): ((f64, f64), Option<(f64, f64)>) = ((0.0, start), None);
+    let mut length = 1.0;
+    for _ in 0..TRIALS {
+        point.positions.copy_from_slice(&base);
+        point.advance(problem, direction, length);
+        let slope = -dot(&point.residual, direction);
+        if !(slope.is_finite() && point.size.is_finite()) {
+            high = Some((length, f64::INFINITY));
+        } else if point.is_solved() || slope.abs() <= CURVATURE * -start {
+            return length;
+        } else if slope < 0.0 {
+            low = (length, slope);
+        } else {
+            high = Some((length, slope));
+        }
+        length = match high {
+            Some(high) => between(low, high),
+            None if low.0 >= LONGEST => return length,
+            None => (2.0 * low.0).min(LONGEST),
+        };
+    }
+    point.positions.copy_from_slice(&base);
+    point.evaluate(problem);
+    0.0
+}
+
+/// Where the chord of the slope is zero, kept away from the ends.
+fn between(low: (f64, f64), high: (f64, f64)) -> f64 {
+    let width = high.0 - low.0;
+    let fraction = if high.1.is_finite() { low.1 / (low.1 - high.1) } else { 0.5 };
+    low.0 + width * fraction.clamp(0.1, 0.9)
+}

@@ -1,0 +1,102 @@
+//! How positions are found at which forces balance the loads: the swappable stage [`Equilibrium`].
+//!
+//! `problem.rs` holds the trait and the problem that every solver works on, `iterate.rs` where an
+//! iteration stands and the best place it has been at; one file per solver. Open `problem.rs`
+//! first. To add one: a file with a type that implements the trait, a line in
+//! [`equilibrium_by_name`].
+
+pub(crate) mod anderson;
+mod direct;
+mod fallback;
+mod iterate;
+mod lbfgs;
+mod line_search;
+mod newton;
+pub(crate) mod problem;
+mod vectors;
+
+pub use anderson::Anderson;
+pub use direct::Direct;
+pub use fallback::Fallback;
+pub use lbfgs::Lbfgs;
+pub use newton::Newton;
+pub use problem::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
+
+use nalgebra::Vector3;
+use yawara_embed::LinearTet;
+
+use crate::element::Element;
+use crate::error::CorotError;
+use crate::forces::InternalForces;
+
+/// Scene names of the built-in equilibrium solvers.
+pub const EQUILIBRIA: &[&str] =
+    &["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"];
+
+/// A built-in equilibrium solver.
+///
+/// # Errors
+/// [`CorotError::Unknown`] listing the choices.
+pub fn equilibrium_by_name(name: &str) -> Result<Box<dyn Equilibrium>, CorotError> {
+    match name {
+        "anderson" => Ok(Box::new(Anderson::default())),
+        "lbfgs" => Ok(Box::new(Lbfgs::default())),
+        "direct" => Ok(Box::new(Direct)),
+        "newton" => Ok(Box::new(Newton)),
+        "fallback" => Ok(Box::new(Fallback::new(
+            "fallback",
+            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default())],
+        ))),
+        "fallback_newton" => Ok(Box::new(Fallback::new(
+            "fallback_newton",
+            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
+        ))),
+        _ => Err(CorotError::Unknown {
+            what: "equilibrium solver",
+            name: name.into(),
+            choices: EQUILIBRIA,
+        }),
+    }
+}
+
+/// Whether these two work together.
+///
+/// # Errors
+/// [`CorotError::NoTangent`] if the solver needs the tangent of forces that have none.
+pub fn check_pair(
+    forces: &dyn InternalForces,
+    equilibrium: &dyn Equilibrium,
+) -> Result<(), CorotError> {
+    let geometry = LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 };
+    let element = Element {
+        tet: yawara_mesh::TetId(0),
+        vertices: [0; 4],
+        geometry,
+        elasticity: nalgebra::Matrix6::zeros(),
+        rotation: nalgebra::Matrix3::identity(),
+    };
+    let has_tangent = forces.tangent(&element, &[Vector3::zeros()]).is_some();
+    if equilibrium.needs_tangent() && !has_tangent {
+        let (corotation, equilibrium) = (forces.name(), equilibrium.name());
+        return Err(CorotError::NoTangent { corotation, equilibrium });
+    }
+    Ok(())
+}
+
+/// Whether these two work on a [mixed](Body::mixed) body.
+///
+/// # Errors
+/// [`CorotError::NoPressures`] naming the stage that does not.
+pub fn check_mixed(
+    forces: &dyn InternalForces,
+    equilibrium: &dyn Equilibrium,
+) -> Result<(), CorotError> {
+    let refused = |stage, name, choices| Err(CorotError::NoPressures { stage, name, choices });
+    if !forces.carries_pressures() {
+        return refused("corotation", forces.name(), "element, none");
+    }
+    if equilibrium.needs_definite() {
+        return refused("equilibrium", equilibrium.name(), "fallback, anderson, direct");
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! `newton`: the exact tangent, factored at every iteration.
+
+use faer::linalg::solvers::Solve;
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Side};
+use nalgebra::Vector3;
+
+use super::iterate::{Point, untouched};
+use super::line_search::search;
+use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::vectors::dot;
+use crate::forces::tangent::convex_part;
+
+/// x ← x + α K_t(x)⁻¹(f_ext − f_int(x)), K_t with the derivatives of the rotations, by sparse LU.
+/// The reference: quadratic near the solution, for anisotropic D too (K_t is not symmetric then).
+///
+/// Where its step does not lead downhill, elements give the positive semi-definite part of their
+/// tangents instead, by sparse LLᵀ. Needs [`InternalForces::tangent`](crate::InternalForces::tangent); the
+/// inverse of the [`Problem`] is not used. Cost: a sparse factorisation an iteration.
+/// Source: Chao, Pinkall, Sanan, Schröder, A simple geometric model for elastic deformations, ACM
+/// TOG 29(4), 2010; Teran et al., Robust quasistatic finite elements and flesh simulation, SCA
+/// 2005 (the convex part).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Newton;
+
+/// A whole step that leaves at most this part of the residual needs no line search.
+const ENOUGH: f64 = 0.5;
+
+impl Equilibrium for Newton {
+    fn name(&self) -> &'static str {
+        "newton"
+    }
+
+    fn needs_tangent(&self) -> bool {
+        true
+    }
+
+    fn needs_definite(&self) -> bool {
+        true
+    }
+
+    fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+    ) -> Outcome {
+        if problem.body.is_mixed() {
+            return untouched(problem, self.name(), positions, internal, tolerance);
+        }
+        let mut point = Point::new(problem, positions, internal, tolerance);
+        while point.goes_on() {
+            point.begin_iteration();
+            if !(exact_step(problem, &mut point) || convex_step(problem, &mut point)) {
+                break;
+            }
+            point.keep_if_best(problem);
+        }
+        point.finish(problem, self.name())
+    }
+}
+
+/// True if the exact tangent gave a step that was taken.
+fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
+    let rows = Rows::new(problem.free);
+    let Some(matrix) = rows.assemble(problem, point.positions, false) else {
+        return false;
+    };
+    let Ok(factor) = matrix.sp_lu() else {
+        return false;
+    };
+    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    if !step.iter().all(|v| v.is_finite()) || !(dot(&point.residual, &step) > 0.0) {
+        return false;
+    }
+    let (before, base) = (point.size, point.positions.to_vec());
+    point.advance(problem, &step, 1.0);
+    if point.size <= ENOUGH * before {
+        return true;
+    }
+    point.positions.copy_from_slice(&base);
+    point.evaluate(problem);
+    search(problem, point, &step) > 0.0
+}
+
+/// True if the convex part of the tangent gave a step that was taken.
+fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
+    let rows = Rows::new(problem.free);
+    let Some(matrix) = rows.assemble(problem, point.positions, true) else {
+        return false;
+    };
+    let Ok(factor) = matrix.sp_cholesky(Side::Lower) else {
+        return false;
+    };
+    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    step.iter().all(|v| v.is_finite()) && search(problem, point, &step) > 0.0
+}
+
+/// The rows of the free vertices, counted through.
+struct Rows {
+    of_vertex: Vec<usize>,
+    vertices: Vec<usize>,
+}
+
+const HELD: usize = usize::MAX;
+
+impl Rows {
+    fn new(free: &[bool]) -> Self {
+        let vertices: Vec<usize> = (0..free.len()).filter(|&v| free[v]).collect();
+        let mut of_vertex = vec![HELD; free.len()];
+        vertices.iter().enumerate().for_each(|(row, &v)| of_vertex[v] = 3 * row);
+        Self { of_vertex, vertices }
+    }
+
+    /// The sum of the elements' tangents, or of their convex parts; a unit diagonal where a free
+    /// vertex has no element. None without tangents.
+    fn assemble(
+        &self,
+        problem: &Problem<'_>,
+        positions: &[Vector3<f64>],
+        convex: bool,
+    ) -> Option<SparseColMat<usize, f64>> {
+        let n = 3 * self.vertices.len();
+        let mut triplets = Vec::with_capacity(144 * problem.body.elements().len());
+        let mut touched = vec![false; n];
+        for element in problem.body.elements() {
+            let mut tangent = problem.forces.tangent(element, positions)?;
+            if convex {
+                tangent = convex_part(&tangent);
+            }
+            let at = element.vertices.map(|v| self.of_vertex[v]);
+            for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+                if at[i / 3] != HELD && at[j / 3] != HELD {
+                    let (row, column) = (at[i / 3] + i % 3, at[j / 3] + j % 3);
+                    touched[row] = true;
+                    triplets.push(Triplet::new(row, column, tangent[(i, j)]));
+                }
+            }
+        }
+        let alone = (0..n).filter(|&row| !touched[row]);
+        triplets.extend(alone.map(|row| Triplet::new(row, row, 1.0)));
+        SparseColMat::try_new_from_triplets(n, n, &triplets).ok()
+    }
+
+    fn gather(&self, all: &[f64]) -> Mat<f64> {
+        Mat::from_fn(3 * self.vertices.len(), 1, |i, _| all[3 * self.vertices[i / 3] + i % 3])
+    }
+
+    fn scatter(&self, rows: &Mat<f64>, length: usize) -> Vec<f64> {
+        let mut all = vec![0.0; length];
+        for (row, &v) in self.vertices.iter().enumerate() {
+            (0..3).for_each(|axis| all[3 * v + axis] = rows[(3 * row + axis, 0)]);
+        }
+        all
+    }
+}

@@ -1,0 +1,209 @@
+//! The equilibrium problem and what a solver reports.
+
+use nalgebra::Vector3;
+
+use crate::body::Body;
+use crate::forces::InternalForces;
+
+/// Find x with f_int(x) = f_ext on the free vertices; in a [mixed](Body::mixed) body x and q with
+/// f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
+///
+/// Solvers mix residuals and steps as plain vectors of [`rows`](Self::rows) entries, vertex-major,
+/// and touch positions through the methods here alone: an element with further unknowns per vertex
+/// changes this type, no solver. The matrix of a mixed body is indefinite: there is no energy to go
+/// down in, and solvers that [need one](Equilibrium::needs_definite) leave it as it is.
+pub struct Problem<'a> {
+    /// Elements and rotations, renewed with every force evaluation.
+    pub body: &'a mut Body,
+    /// How forces follow from positions.
+    pub forces: &'a dyn InternalForces,
+    /// Loads by vertex number, N.
+    pub external: &'a [Vector3<f64>],
+    /// Which vertices may move; the others stay where `positions` has them.
+    pub free: &'a [bool],
+    /// y = C f: the inverse stiffness of the unrotated body with all but the free vertices
+    /// fixed, both by vertex number (3 entries each), zero on the others. m/N.
+    ///
+    /// For a mixed body the inverse of [K' Gᵀ; G −P], 4 entries each (N and N m, m and 1); q of
+    /// vertices that are not free is there too.
+    pub inverse: &'a dyn Fn(&[f64], &mut [f64]),
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Relative residual τ: ‖f_ext − f_int‖ over the free vertices must not exceed
+    /// τ · max(‖f_ext‖, √Σ‖f_e‖²), nor need it fall below rounding, ε ‖K‖‖x‖.
+    pub residual: f64,
+    /// Iterations at most, of each method.
+    pub max_iterations: usize,
+}
+
+/// How a solve ended. Positions and rotations are those of the smallest residual seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Applications of the inverse (of a tangent's factor for `newton`), by all methods together.
+    pub iterations: usize,
+    /// Evaluations of the internal forces, by all methods together.
+    pub evaluations: usize,
+    /// The relative residual reached.
+    pub residual: f64,
+    /// Whether the tolerance was reached.
+    pub converged: bool,
+    /// Scene name of the method that ran last: of the one that converged, if any did.
+    pub method: &'static str,
+    /// Methods that had given up before it.
+    pub fallbacks: usize,
+}
+
+/// Where a body stands: positions, and pressures if it has any.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Iterate {
+    positions: Vec<Vector3<f64>>,
+    pressures: Vec<f64>,
+}
+
+/// Finds equilibrium positions.
+pub trait Equilibrium: Send {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// Whether it needs [`InternalForces::tangent`]; without it it then ends where it begins.
+    fn needs_tangent(&self) -> bool {
+        false
+    }
+
+    /// Whether it goes down in energy or factors a tangent on displacements alone; in a
+    /// [mixed](Body::mixed) body it then ends where it begins.
+    fn needs_definite(&self) -> bool {
+        false
+    }
+
+    /// Moves the free vertices of `positions` (m, by vertex number) into equilibrium. On return
+    /// `internal` holds the internal forces there (N): at vertices that are not free,
+    /// internal − external is the reaction.
+    fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+    ) -> Outcome;
+}
+
+impl Problem<'_> {
+    /// The same under other external forces, N by vertex number.
+    pub(crate) fn with_loads<'a>(&'a mut self, external: &'a [Vector3<f64>]) -> Problem<'a> {
+        Problem {
+            body: &mut *self.body,
+            forces: self.forces,
+            external,
+            free: self.free,
+            inverse: self.inverse,
+        }
+    }
+
+    /// 3, or 4 in a [mixed](Body::mixed) body.
+    pub fn unknowns_per_vertex(&self) -> usize {
+        self.body.unknowns_per_vertex()
+    }
+
+    /// Entries of a residual or a step: unknowns per vertex times vertex numbers.
+    pub fn rows(&self) -> usize {
+        self.unknowns_per_vertex() * self.free.len()
+    }
+
+    /// Evaluates internal forces and writes f_ext − f_int of the free vertices to `residual`
+    /// (0 on the others). Returns its relative size,
+    /// ‖f_ext − f_int‖ / max(‖f_ext‖, √Σ‖f_e‖², ε ‖K‖‖x‖ / τ): the last term lets a body that has
+    /// come back to rest, where all forces are rounding, count as solved.
+    ///
+    /// In a [mixed](Body::mixed) body the fourth entry of every vertex, free or not, is
+    /// (P q − G u)/h, with 1/h the mean over the elements around of one over the least height: a
+    /// volume that is off by θ weighs as the force of a strain of that size, V μ θ/h, N. It belongs
+    /// to the norm as the forces do.
+    pub fn evaluate(
+        &mut self,
+        positions: &[Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        residual: &mut [f64],
+        tolerance: &Tolerance,
+    ) -> f64 {
+        let elements = self.forces.internal_forces(self.body, positions, internal);
+        let m = self.unknowns_per_vertex();
+        let mut squares = 0.0;
+        for v in 0..positions.len() {
+            let r = if self.free[v] { self.external[v] - internal[v] } else { Vector3::zeros() };
+            squares += r.norm_squared();
+            residual[m * v..m * v + 3].copy_from_slice(r.as_slice());
+            if m > 3 {
+                let (lack, weight) = self.body.lack(v);
+                residual[m * v + 3] = weight * lack;
+                squares += (weight * lack).powi(2);
+            }
+        }
+        let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
+        let rounding = f64::EPSILON * self.forces.stiffness_scale(self.body) * norm(positions);
+        let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
+        match squares.sqrt() {
+            0.0 => 0.0,
+            // An overflow is no small residual.
+            _ if !scale.is_finite() => f64::NAN,
+            size => size / scale,
+        }
+    }
+
+    /// step = T C Tᵀ residual with T the vertices' rotations of the last evaluation: the warped
+    /// inverse of Oishi et al., eq. (2), here the preconditioner.
+    ///
+    /// T turns displacements alone; the fourth entry of a step is h δq, m, the dual of
+    /// [`evaluate`](Self::evaluate)'s. All entries of a step then have one unit, whose squares
+    /// mixing may add up.
+    pub fn precondition(&self, residual: &[f64], scratch: &mut [f64], step: &mut [f64]) {
+        let m = self.unknowns_per_vertex();
+        let rotations = self.body.vertex_rotations();
+        for (v, r) in rotations.iter().enumerate().take(self.free.len()) {
+            let at = m * v..m * v + 3;
+            let local = r.transpose() * Vector3::from_column_slice(&residual[at.clone()]);
+            scratch[at].copy_from_slice(local.as_slice());
+            if m > 3 {
+                let (_, weight) = self.body.lack(v);
+                scratch[m * v + 3] = if weight > 0.0 { residual[m * v + 3] / weight } else { 0.0 };
+            }
+        }
+        (self.inverse)(scratch, step);
+        for (v, r) in rotations.iter().enumerate().take(self.free.len()) {
+            let at = m * v..m * v + 3;
+            let world = r * Vector3::from_column_slice(&step[at.clone()]);
+            step[at].copy_from_slice(world.as_slice());
+            if m > 3 {
+                let (_, weight) = self.body.lack(v);
+                step[m * v + 3] = if weight > 0.0 { step[m * v + 3] / weight } else { 0.0 };
+            }
+        }
+    }
+
+    /// x ← x + `length` · `step`, and the pressures of a [mixed](Body::mixed) body with them.
+    pub fn advance(&mut self, positions: &mut [Vector3<f64>], step: &[f64], length: f64) {
+        let m = self.unknowns_per_vertex();
+        for (v, (x, d)) in positions.iter_mut().zip(step.chunks_exact(m)).enumerate() {
+            *x += length * Vector3::from_column_slice(&d[..3]);
+            if m > 3 {
+                let (_, weight) = self.body.lack(v);
+                let q = self.body.pressure(v) + length * weight * d[3];
+                self.body.set_pressure(v, q);
+            }
+        }
+    }
+
+    /// Where the body stands, to come back to.
+    pub fn iterate(&self, positions: &[Vector3<f64>]) -> Iterate {
+        Iterate { positions: positions.to_vec(), pressures: self.body.pressures() }
+    }
+
+    /// Moves the body back to where it stood.
+    pub fn return_to(&mut self, iterate: &Iterate, positions: &mut [Vector3<f64>]) {
+        positions.copy_from_slice(&iterate.positions);
+        self.body.set_pressures(&iterate.pressures);
+    }
+}

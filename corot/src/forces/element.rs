@@ -1,0 +1,42 @@
+//! `element`: one rotation per element.
+
+use nalgebra::Vector3;
+
+use super::internal_forces::InternalForces;
+use super::tangent::{ElementTangent, element_tangent};
+use crate::body::Body;
+use crate::element::Element;
+
+/// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
+/// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
+/// anisotropic D the stress does not commute with the stretch, which leaves a torque of second
+/// order in the strain.
+///
+/// With σ = D sym(RᵀF − I), the force on corner i is V R σ ∇λ_i: the same without forming K_e.
+/// Source: Müller and Gross, Interactive Virtual Materials, Graphics Interface 2004. (The
+/// vertex-wise form of Oishi et al., eq. (2), is not translation invariant.)
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ElementCorotation;
+
+impl InternalForces for ElementCorotation {
+    fn name(&self) -> &'static str {
+        "element"
+    }
+
+    fn internal_forces(
+        &self,
+        body: &mut Body,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        body.forces_and_stiffness(positions, forces, &mut [])
+    }
+
+    fn carries_pressures(&self) -> bool {
+        true
+    }
+
+    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
+        Some(element_tangent(element, positions))
+    }
+}

@@ -1,0 +1,38 @@
+//! Element co-rotation, one element after the other.
+
+use nalgebra::Vector3;
+
+use super::internal_forces::InternalForces;
+use super::tangent::{ElementTangent, element_tangent};
+use crate::body::Body;
+use crate::element::Element;
+
+/// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
+/// those are tested against. Cost: about ten times theirs.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ElementReference;
+
+impl InternalForces for ElementReference {
+    fn name(&self) -> &'static str {
+        "element_reference"
+    }
+
+    fn internal_forces(
+        &self,
+        body: &mut Body,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        body.renew_elements(positions);
+        body.renew_vertices();
+        body.forces_in(|element| element.rotation, positions, forces)
+    }
+
+    fn carries_pressures(&self) -> bool {
+        true
+    }
+
+    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
+        Some(element_tangent(element, positions))
+    }
+}

@@ -1,0 +1,42 @@
+//! The stage from positions to internal forces.
+
+use nalgebra::Vector3;
+
+use super::tangent::ElementTangent;
+use crate::body::Body;
+use crate::element::Element;
+
+/// How internal forces follow from positions.
+pub trait InternalForces: Send + Sync {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// Adds nothing, overwrites `forces` with f_int(x) (N, one per vertex number) and renews the
+    /// rotations of `body`. Returns √Σ_e ‖f_e‖², the scale against which residuals are measured.
+    ///
+    /// Cost: O(elements).
+    fn internal_forces(
+        &self,
+        body: &mut Body,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64;
+
+    /// ∂f_int/∂x of one element at its stored rotation, if there is such a thing. N/m.
+    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
+        let _ = (element, positions);
+        None
+    }
+
+    /// Whether it reads the pressures of a [mixed](Body::mixed) body; without it they stay out of
+    /// its forces.
+    fn carries_pressures(&self) -> bool {
+        false
+    }
+
+    /// A bound on the entries of ∂f_int/∂x, N/m: what rounding of positions does to forces goes
+    /// with it.
+    fn stiffness_scale(&self, body: &Body) -> f64 {
+        body.stiffness_scale()
+    }
+}

@@ -1,0 +1,37 @@
+//! `none`: linear elasticity.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::internal_forces::InternalForces;
+use super::tangent::ElementTangent;
+use crate::body::Body;
+use crate::element::Element;
+
+/// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
+/// a body that turns by θ without strain is loaded as if strained by 1 − cos θ.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoCorotation;
+
+impl InternalForces for NoCorotation {
+    fn name(&self) -> &'static str {
+        "none"
+    }
+
+    fn internal_forces(
+        &self,
+        body: &mut Body,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        body.unrotate(positions.len());
+        body.forces_in(|_| Matrix3::identity(), positions, forces)
+    }
+
+    fn carries_pressures(&self) -> bool {
+        true
+    }
+
+    fn tangent(&self, element: &Element, _: &[Vector3<f64>]) -> Option<ElementTangent> {
+        Some(element.geometry.stiffness(&element.elasticity))
+    }
+}

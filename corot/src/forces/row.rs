@@ -1,0 +1,47 @@
+//! `row`: one rotation per vertex, applied to the rows of K.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::internal_forces::InternalForces;
+use crate::body::Body;
+use crate::element::stress::scaled_stress;
+
+/// f_i = R_i Σ_j K_ij (R_iᵀ x_j − X_j), R_i the rotation of vertex i. Invariant to rotation and
+/// translation, but the two ends of an edge see different rotations: forces do not balance (ghost
+/// forces).
+///
+/// Within an element, corner i has the displacement gradient R_iᵀF − I, so that no rest position
+/// is needed. Source: Müller, Dorsey, McMillan, Jagnow, Cutler, Stable Real-Time Deformations,
+/// SCA 2002.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RowCorotation;
+
+impl InternalForces for RowCorotation {
+    fn name(&self) -> &'static str {
+        "row"
+    }
+
+    fn internal_forces(
+        &self,
+        body: &mut Body,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        forces.fill(Vector3::zeros());
+        body.renew_elements(positions);
+        body.renew_vertices();
+        let rotations = body.vertex_rotations();
+        let mut squares = 0.0;
+        for element in body.elements() {
+            let f = element.deformation_gradient(positions);
+            for (&v, g) in element.vertices.iter().zip(&element.geometry.gradients) {
+                let r = &rotations[v];
+                let force =
+                    scaled_stress(element, r, &(r.transpose() * f - Matrix3::identity())) * g;
+                squares += force.norm_squared();
+                forces[v] += force;
+            }
+        }
+        squares.sqrt()
+    }
+}

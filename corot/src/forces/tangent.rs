@@ -1,0 +1,144 @@
+//! The derivative of a co-rotated element's forces, rotation included.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use yawara_embed::strain_from_gradient;
+
+use crate::element::Element;
+use crate::element::stress::stress_matrix;
+
+/// ∂f_a/∂x_b of the four corners, 12×12, corner-major x, y, z.
+pub type ElementTangent = SMatrix<f64, 12, 12>;
+
+/// Eigenvalues of tr(S)I − S are kept this far from zero, relative to the largest.
+const FLOOR: f64 = 1e-6;
+
+/// The exact tangent of f_a = V R σ ∇λ_a, σ = D sym(RᵀF − I), at the stored rotation R, which must
+/// be that of F.
+///
+/// With x_b moving along the local axis e_k: M = e_k ∇λ_bᵀ,
+/// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂) turns R, S = RᵀF changes by N = M − ω×S,
+/// and f_a by V R (ω×σ + σ(N)) ∇λ_a. Symmetric for isotropic D. N/m.
+pub fn element_tangent(element: &Element, positions: &[Vector3<f64>]) -> ElementTangent {
+    let (r, gradients) = (&element.rotation, &element.geometry.gradients);
+    let s = r.transpose() * element.deformation_gradient(positions);
+    let strain = strain_from_gradient(&(s - Matrix3::identity()));
+    let stress = stress_matrix(&(element.elasticity * strain));
+    let turning = inverse_of_turning(&s);
+    let mut tangent = ElementTangent::zeros();
+    for b in 0..4 {
+        for k in 0..3 {
+            let mut m = Matrix3::zeros();
+            m.set_row(k, &gradients[b].transpose());
+            let skew = Vector3::new(m.m32 - m.m23, m.m13 - m.m31, m.m21 - m.m12);
+            let omega = (turning * skew).cross_matrix();
+            let n = m - omega * s;
+            let change = stress_matrix(&(element.elasticity * strain_from_gradient(&n)));
+            let local = (omega * stress + change) * element.geometry.volume;
+            for a in 0..4 {
+                tangent.fixed_view_mut::<3, 1>(3 * a, 3 * b + k).copy_from(&(local * gradients[a]));
+            }
+        }
+    }
+    // From the element's frame to the world's.
+    for a in 0..4 {
+        for b in 0..4 {
+            let block = tangent.fixed_view::<3, 3>(3 * a, 3 * b).into_owned();
+            let world = r * block * r.transpose();
+            tangent.fixed_view_mut::<3, 3>(3 * a, 3 * b).copy_from(&world);
+        }
+    }
+    tangent
+}
+
+/// (tr(S)I − S)⁻¹ with its eigenvalues kept away from zero: flat and inverted elements have some
+/// there or below.
+fn inverse_of_turning(s: &Matrix3<f64>) -> Matrix3<f64> {
+    let symmetric = 0.5 * (s + s.transpose());
+    let turning = Matrix3::identity() * symmetric.trace() - symmetric;
+    let mut eigen = turning.symmetric_eigen();
+    let floor = FLOOR * eigen.eigenvalues.amax().max(f64::MIN_POSITIVE / FLOOR);
+    for value in eigen.eigenvalues.iter_mut() {
+        *value = 1.0 / if value.abs() < floor { floor } else { *value };
+    }
+    eigen.recompose()
+}
+
+/// The nearest symmetric positive semi-definite matrix to the symmetric part.
+pub(crate) fn convex_part(tangent: &ElementTangent) -> ElementTangent {
+    let mut eigen = (0.5 * (tangent + tangent.transpose())).symmetric_eigen();
+    eigen.eigenvalues.iter_mut().for_each(|value| *value = value.max(0.0));
+    eigen.recompose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Body, ElementReference, InternalForces};
+    use nalgebra::Matrix6;
+    use proptest::prelude::*;
+    use yawara_embed::{LinearTet, isotropic};
+    use yawara_mesh::TetId;
+
+    const CORNERS: [[f64; 3]; 4] =
+        [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
+
+    fn body(elasticity: Matrix6<f64>) -> Body {
+        let mut body = Body::new();
+        body.insert(Element {
+            tet: TetId(0),
+            vertices: [0, 1, 2, 3],
+            geometry: LinearTet::new(&CORNERS.map(Vector3::from)),
+            elasticity,
+            rotation: Matrix3::identity(),
+        });
+        body
+    }
+
+    fn forces(body: &mut Body, x: &[Vector3<f64>]) -> [f64; 12] {
+        let mut forces = vec![Vector3::zeros(); 4];
+        ElementReference.internal_forces(body, x, &mut forces);
+        std::array::from_fn(|i| forces[i / 3][i % 3])
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_derivative_of_the_forces(
+            shake in proptest::array::uniform12(-0.3..0.3f64),
+            turn in proptest::array::uniform3(-2.0..2.0f64),
+            fibres in proptest::array::uniform32(-1.0..1.0f64),
+        ) {
+            let m = Matrix6::from_fn(|i, j| fibres[(6 * i + j) % 32]);
+            for elasticity in [isotropic(1.0, 0.3), isotropic(1.0, 0.3) + m * m.transpose()] {
+                let mut body = body(elasticity);
+                let r = nalgebra::Rotation3::from_scaled_axis(Vector3::from(turn));
+                let mut x: Vec<_> = (0..4)
+                    .map(|i| r * (Vector3::from(CORNERS[i]) + Vector3::from_fn(|k, _| shake[3 * i + k])))
+                    .collect();
+                forces(&mut body, &x);
+                // Away from where rotations jump.
+                let s = body.elements()[0].deformation_gradient(&x);
+                prop_assume!(s.determinant() > 0.05);
+                let tangent = element_tangent(&body.elements()[0], &x);
+                let h = 1e-5;
+                for column in 0..12 {
+                    let at = x[column / 3][column % 3];
+                    x[column / 3][column % 3] = at + h;
+                    let up = forces(&mut body, &x);
+                    x[column / 3][column % 3] = at - h;
+                    let down = forces(&mut body, &x);
+                    x[column / 3][column % 3] = at;
+                    for row in 0..12 {
+                        let slope = (up[row] - down[row]) / (2.0 * h);
+                        // Third derivatives grow with the curvature of the rotation.
+                        let bar = 1e-5 * tangent.amax();
+                        prop_assert!((slope - tangent[(row, column)]).abs() < bar);
+                    }
+                }
+                let asymmetry = (tangent - tangent.transpose()).amax();
+                if elasticity == isotropic(1.0, 0.3) {
+                    prop_assert!(asymmetry < 1e-12 * tangent.amax());
+                }
+            }
+        }
+    }
+}

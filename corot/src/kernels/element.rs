@@ -1,0 +1,317 @@
+//! Forces and rotated stiffness of co-rotated elements, a packet at a time.
+
+use nalgebra::{Matrix3, Vector3};
+use pulp::{Simd, WithSimd};
+
+use super::accumulators::Accumulators;
+use super::packets::Packet;
+use super::polar::polar;
+use super::simd::{LANES, M3, Row, V, dot, load3, load33, product, store33, transposed_product};
+use crate::element::Element;
+use crate::element::pressures::Pressures;
+use crate::element::rotation::polar_warm;
+
+/// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
+/// `[12 i + j][l]`, N/m.
+pub type StiffnessPacket = [[f64; LANES]; 144];
+
+/// What a pass over a run of elements reads and writes.
+pub(crate) struct Pass<'a> {
+    pub packets: &'a mut [Packet],
+    pub positions: &'a [Vector3<f64>],
+    /// The elements of these packets, whose rotations are renewed, and the number of the first.
+    pub elements: &'a mut [Element],
+    pub first: usize,
+    /// What elements give their corners is added to it.
+    pub sums: &'a mut Accumulators,
+    /// One per packet, or none.
+    pub stiffness: &'a mut [StiffnessPacket],
+    /// Of mixed elements.
+    pub pressures: Option<&'a Pressures>,
+}
+
+/// What passes between the steps of one packet.
+struct Buffers {
+    /// Edges from corner 0, then the forces of corners 1 to 3.
+    edges: [[Row; 3]; 3],
+    /// F, row-major.
+    gradient: [[Row; 3]; 3],
+    rotation: [[Row; 3]; 3],
+    verdict: Row,
+    squares: Row,
+    /// V μ q̄, which pressures add to the scaled normal stresses; 0 without.
+    pull: Row,
+    /// tr(RᵀF) − 3.
+    dilation: Row,
+}
+
+impl WithSimd for Pass<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Pass { packets, positions, elements, first, sums, stiffness, pressures } = self;
+        let zero = [0.0; LANES];
+        let mut buffers = Buffers {
+            edges: [[zero; 3]; 3],
+            gradient: [[zero; 3]; 3],
+            rotation: [[zero; 3]; 3],
+            verdict: zero,
+            squares: zero,
+            pull: zero,
+            dilation: zero,
+        };
+        for number in 0..packets.len() {
+            let lanes = LANES.min(elements.len() - LANES * number);
+            let packet = &mut packets[number];
+            gather(packet, positions, &mut buffers.edges);
+            for part in 0..LANES / S::F64_LANES {
+                rotate(simd, packet, &mut buffers, part);
+            }
+            settle(packet, &buffers);
+            if let Some(pressures) = pressures {
+                for lane in 0..lanes {
+                    let corners = corners(packet, lane);
+                    buffers.pull[lane] = pressures.pull(first + number * LANES + lane, corners);
+                }
+            }
+            for part in 0..LANES / S::F64_LANES {
+                element_forces(simd, packet, &mut buffers, part);
+                if let Some(blocks) = stiffness.get_mut(number) {
+                    rotated_stiffness(simd, packet, blocks, part);
+                }
+            }
+            for lane in 0..lanes {
+                sums.squares += buffers.squares[lane];
+                scatter(packet, &buffers.edges, lane, &mut sums.forces);
+                if let Some(pressures) = pressures {
+                    let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
+                    let number = first + number * LANES + lane;
+                    pressures.add_lack(number, corners, dilation, &mut sums.lack);
+                }
+                add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
+                elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
+            }
+        }
+    }
+}
+
+/// Adds V F and V to the sums of the corners.
+#[inline(always)]
+fn add_gradient(
+    packet: &Packet,
+    gradient: &[[Row; 3]; 3],
+    lane: usize,
+    sums: &mut [(Matrix3<f64>, f64)],
+) {
+    let volume = packet.volume[lane];
+    let weighted = matrix(gradient, lane) * volume;
+    for corner in 0..4 {
+        let (sum, total) = &mut sums[packet.vertices[corner][lane] as usize];
+        *sum += weighted;
+        *total += volume;
+    }
+}
+
+#[inline(always)]
+fn corners(packet: &Packet, lane: usize) -> [usize; 4] {
+    let [a, b, c, d] = &packet.vertices;
+    [a[lane] as usize, b[lane] as usize, c[lane] as usize, d[lane] as usize]
+}
+
+#[inline(always)]
+fn matrix(rows: &[[Row; 3]; 3], lane: usize) -> Matrix3<f64> {
+    let [x, y, z] = rows;
+    Matrix3::new(
+        x[0][lane], x[1][lane], x[2][lane], y[0][lane], y[1][lane], y[2][lane], z[0][lane],
+        z[1][lane], z[2][lane],
+    )
+}
+
+#[inline(always)]
+fn gather(packet: &Packet, positions: &[Vector3<f64>], edges: &mut [[Row; 3]; 3]) {
+    for lane in 0..LANES {
+        let origin = positions[packet.vertices[0][lane] as usize];
+        for corner in 0..3 {
+            let edge = positions[packet.vertices[corner + 1][lane] as usize] - origin;
+            for axis in 0..3 {
+                edges[corner][axis][lane] = edge[axis];
+            }
+        }
+    }
+}
+
+/// F = Σ (x_i − x_0) ∇λ_iᵀ and its rotation.
+#[inline(always)]
+fn rotate<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+    let edges = load33(simd, &buffers.edges, part);
+    let f: M3<S> = transposed_product(&edges, &load33(simd, &packet.gradients, part));
+    let (r, verdict) = polar(simd, &f, &load33(simd, &packet.rotation, part));
+    store33(&f, &mut buffers.gradient, part);
+    store33(&r, &mut buffers.rotation, part);
+    verdict.store(&mut buffers.verdict, part);
+}
+
+/// Takes the new rotations; lanes in doubt are done over by the scalar code.
+#[inline(always)]
+fn settle(packet: &mut Packet, buffers: &Buffers) {
+    if buffers.verdict.iter().all(|&verdict| verdict < 1.0) {
+        packet.rotation = buffers.rotation;
+    } else {
+        settle_in_doubt(packet, buffers);
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn settle_in_doubt(packet: &mut Packet, buffers: &Buffers) {
+    for lane in 0..LANES {
+        let r = if buffers.verdict[lane] < 1.0 {
+            Matrix3::from_fn(|i, j| buffers.rotation[i][j][lane])
+        } else {
+            let f = Matrix3::from_fn(|i, j| buffers.gradient[i][j][lane]);
+            polar_warm(&f, &packet.rotation(lane))
+        };
+        packet.set_rotation(lane, &r);
+    }
+}
+
+/// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
+/// corner 0.
+#[inline(always)]
+fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+    let f = load33(simd, &buffers.gradient, part);
+    let r = load33(simd, &packet.rotation, part);
+    let s = transposed_product(&r, &f);
+    let one = V::splat(simd, 1.0);
+    let strain = [
+        s[0][0] - one,
+        s[1][1] - one,
+        s[2][2] - one,
+        s[0][1] + s[1][0],
+        s[1][2] + s[2][1],
+        s[0][2] + s[2][0],
+    ];
+    let volume = V::load(simd, &packet.volume, part);
+    let [xx, yy, zz, xy, yz, zx] = stress_of(simd, packet, &strain, volume, part);
+    let pull = V::load(simd, &buffers.pull, part);
+    let (xx, yy, zz) = (xx + pull, yy + pull, zz + pull);
+    (strain[0] + strain[1] + strain[2]).store(&mut buffers.dilation, part);
+    let scaled = product(&r, &[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]);
+    let mut sum = [V::splat(simd, 0.0); 3];
+    let mut squares = V::splat(simd, 0.0);
+    for corner in 0..3 {
+        let gradient = load3(simd, &packet.gradients[corner], part);
+        let force =
+            [dot(&scaled[0], &gradient), dot(&scaled[1], &gradient), dot(&scaled[2], &gradient)];
+        squares = squares + dot(&force, &force);
+        for axis in 0..3 {
+            sum[axis] = sum[axis] + force[axis];
+            force[axis].store(&mut buffers.edges[corner][axis], part);
+        }
+    }
+    (squares + dot(&sum, &sum)).store(&mut buffers.squares, part);
+}
+
+/// V D ε.
+#[inline(always)]
+fn stress_of<S: Simd>(
+    simd: S,
+    packet: &Packet,
+    strain: &[V<S>; 6],
+    volume: V<S>,
+    part: usize,
+) -> [V<S>; 6] {
+    let mut stress = *strain;
+    for i in 0..6 {
+        let mut sum = V::load(simd, &packet.elasticity[packed(i, 0)], part) * strain[0];
+        for j in 1..6 {
+            sum = sum.plus(V::load(simd, &packet.elasticity[packed(i, j)], part), strain[j]);
+        }
+        stress[i] = sum * volume;
+    }
+    stress
+}
+
+#[inline(always)]
+fn scatter(
+    packet: &Packet,
+    corner_forces: &[[Row; 3]; 3],
+    lane: usize,
+    forces: &mut [Vector3<f64>],
+) {
+    let mut first = Vector3::zeros();
+    for corner in 0..3 {
+        let [x, y, z] = &corner_forces[corner];
+        let force = Vector3::new(x[lane], y[lane], z[lane]);
+        forces[packet.vertices[corner + 1][lane] as usize] += force;
+        first -= force;
+    }
+    forces[packet.vertices[0][lane] as usize] += first;
+}
+
+/// Place of D_ij in the lower half by rows.
+#[inline(always)]
+const fn packed(i: usize, j: usize) -> usize {
+    if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
+}
+
+/// R K_ab Rᵀ = V C_aᵀ D C_b with C_b = B_b Rᵀ for corners 1 to 3; rows and columns of corner 0 are
+/// minus the sums of the others, because a translation costs no force.
+#[inline(always)]
+fn rotated_stiffness<S: Simd>(simd: S, packet: &Packet, blocks: &mut StiffnessPacket, part: usize) {
+    let r = load33(simd, &packet.rotation, part);
+    let volume = V::load(simd, &packet.volume, part);
+    let zero = V::splat(simd, 0.0);
+    let mut strain_of = [[[zero; 6]; 3]; 3];
+    for corner in 0..3 {
+        let g = load3(simd, &packet.gradients[corner], part);
+        // Row of B times Rᵀ: column k of C is the strain of moving along world axis k.
+        for k in 0..3 {
+            let e = r[k];
+            strain_of[corner][k] = [
+                g[0] * e[0],
+                g[1] * e[1],
+                g[2] * e[2],
+                (g[1] * e[0]).plus(g[0], e[1]),
+                (g[2] * e[1]).plus(g[1], e[2]),
+                (g[2] * e[0]).plus(g[0], e[2]),
+            ];
+        }
+    }
+    let mut first = [[zero; 3]; 3];
+    let mut columns = [[[zero; 3]; 3]; 3];
+    for b in 0..3 {
+        for k in 0..3 {
+            let stress = stress_of(simd, packet, &strain_of[b][k], volume, part);
+            let mut sums = [zero; 3];
+            for a in 0..3 {
+                for axis in 0..3 {
+                    let c = &strain_of[a][axis];
+                    let mut sum = c[0] * stress[0];
+                    for i in 1..6 {
+                        sum = sum.plus(c[i], stress[i]);
+                    }
+                    sums[axis] = sums[axis] + sum;
+                    sum.store(&mut blocks[12 * (3 * a + 3 + axis) + 3 * b + 3 + k], part);
+                }
+            }
+            for axis in 0..3 {
+                // Row of corner 0, and by symmetry the column of corner 0.
+                (-sums[axis]).store(&mut blocks[12 * axis + 3 * b + 3 + k], part);
+                (-sums[axis]).store(&mut blocks[12 * (3 * b + 3 + k) + axis], part);
+                columns[b][k][axis] = sums[axis];
+            }
+        }
+        for k in 0..3 {
+            for axis in 0..3 {
+                first[k][axis] = first[k][axis] + columns[b][k][axis];
+            }
+        }
+    }
+    for i in 0..3 {
+        for j in 0..3 {
+            first[j][i].store(&mut blocks[12 * i + j], part);
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The stage that says what the vertices of a tetrahedron carry.
+
+use faer::Mat;
+use nalgebra::{Matrix6, Vector3};
+use yawara_mesh::{MeshDelta, VertexId};
+
+use crate::embedding::Embedding;
+use crate::hand_over::RingStiffness;
+use crate::linear_tet::LinearTet;
+
+/// What a tetrahedron's vertices carry, and the symmetric matrix that couples them.
+///
+/// Unknowns are vertex-major: three displacements x, y, z first, others behind them. One file per
+/// element; [`formulation_by_name`](crate::formulation_by_name) makes them by name.
+pub trait ElementFormulation: Send + Sync {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// Unknowns m per vertex: 3 displacements and what comes behind them.
+    fn unknowns(&self) -> usize;
+
+    /// How many of them, at the end, have negative pivots: 0 for a positive definite matrix.
+    fn negative(&self) -> usize;
+
+    /// The element's matrix on its four corners, 4m × 4m, symmetric; N/m.
+    ///
+    /// `elasticity` has to be symmetric positive definite (Pa); another one gives NaN, which every
+    /// assembly refuses. Cost: some thousand flops.
+    fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64>;
+
+    /// The matrix that the inverse is of, in the same unknowns: the stiffness, and what else the
+    /// element has of `density_kg_m3`; N/m.
+    fn matrix(
+        &self,
+        geometry: &LinearTet,
+        elasticity: &Matrix6<f64>,
+        density_kg_m3: f64,
+    ) -> Mat<f64> {
+        let _ = density_kg_m3;
+        self.stiffness(geometry, elasticity)
+    }
+
+    /// The hand-over of a split or merge to the inverse; `position` gives rest positions (m) of
+    /// old vertices.
+    ///
+    /// Cost: some thousand flops per ring tetrahedron.
+    fn ring(
+        &self,
+        delta: &MeshDelta,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+    ) -> RingStiffness;
+}

@@ -1,0 +1,227 @@
+//! Questions to a bisection forest.
+
+use std::sync::Arc;
+
+use super::delta::{Tet, TetId, VertexId};
+use super::diamond::{Diamond, NONE, SLOTS, TetRecord, occupied, tet_number, tet_place};
+use super::domain::Domain;
+use super::forest::{BisectionForest, VertexRecord};
+use super::geometry::FACES;
+use super::kuhn::Point;
+use super::label_tree::LabelTree;
+use super::lattice::Lattice;
+use super::point_map::ABSENT;
+
+impl BisectionForest {
+    /// True where every older vertex that `p` depends on is active.
+    pub fn is_ready(&self, p: Point) -> bool {
+        self.missing(p).next().is_none()
+    }
+
+    /// The direct dependencies of `p` that are inside the domain and not active.
+    pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
+        let dependencies = self.domain.lattice().dependencies(p);
+        (0..dependencies.as_slice().len())
+            .map(move |i| dependencies.as_slice()[i])
+            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
+    }
+
+    /// True where `vertex` may be merged: active, above the start mesh and not of the floor that
+    /// [`Self::make_floor`] set, without dependents.
+    pub fn is_mergeable(&self, vertex: VertexId) -> bool {
+        self.vertices.get(vertex.index()).is_some_and(|record| {
+            record.alive
+                && !record.floor
+                && record.generation > self.start_level
+                && self.diamonds[record.diamond as usize].active_dependents == 0
+        })
+    }
+
+    /// The active vertex at a lattice point.
+    pub fn vertex_at(&self, p: Point) -> Option<VertexId> {
+        let id = self.by_point_checked(p);
+        (id != ABSENT)
+            .then(|| self.diamonds[id as usize].vertex)
+            .filter(|&v| v != NONE)
+            .map(VertexId)
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The labels inside.
+    pub fn tree(&self) -> &Arc<LabelTree> {
+        &self.tree
+    }
+
+    /// The uniform level that merging never goes below.
+    pub fn start_level(&self) -> u8 {
+        self.start_level
+    }
+
+    /// The finest level that splits reach.
+    pub fn max_level(&self) -> u8 {
+        self.max_level
+    }
+
+    /// Number of active vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of leaf tetrahedra.
+    pub fn leaf_count(&self) -> usize {
+        self.leaf_count
+    }
+
+    /// One more than the largest vertex number ever in use: the length of arrays by vertex.
+    pub fn vertex_capacity(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// One more than the largest tetrahedron number ever in use.
+    pub fn tet_capacity(&self) -> usize {
+        self.diamonds.len() * SLOTS
+    }
+
+    /// Bytes held, without the label tree.
+    pub fn bytes(&self) -> usize {
+        self.vertices.capacity() * size_of::<VertexRecord>()
+            + self.diamonds.capacity() * size_of::<Diamond>()
+            + self.by_point.bytes()
+            + 4 * (self.free_vertices.capacity()
+                + self.free_diamonds.capacity()
+                + self.open.capacity())
+    }
+
+    /// Active vertices, ascending numbers.
+    pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        (0..self.vertices.len()).filter(|&i| self.vertices[i].alive).map(|i| VertexId(i as u32))
+    }
+
+    /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
+    pub fn leaves(&self) -> impl ExactSizeIterator<Item = Tet> + '_ {
+        Leaves { forest: self, open: self.open.iter(), id: NONE, members: 0, left: self.leaf_count }
+    }
+
+    /// The faces of leaves that lie on the domain's hull, corners ascending, in the order of
+    /// the leaves. Cost: O(leaves); which faces these are is kept with every split and merge.
+    pub fn boundary_faces(&self) -> Vec<[VertexId; 3]> {
+        let mut faces = Vec::new();
+        for leaf in self.leaves() {
+            let record = self.record(leaf.id);
+            for opposite in (0..4).filter(|i| record.hull & (1 << i) != 0) {
+                let mut face = FACES[opposite].map(|i| record.vertices[i]);
+                face.sort_unstable();
+                faces.push(face);
+            }
+        }
+        faces
+    }
+
+    /// Lattice point of an active vertex.
+    pub fn point(&self, vertex: VertexId) -> Point {
+        self.vertices[vertex.index()].point
+    }
+
+    /// Generation of an active vertex.
+    pub fn generation(&self, vertex: VertexId) -> u8 {
+        self.vertices[vertex.index()].generation
+    }
+
+    /// The point whose activation would bisect `tet`; none at the finest level.
+    pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
+        let diamond = &self.diamonds[tet_place(tet.0).0];
+        (diamond.level < self.max_level).then_some(diamond.point)
+    }
+
+    /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
+    /// are given with the number of their parent. Returns false otherwise.
+    pub fn split_ring(&self, p: Point, ring: &mut Vec<Tet>) -> bool {
+        if !self.is_candidate(p) {
+            return false;
+        }
+        let id = self.by_point.get(p);
+        self.parents_of(id, ring);
+        true
+    }
+
+    /// Fills `ring` with the coarse tetrahedra that a merge of `vertex` would restore, if it may
+    /// happen now. Returns false otherwise.
+    pub fn merge_ring(&self, vertex: VertexId, ring: &mut Vec<Tet>) -> bool {
+        if !self.is_mergeable(vertex) {
+            return false;
+        }
+        self.parents_of(self.vertices[vertex.index()].diamond, ring);
+        true
+    }
+
+    /// Fills `ring` with the coarse tetrahedra that an active vertex bisects, finer vertices or
+    /// not; none for a root vertex.
+    pub fn ring_of(&self, vertex: VertexId, ring: &mut Vec<Tet>) {
+        self.parents_of(self.vertices[vertex.index()].diamond, ring);
+    }
+
+    /// Fills `ring` with the members of a diamond, in the order of their slots.
+    fn parents_of(&self, id: u32, ring: &mut Vec<Tet>) {
+        let Diamond { members, ref tets, .. } = self.diamonds[id as usize];
+        ring.clear();
+        ring.extend(occupied(members).map(|slot| tets[slot].tet(tet_number(id, slot))));
+    }
+
+    fn record(&self, tet: TetId) -> &TetRecord {
+        let (diamond, slot) = tet_place(tet.0);
+        &self.diamonds[diamond].tets[slot]
+    }
+
+    /// True where a split may happen now.
+    pub(crate) fn is_candidate(&self, p: Point) -> bool {
+        let id = self.by_point_checked(p);
+        id != ABSENT && self.is_splittable(id)
+    }
+
+    /// Points at which a split may happen now, ascending keys.
+    pub fn candidates(&self) -> Vec<Point> {
+        let mut points: Vec<Point> = self
+            .open
+            .iter()
+            .filter(|&&id| self.diamonds[id as usize].level < self.max_level)
+            .filter(|&&id| self.is_splittable(id))
+            .map(|&id| self.diamonds[id as usize].point)
+            .collect();
+        points.sort_unstable_by_key(|&p| Lattice::key(p));
+        points
+    }
+}
+
+/// The leaves, diamond by diamond.
+struct Leaves<'a> {
+    forest: &'a BisectionForest,
+    open: std::slice::Iter<'a, u32>,
+    id: u32,
+    members: u8,
+    left: usize,
+}
+
+impl Iterator for Leaves<'_> {
+    type Item = Tet;
+
+    fn next(&mut self) -> Option<Tet> {
+        while self.members == 0 {
+            self.id = *self.open.next()?;
+            self.members = self.forest.diamonds[self.id as usize].members;
+        }
+        let slot = self.members.trailing_zeros() as usize;
+        self.members &= self.members - 1;
+        self.left -= 1;
+        Some(self.forest.diamonds[self.id as usize].tets[slot].tet(tet_number(self.id, slot)))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        (self.left, Some(self.left))
+    }
+}
+
+impl ExactSizeIterator for Leaves<'_> {}

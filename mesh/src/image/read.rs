@@ -1,0 +1,186 @@
+//! Reads an image file of any format that was built in, recognised by its content.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::image::ImageError;
+use crate::image::raw::RawVolume;
+use crate::image::resample::Resampling;
+use crate::image::volume::{IntensityVolume, LabelVolume};
+
+/// How many bytes at the start of a file are looked at: the DICOM magic ends at 132.
+const START_BYTES: u64 = 512;
+
+/// What a reader did besides reading.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ReadReport {
+    /// The format's name, e.g. `NIfTI-1`.
+    pub format: &'static str,
+    /// How the voxels were made cubes, or `None` if they were.
+    pub resampling: Option<Resampling>,
+}
+
+/// Reads a label map: one integer per voxel, of any integer or float type, NIfTI-1, NRRD,
+/// MetaImage, or a DICOM series (its directory, or one file of it).
+///
+/// As [`read_labels_with`] without a spacing; resampling is told by a warning.
+///
+/// # Errors
+/// As [`read_labels_with`].
+pub fn read_labels(path: &Path) -> Result<LabelVolume, ImageError> {
+    let (volume, report) = read_labels_with(path, None)?;
+    warn(path, &report);
+    Ok(volume)
+}
+
+/// Reads an intensity image, e.g. a CT in Hounsfield units: one finite f32 per voxel, scaled.
+///
+/// As [`read_intensities_with`] without a spacing; resampling is told by a warning.
+///
+/// # Errors
+/// As [`read_intensities_with`].
+pub fn read_intensities(path: &Path) -> Result<IntensityVolume, ImageError> {
+    let (volume, report) = read_intensities_with(path, None)?;
+    warn(path, &report);
+    Ok(volume)
+}
+
+/// Reads a label map and says what was done to it.
+///
+/// The format is known by the content, else by the extension. Axes are permuted and flipped to
+/// RAS+; a remaining rotation stays in the grid. Spacings within 1 % of one another count as
+/// their geometric mean; others are resampled by nearest neighbour to the smallest of the
+/// three. With `spacing_mm`, whatever is stored is resampled to that.
+///
+/// Cost: O(voxels); at most three copies of the stored bytes and 2 bytes a voxel in memory.
+///
+/// # Errors
+/// [`ImageError`] that names the file and the place: no readable file, no image of a format that
+/// was built in, a header that contradicts itself or the file's length, more than one volume,
+/// more than 2³¹ voxels, no real voxel type, a singular or sheared affine, spacings so unequal
+/// that resampling makes over 256 voxels of one, a voxel that is no integer, more than 65 535
+/// labels.
+pub fn read_labels_with(
+    path: &Path,
+    spacing_mm: Option<f64>,
+) -> Result<(LabelVolume, ReadReport), ImageError> {
+    let (format, raw) = read_raw(path)?;
+    let (volume, resampling) = raw.labels(spacing_mm)?;
+    Ok((volume, ReadReport { format, resampling }))
+}
+
+/// Reads an intensity image and says what was done to it.
+///
+/// As [`read_labels_with`], but resampled trilinearly.
+///
+/// # Errors
+/// As [`read_labels_with`], but for the labels; a voxel that is NaN, infinite or beyond f32.
+pub fn read_intensities_with(
+    path: &Path,
+    spacing_mm: Option<f64>,
+) -> Result<(IntensityVolume, ReadReport), ImageError> {
+    let (format, raw) = read_raw(path)?;
+    let (volume, resampling) = raw.intensities(spacing_mm)?;
+    Ok((volume, ReadReport { format, resampling }))
+}
+
+fn warn(path: &Path, report: &ReadReport) {
+    if let Some(resampling) = &report.resampling {
+        tracing::warn!("{}: {resampling}", path.display());
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Nifti,
+    Nrrd,
+    MetaImage,
+    Dicom,
+}
+
+impl Format {
+    /// Name and cargo feature.
+    fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Nifti => ("NIfTI-1", "nifti"),
+            Self::Nrrd => ("NRRD", "nrrd"),
+            Self::MetaImage => ("MetaImage", "metaimage"),
+            Self::Dicom => ("DICOM", "dicom"),
+        }
+    }
+
+    fn of_content(start: &[u8]) -> Option<Self> {
+        let starts = |magic: &[u8]| start.starts_with(magic);
+        if starts(b"NRRD") {
+            return Some(Self::Nrrd);
+        }
+        if starts(&[0x1f, 0x8b]) || starts(&[0x5c, 1, 0, 0]) || starts(&[0, 0, 1, 0x5c]) {
+            return Some(Self::Nifti);
+        }
+        if start.get(128..132) == Some(b"DICM") {
+            return Some(Self::Dicom);
+        }
+        let first_key: Vec<u8> =
+            start.split(|&byte| byte == b'=').next().unwrap_or_default().trim_ascii().into();
+        [&b"ObjectType"[..], b"NDims"]
+            .iter()
+            .any(|key| first_key.eq_ignore_ascii_case(key))
+            .then_some(Self::MetaImage)
+    }
+
+    fn of_name(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        match extension.as_str() {
+            "nii" | "gz" | "hdr" => Some(Self::Nifti),
+            "nrrd" | "nhdr" => Some(Self::Nrrd),
+            "mha" | "mhd" => Some(Self::MetaImage),
+            "dcm" => Some(Self::Dicom),
+            _ => None,
+        }
+    }
+}
+
+fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), ImageError> {
+    // The only format that keeps an image in a directory.
+    #[cfg(feature = "dicom")]
+    if path.is_dir() {
+        return Ok((Format::Dicom.names().0, super::dicom::read_dicom(path)?));
+    }
+    let start = start_of(path)?;
+    let Some(format) = Format::of_content(&start).or_else(|| Format::of_name(path)) else {
+        let start = start[..start.len().min(16)].escape_ascii().to_string();
+        return Err(ImageError::UnknownFormat { path: path.into(), start });
+    };
+    let (name, feature) = format.names();
+    match format {
+        #[cfg(feature = "nifti")]
+        Format::Nifti => Ok((name, super::nifti::read_nifti(path)?)),
+        #[cfg(feature = "nrrd")]
+        Format::Nrrd => Ok((name, super::nrrd::read_nrrd(path)?)),
+        #[cfg(feature = "metaimage")]
+        Format::MetaImage => Ok((name, super::metaimage::read_metaimage(path)?)),
+        #[cfg(feature = "dicom")]
+        Format::Dicom => Ok((name, super::dicom::read_dicom(path)?)),
+        // Formats whose reader this build leaves out.
+        #[allow(unreachable_patterns)] // Where all are built in.
+        _ => Err(ImageError::FormatNotBuilt { path: path.into(), format: name, feature }),
+    }
+}
+
+fn start_of(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let io_error = |source| ImageError::Io { path: path.into(), source };
+    let metadata = std::fs::metadata(path).map_err(io_error)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a directory" } else { "no regular file" };
+        return Err(ImageError::NotAFile { path: path.into(), found });
+    }
+    let mut start = Vec::new();
+    let file = File::open(path).map_err(io_error)?;
+    file.take(START_BYTES).read_to_end(&mut start).map_err(io_error)?;
+    if start.is_empty() {
+        return Err(ImageError::EmptyFile { path: path.into() });
+    }
+    Ok(start)
+}

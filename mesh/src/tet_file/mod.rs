@@ -1,0 +1,25 @@
+//! Tetrahedral meshes made by other programs, and the files that hold them.
+//!
+//! Open `mesh` first: a plain mesh, checked by `check` and `faces`. `gmsh` (MSH 2.2 and 4.1) and
+//! `vtk_xml` (.vtu) read and write files, each behind a feature; `file` is what they share.
+
+mod check;
+mod error;
+mod faces;
+#[cfg(any(feature = "gmsh", feature = "vtu"))]
+mod file;
+#[cfg(feature = "gmsh")]
+mod gmsh;
+mod mesh;
+#[cfg(feature = "vtu")]
+mod vtk_xml;
+
+pub use check::FLATNESS;
+pub use error::TetMeshError;
+#[cfg(any(feature = "gmsh", feature = "vtu"))]
+pub use file::LoadedMesh;
+#[cfg(feature = "gmsh")]
+pub use gmsh::{read_msh, write_msh22, write_msh41};
+pub use mesh::{PlainMesh, Repairs};
+#[cfg(feature = "vtu")]
+pub use vtk_xml::{MeshField, TAG_ARRAYS, read_vtu, write_vtu_plain};

@@ -1,0 +1,73 @@
+//! The components of a body, base cells joined by faces: which are held, and which go.
+
+use nalgebra::Vector3;
+use yawara_mesh::CellGrid;
+use yawara_mesh::volume::LabelVolume;
+
+use super::summary::{DomainSummary, Part};
+
+/// The number of voxels in each base cell that are not void. Cost: O(voxels).
+pub(crate) fn solid_voxels(volume: &LabelVolume, grid: &CellGrid) -> Vec<u64> {
+    let [cells_x, cells_y, _] = grid.cells;
+    let mut counts = vec![0; grid.cells.iter().product()];
+    let [nx, ny, _] = volume.grid().dims;
+    let along = |axis: usize, voxel: usize| {
+        // The grid of cells covers all voxels that are not void.
+        (voxel as i64 - grid.first_voxel[axis]) as usize / grid.voxels_per_cell
+    };
+    for (row, ids) in volume.labels().chunks_exact(nx).enumerate() {
+        let (y, z) = (row % ny, row / ny);
+        for x in (0..nx).filter(|&x| ids[x] != 0) {
+            counts[along(0, x) + cells_x * (along(1, y) + cells_y * along(2, z))] += 1;
+        }
+    }
+    counts
+}
+
+/// Groups of cells with the number of their voxels and whether each is kept.
+pub(crate) fn summary(
+    components: &[Vec<usize>],
+    kept: impl Fn(&[usize]) -> bool,
+    voxels_of_cell: &[u64],
+) -> DomainSummary {
+    let parts: Vec<Part> = components
+        .iter()
+        .map(|cells| Part {
+            cells: cells.len(),
+            voxels: cells.iter().map(|&cell| voxels_of_cell[cell]).sum(),
+            kept: kept(cells),
+        })
+        .collect();
+    let kept = parts.iter().filter(|part| part.kept).count();
+    DomainSummary { components: parts.len(), kept, parts }
+}
+
+/// True where the points do not lie on one line: enough to hold a rigid body.
+pub(crate) fn spans_a_plane(points: &[Vector3<f64>]) -> bool {
+    let Some((first, others)) = points.split_first() else {
+        return false;
+    };
+    let Some(line) = others
+        .iter()
+        .map(|p| p - first)
+        .max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))
+    else {
+        return false;
+    };
+    // A millionth of the length off the line is no lever, and rounding stays far below.
+    others.iter().any(|p| (p - first).cross(&line).norm() > 1e-6 * line.norm_squared())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_on_one_line_hold_nothing() {
+        let at = |x: f64, y: f64| Vector3::new(x, y, 0.1 * x);
+        assert!(!spans_a_plane(&[]));
+        assert!(!spans_a_plane(&[at(1.0, 0.0); 4]));
+        assert!(!spans_a_plane(&[at(0.1, 0.3), at(0.2, 0.6), at(0.3, 0.9)]));
+        assert!(spans_a_plane(&[at(0.1, 0.3), at(0.2, 0.6), at(0.3, 0.91)]));
+    }
+}

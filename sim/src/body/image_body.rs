@@ -1,0 +1,184 @@
+//! From a scene to labels, domain, materials and the start mesh.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use yawara_embed::Material;
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
+
+use super::components::{self, spans_a_plane};
+use super::image_source::ImageSource;
+use super::label_refinement;
+use super::organ_box::OrganBox;
+use super::summary::{BodySummary, DomainSummary};
+use crate::error::SimError;
+use crate::scene::Scene;
+
+/// What a body is made of, before anything moves.
+pub(crate) struct ImageBody {
+    /// Image, parts and label refinement, for the plan and the summary.
+    pub summary: BodySummary,
+    pub volume: LabelVolume,
+    pub tree: Arc<LabelTree>,
+    pub forest: BisectionForest,
+    pub placement: Placement,
+    /// One material per dense label; entry 0 stands for void.
+    pub materials: Vec<Material>,
+    pub organ: OrganBox,
+    /// Edge of a base cell, m.
+    pub base_m: f64,
+    /// By start vertex number: true where it touches a voxel that is not void.
+    pub solid: Vec<bool>,
+}
+
+impl ImageBody {
+    /// Reads the image and builds everything that does not depend on stages.
+    pub fn new(scene: &Scene) -> Result<Self, SimError> {
+        let source = ImageSource::read(scene)?;
+        let materials = source.materials(scene)?;
+        let ImageSource { volume, summary: image, .. } = source;
+        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image.name.clone() })?;
+        let voxel_mm = volume.grid().spacing_mm;
+        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
+        let grid = CellGrid::around(&volume, voxels_per_cell)?;
+        let tree = Arc::new(LabelTree::new(&volume, grid)?);
+        let lattice = Lattice::new(grid.cells, scene.mesh.finest_level());
+        let base_m = voxels_per_cell as f64 * voxel_mm * 1e-3;
+        let placement = grid.placement(voxel_mm * 1e-3, &lattice);
+        let mut setup = Self {
+            summary: BodySummary {
+                image,
+                domain: DomainSummary::default(),
+                label_refinement: None,
+            },
+            volume,
+            forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,
+            tree,
+            placement,
+            materials,
+            organ,
+            base_m,
+            solid: Vec::new(),
+        };
+        setup.drop_unheld_components(scene)?;
+        setup.summary.label_refinement =
+            label_refinement::refine(&mut setup.forest, scene, &organ, &placement)?;
+        setup.solid = vec![false; setup.forest.vertex_capacity()];
+        for v in setup.forest.vertices() {
+            setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
+        }
+        Ok(setup)
+    }
+
+    /// What the image is called in messages.
+    pub fn image_name(&self) -> &str {
+        &self.summary.image.name
+    }
+
+    /// Length of a cube's edge at the start level, m.
+    pub fn start_edge_m(&self) -> f64 {
+        self.base_m / f64::from(1u32 << (self.forest.start_level() / 3))
+    }
+
+    /// Rest position of a vertex, m.
+    pub fn rest(&self, vertex: VertexId) -> Vector3<f64> {
+        self.placement.position(self.forest.point(vertex))
+    }
+
+    /// True where a scene region fixes `vertex`.
+    pub fn is_fixed(&self, scene: &Scene, vertex: VertexId) -> bool {
+        let x = self.rest(vertex);
+        scene.fixed.iter().any(|region| region.contains(&self.organ, &x))
+    }
+
+    fn nothing_fixed(&self) -> SimError {
+        SimError::NothingFixed { image: self.image_name().into(), base_mm: self.base_m * 1e3 }
+    }
+
+    /// Groups of base cells that hang together by faces but are not held could move freely or
+    /// turn about an edge: they are taken out and counted.
+    fn drop_unheld_components(&mut self, scene: &Scene) -> Result<(), SimError> {
+        let fixed: Vec<[i32; 3]> = self
+            .forest
+            .vertices()
+            .filter(|&v| self.is_fixed(scene, v) && touches_solid(&self.volume, &self.rest(v)))
+            .map(|v| self.forest.point(v))
+            .collect();
+        // With inertia nothing need be held.
+        let all = scene.dynamics.is_some();
+        if fixed.is_empty() && !all {
+            return Err(self.nothing_fixed());
+        }
+        let mut domain = self.forest.domain().clone();
+        let components = domain.components();
+        let lattice = *domain.lattice();
+        let is_held = |component: &[usize]| {
+            let touches = |p: [i32; 3]| {
+                lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
+            };
+            let held: Vec<Vector3<f64>> = fixed
+                .iter()
+                .filter(|&&p| touches(p))
+                .map(|&p| self.placement.position(p))
+                .collect();
+            spans_a_plane(&held)
+        };
+        let voxels = components::solid_voxels(&self.volume, self.tree.grid());
+        let found = components::summary(&components, |part| all || is_held(part), &voxels);
+        if found.kept == 0 {
+            return Err(self.nothing_fixed());
+        }
+        let (parts, cells, voxels) = found.total(false);
+        if parts > 0 {
+            tracing::warn!(
+                "{parts} part(s) of {} ({cells} base cells, {voxels} voxels) are not held by a \
+                 fixed region and left out",
+                self.image_name(),
+            );
+            for (component, part) in components.iter().zip(&found.parts) {
+                if !part.kept {
+                    domain.exclude(component);
+                }
+            }
+            self.forest = start_forest(scene, domain, &self.tree)?;
+        }
+        self.summary.domain = found;
+        Ok(())
+    }
+}
+
+fn start_forest(
+    scene: &Scene,
+    domain: Domain,
+    tree: &Arc<LabelTree>,
+) -> Result<BisectionForest, SimError> {
+    let (start, max) = (scene.mesh.start_level, scene.mesh.finest_level());
+    let forest = BisectionForest::new(domain, Arc::clone(tree), start, max)?;
+    let (count, limit) = (forest.vertex_count(), scene.mesh.max_vertices);
+    if count > limit {
+        return Err(SimError::TooManyVertices { count, limit });
+    }
+    Ok(forest)
+}
+
+/// True where one of the voxels around solver position `x` is not void.
+pub(crate) fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
+    let voxel_m = volume.grid().spacing_mm * 1e-3;
+    let dims = volume.grid().dims;
+    let range = |axis: usize| {
+        let at = x[axis] / voxel_m;
+        // A vertex on a voxel boundary, up to rounding, touches both sides.
+        let low = (at - 1e-6).floor().max(0.0) as usize;
+        let high = (at + 1e-6).floor();
+        let end = if high < 0.0 { 0 } else { (high as usize + 1).min(dims[axis]) };
+        low..end
+    };
+    range(2).any(|z| range(1).any(|y| range(0).any(|x| volume.get(x, y, z) != 0)))
+}
+
+/// The power of two of voxels nearest (in ratio) to a base edge.
+pub(crate) fn voxels_per_cell(base_mm: f64, voxel_mm: f64) -> usize {
+    let power = (base_mm / voxel_mm).log2().round().clamp(0.0, 10.0);
+    1 << power as u32
+}

@@ -1,0 +1,231 @@
+//! Scenes on a mesh from a file: tetrahedra as they are, one material each, no refinement.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_corot::{Body, Element};
+use yawara_embed::{LinearTet, Material};
+use yawara_mesh::tet_file::LoadedMesh;
+use yawara_mesh::{PlainMesh, TetId, VertexId};
+
+use super::components::spans_a_plane;
+use super::organ_box::OrganBox;
+use super::state::{BodyState, Cell, Hold};
+use crate::error::SimError;
+use crate::scene::{MaterialEntry, Scene};
+
+/// A mesh from a file with a material per tetrahedron.
+pub(crate) struct FileMesh {
+    /// What it is called in messages.
+    pub name: String,
+    /// What was read and repaired, for people.
+    pub done: String,
+    pub organ: OrganBox,
+    pub longest_edge_m: f64,
+    pub excluded_components: usize,
+    pub excluded_tets: usize,
+    /// Distinct materials.
+    pub material_count: usize,
+    mesh: PlainMesh,
+    materials: BTreeMap<i64, Material>,
+}
+
+impl FileMesh {
+    /// Reads the mesh, leaves out parts that nothing holds and finds every tag's material.
+    pub fn new(scene: &Scene, path: &Path) -> Result<Self, SimError> {
+        let unit_m = scene.mesh.unit_m;
+        let loaded = read(path, unit_m)?;
+        let name = path.display().to_string();
+        let organ = bounding_box(&loaded.mesh);
+        let done = describe(&loaded, unit_m);
+        let (mesh, excluded_components, excluded_tets) =
+            held_parts(scene, &name, &organ, loaded.mesh)?;
+        let (count, limit) = (mesh.points().len(), scene.mesh.max_vertices);
+        if count > limit {
+            return Err(SimError::TooManyVertices { count, limit });
+        }
+        let materials = materials(scene, &name, &mesh)?;
+        let mut longest_edge_m: f64 = 0.0;
+        for tet in 0..mesh.tets().len() {
+            let x = mesh.corners(tet);
+            for i in 0..4 {
+                for j in 0..i {
+                    longest_edge_m = longest_edge_m.max((x[i] - x[j]).norm());
+                }
+            }
+        }
+        Ok(Self {
+            name,
+            done,
+            organ,
+            longest_edge_m,
+            excluded_components,
+            excluded_tets,
+            material_count: materials.len(),
+            mesh,
+            materials,
+        })
+    }
+
+    /// Rest positions by vertex number, m.
+    pub fn points(&self) -> &[Vector3<f64>] {
+        self.mesh.points()
+    }
+
+    /// Its outer faces, counter-clockwise as seen from outside.
+    pub fn boundary_faces(&self) -> Vec<[u32; 3]> {
+        self.mesh.boundary_faces()
+    }
+
+    /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
+    pub fn state(&self, holds: &[Hold], body: Body) -> BodyState {
+        let mut state = BodyState::new(body);
+        for (i, &x) in self.points().iter().enumerate() {
+            state.add_vertex(VertexId(i as u32), x, x, holds[i]);
+        }
+        for (i, (corners, tag)) in self.mesh.tets().iter().zip(self.mesh.tags()).enumerate() {
+            let material = &self.materials[tag];
+            let element = Element {
+                tet: TetId(i as u32),
+                vertices: corners.map(|v| v as usize),
+                geometry: LinearTet::new(&self.mesh.corners(i)),
+                elasticity: material.elasticity(),
+                rotation: Matrix3::identity(),
+            };
+            let density_kg_m3 = material.density_kg_m3();
+            state.add_tet(element, Cell { level: 0, label: *tag, density_kg_m3, is_void: false });
+        }
+        state
+    }
+}
+
+/// The file by the extension of its name.
+fn read(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    match extension.to_ascii_lowercase().as_str() {
+        "msh" => read_msh(path, unit_m),
+        "vtu" => read_vtu(path, unit_m),
+        _ => Err(SimError::Value {
+            place: path.display().to_string(),
+            key: "mesh.path".into(),
+            value: format!("{:?}", path.file_name().unwrap_or_default()),
+            want: "a name that ends in .msh (Gmsh) or .vtu (VTK)".into(),
+        }),
+    }
+}
+
+#[cfg(feature = "gmsh")]
+fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
+    Ok(yawara_mesh::tet_file::read_msh(path, unit_m)?)
+}
+
+#[cfg(not(feature = "gmsh"))]
+fn read_msh(path: &Path, _: f64) -> Result<LoadedMesh, SimError> {
+    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "gmsh" })
+}
+
+#[cfg(feature = "vtu")]
+fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
+    Ok(yawara_mesh::tet_file::read_vtu(path, unit_m)?)
+}
+
+#[cfg(not(feature = "vtu"))]
+fn read_vtu(path: &Path, _: f64) -> Result<LoadedMesh, SimError> {
+    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "vtu" })
+}
+
+fn describe(loaded: &LoadedMesh, unit_m: f64) -> String {
+    let LoadedMesh { mesh, repairs, ignored_elements, .. } = loaded;
+    let (points, tets) = (mesh.points().len(), mesh.tets().len());
+    let mut words = format!("{points} vertices, {tets} tetrahedra, {unit_m} m per unit");
+    for (count, what) in [
+        (repairs.rewound, "tetrahedra of negative volume rewound"),
+        (repairs.dropped_points, "points of no tetrahedron dropped"),
+        (*ignored_elements, "other elements passed over"),
+    ] {
+        if count > 0 {
+            words += &format!("; {count} {what}");
+        }
+    }
+    words
+}
+
+fn bounding_box(mesh: &PlainMesh) -> OrganBox {
+    let first = mesh.points()[0];
+    let points = mesh.points().iter();
+    let (low, high) = points.fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
+    OrganBox { low, high }
+}
+
+/// Parts that hang together by faces but that no fixed region holds are taken out and counted.
+fn held_parts(
+    scene: &Scene,
+    name: &str,
+    organ: &OrganBox,
+    mesh: PlainMesh,
+) -> Result<(PlainMesh, usize, usize), SimError> {
+    let fixed: Vec<bool> = mesh
+        .points()
+        .iter()
+        .map(|x| scene.fixed.iter().any(|region| region.contains(organ, x)))
+        .collect();
+    let components = mesh.components();
+    let (mut kept, mut excluded) = (Vec::new(), 0);
+    for component in &components {
+        let corners = component.iter().flat_map(|&tet| mesh.tets()[tet]);
+        let mut held: Vec<u32> = corners.filter(|&v| fixed[v as usize]).collect();
+        held.sort_unstable();
+        held.dedup();
+        let held: Vec<_> = held.iter().map(|&v| mesh.points()[v as usize]).collect();
+        // With inertia nothing need be held.
+        if scene.dynamics.is_some() || spans_a_plane(&held) {
+            kept.extend_from_slice(component);
+        } else {
+            excluded += 1;
+        }
+    }
+    if kept.is_empty() {
+        return Err(SimError::MeshNotFixed { mesh: name.into() });
+    }
+    if excluded == 0 {
+        return Ok((mesh, 0, 0));
+    }
+    kept.sort_unstable();
+    let excluded_tets = mesh.tets().len() - kept.len();
+    tracing::warn!(
+        "{excluded} part(s) of {name} ({excluded_tets} tetrahedra) are not held by a fixed \
+         region and left out"
+    );
+    let tets = kept.iter().map(|&tet| mesh.tets()[tet]).collect();
+    let tags = kept.iter().map(|&tet| mesh.tags()[tet]).collect();
+    let (mesh, _) = PlainMesh::new(mesh.points().to_vec(), tets, tags)?;
+    Ok((mesh, excluded, excluded_tets))
+}
+
+/// The material of every tag that occurs.
+fn materials(
+    scene: &Scene,
+    name: &str,
+    mesh: &PlainMesh,
+) -> Result<BTreeMap<i64, Material>, SimError> {
+    let mut counts: BTreeMap<i64, u64> = BTreeMap::new();
+    for tag in mesh.tags() {
+        *counts.entry(*tag).or_default() += 1;
+    }
+    let mut materials = BTreeMap::new();
+    for (tag, count) in counts {
+        let Some(entry) = material_of(scene, tag) else {
+            return Err(SimError::TagWithoutMaterial { tag, mesh: name.into(), tets: count });
+        };
+        let (e, nu) = (entry.young_modulus_pa, entry.poisson_ratio);
+        materials.insert(tag, Material::new(e, nu, entry.density_kg_m3)?);
+    }
+    Ok(materials)
+}
+
+/// The entry that names the tag, else the one for all others.
+fn material_of(scene: &Scene, tag: i64) -> Option<&MaterialEntry> {
+    let named = scene.materials.iter().find(|material| material.label == Some(tag));
+    named.or_else(|| scene.materials.iter().find(|material| material.other))
+}

@@ -1,0 +1,31 @@
+//! The body: what a scene makes it of, and how it stands while it moves.
+//!
+//! [`start`] is the file to open first: it turns a scene into a mesh at rest, either from an image
+//! (`image_source` reads labels, `image_body` builds the start mesh, `components` leaves out what
+//! nothing holds, `label_refinement` refines towards boundaries of labels) or from a mesh file
+//! (`mesh_file`). `state` is that mesh while the simulation changes it.
+
+mod axes;
+mod components;
+mod image_body;
+mod image_source;
+mod label_refinement;
+mod mesh_file;
+mod organ_box;
+mod outline;
+mod start;
+mod state;
+mod summary;
+
+pub use summary::{
+    BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
+    Part,
+};
+
+pub(crate) use axes::ScannerAxes;
+pub(crate) use image_body::{ImageBody, touches_solid};
+pub(crate) use mesh_file::FileMesh;
+pub(crate) use organ_box::OrganBox;
+pub(crate) use outline::{carrier, surface_level};
+pub(crate) use start::{Origin, Start};
+pub(crate) use state::{BodyState, Cell, Hold};

@@ -1,0 +1,274 @@
+//! What a scene needs, what it does not, and why.
+
+use yawara_embed::Embedding;
+
+use super::element;
+use super::stages::Stages;
+use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
+use crate::inverse::InverseLink;
+use crate::report::PlanRow;
+use crate::scene::{AUTO, MassModel, Scene, ToolEntry};
+
+/// Why a body with inertia keeps all of its parts.
+const FREE: &str = "with inertia no part need be held";
+
+/// The plan of a scene, in the order of the pipeline.
+pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) -> Vec<PlanRow> {
+    let mut rows = match &start.origin {
+        Origin::Image(setup) => {
+            vec![
+                image(setup),
+                mesh(scene, setup),
+                domain(scene, setup),
+                homogenisation(setup, stages),
+            ]
+        }
+        Origin::MeshFile(mesh) => mesh_file(scene, mesh, stages),
+    };
+    rows.extend([
+        row("element", chosen, true, element::reason(scene, stages, chosen)),
+        row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
+        row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
+        dynamics(scene),
+        refinement(scene, stages),
+        budget(scene),
+        compliance(scene),
+        surface(scene, start),
+    ]);
+    rows
+}
+
+/// The rows of a mesh that is what it is.
+fn mesh_file(scene: &Scene, mesh: &FileMesh, stages: &Stages) -> Vec<PlanRow> {
+    let domain = match mesh.excluded_components {
+        0 if scene.dynamics.is_some() => row("domain", "all parts", true, FREE),
+        0 => row("domain", "all parts", true, "every part is held by a fixed region"),
+        parts => row(
+            "domain",
+            "held parts",
+            true,
+            format!(
+                "{parts} part(s) with {} tetrahedra are not held by a fixed region and left out",
+                mesh.excluded_tets
+            ),
+        ),
+    };
+    let why = format!("every tetrahedron has one of {} material(s)", mesh.material_count);
+    vec![
+        row("image", "none", false, "the scene names a mesh file"),
+        row("mesh", &mesh.name, true, &mesh.done),
+        domain,
+        row("homogenisation", stages.homogenisation.name(), false, why),
+    ]
+}
+
+fn row(stage: &str, choice: &str, runs: bool, why: impl Into<String>) -> PlanRow {
+    PlanRow { stage: stage.into(), choice: choice.into(), runs, why: why.into() }
+}
+
+fn image(setup: &ImageBody) -> PlanRow {
+    let image = &setup.summary.image;
+    let [nx, ny, nz] = image.dims;
+    let mut why = image.format.clone();
+    if image.format != "procedural" {
+        why += &format!(" {}", image.content);
+    }
+    if image.resampled {
+        why += &format!("; {}", image.resampling());
+    }
+    why += &format!("; {nx} x {ny} x {nz} voxels of {} mm", image.voxel_mm);
+    if image.blur_mm > 0.0 {
+        why += &format!(", smoothed by {} mm", image.blur_mm);
+    }
+    if !image.ignored_labels.is_empty() {
+        why += &format!("; {} label(s) ignored", image.ignored_labels.len());
+    }
+    for other in image.materials.iter().filter(|material| material.other) {
+        why += &format!("; {} label(s) take the material of others", other.labels.len());
+    }
+    for empty in image.empty_ranges() {
+        why += &format!("; WARNING: no voxel lies in the range of \"{}\"", empty.name);
+    }
+    row("image", setup.image_name(), true, why)
+}
+
+fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
+    let used = setup.base_m * 1e3;
+    let asked = scene.mesh.base_mm.unwrap_or(used);
+    let rounded = if (asked - used).abs() > 1e-9 * used {
+        format!("; {asked} mm were asked for, rounded to a power of two of voxels")
+    } else {
+        String::new()
+    };
+    let mut why = format!(
+        "{} base cells of {used} mm, level {} to {}, {} vertices at the start{rounded}",
+        setup.forest.domain().cells().count(),
+        scene.mesh.start_level,
+        scene.mesh.finest_level(),
+        setup.forest.vertex_count(),
+    );
+    if let Some(refined) = &setup.summary.label_refinement {
+        why += &format!(
+            "; {} of them towards labels down to level {}",
+            refined.vertices, refined.level
+        );
+        if refined.tets_left > 0 {
+            why += &format!(
+                ", WARNING: max_vertices = {} ended it with {} tetrahedra of several labels left",
+                scene.mesh.max_vertices, refined.tets_left
+            );
+        }
+    }
+    row("mesh", "bisection", true, why)
+}
+
+fn domain(scene: &Scene, setup: &ImageBody) -> PlanRow {
+    let domain = &setup.summary.domain;
+    if scene.dynamics.is_some() {
+        let why = format!("{} part(s) joined by faces; {FREE}", domain.components);
+        return row("domain", "all parts", true, why);
+    }
+    let (kept, cells, voxels) = domain.total(true);
+    let (excluded, without_cells, without_voxels) = domain.total(false);
+    let mut why = format!(
+        "{kept} of {} part(s) joined by faces, with {cells} base cells and {voxels} voxels, held by \
+         a fixed region",
+        domain.components
+    );
+    if excluded == 0 {
+        return row("domain", "all parts", true, why);
+    }
+    why += &format!(
+        "; {excluded} part(s) with {without_cells} base cells and {without_voxels} voxels are not \
+         held and left out"
+    );
+    row("domain", "held parts", true, why)
+}
+
+fn homogenisation(setup: &ImageBody, stages: &Stages) -> PlanRow {
+    let nodes = setup.tree.node_count();
+    let name = stages.homogenisation.name();
+    if nodes == 0 {
+        return row("homogenisation", name, false, "every tetrahedron has one material");
+    }
+    let mut why = format!(
+        "{nodes} heterogeneous tetrahedra down to level {} (one voxel)",
+        setup.tree.grid().embed_level()
+    );
+    if name == "paper" {
+        why += "; WARNING: the paper's condensation loses stiffness with every level, even between \
+                equal materials (to 0.235 after 3 levels at a Poisson ratio of 0.3)";
+    }
+    row("homogenisation", name, true, why)
+}
+
+/// Adds what a global homogenisation did to its row.
+pub(crate) fn homogenised(rows: &mut [PlanRow], embedding: &Embedding) {
+    if embedding.homogenisation().global().is_none() {
+        return;
+    }
+    let (nodes, left) = (embedding.tree().node_count(), embedding.left_to_local_rule());
+    if let Some(row) = rows.iter_mut().find(|row| row.stage == "homogenisation" && row.runs) {
+        row.why += &format!(
+            "; {} of them from solutions of the whole fine body, {left} left to laminate; \
+             new vertices are placed by laminate",
+            nodes - left
+        );
+    }
+}
+
+fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
+    let indicator = &stages.indicator;
+    if scene.mesh.path.is_some() {
+        return row("refinement", indicator.name(), false, "a mesh from a file has no levels");
+    }
+    if !scene.mesh.refines() {
+        return row("refinement", indicator.name(), false, "max_level equals start_level");
+    }
+    let rules = &scene.refinement;
+    let why = format!(
+        "split above {:e} {}, merge below {:e}, at most {} vertices",
+        rules.split_above,
+        indicator.unit(),
+        rules.split_above * rules.merge_fraction,
+        scene.mesh.max_vertices
+    );
+    row("refinement", indicator.name(), true, why)
+}
+
+/// The row of the inverse, once there is one.
+pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
+    let name = inverse.maintainer().name();
+    let mut why = String::from("the mesh changes while the body moves");
+    if !scene.mesh.refines() {
+        why = "the mesh never changes: factored once".into();
+    }
+    if scene.stages.inverse == AUTO {
+        let vertices = inverse.maintainer().vertices();
+        why += &format!("; {name} is the fastest for {vertices} vertices with unknowns");
+    }
+    if let Some(place) = inverse.maintainer().place() {
+        why += &format!("; {place}");
+    }
+    if let Some(adapter) = &scene.stages.gpu_adapter {
+        why += &format!(", by gpu_adapter = {adapter}");
+    }
+    row("inverse update", name, scene.mesh.refines(), why)
+}
+
+fn dynamics(scene: &Scene) -> PlanRow {
+    let Some(dynamics) = &scene.dynamics else {
+        return row("dynamics", "none", false, "no [dynamics]: every step is an equilibrium");
+    };
+    let mass = match dynamics.mass {
+        MassModel::Consistent => "consistent",
+        MassModel::Lumped => "lumped",
+    };
+    let why = format!(
+        "{mass} mass, damping {} /s by mass and {} s by stiffness, steps of {} s",
+        dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
+    );
+    row("dynamics", "implicit Euler", true, why)
+}
+
+fn budget(scene: &Scene) -> PlanRow {
+    let refines = scene.mesh.path.is_none() && scene.mesh.refines();
+    let splits = scene.refinement.max_splits_per_step;
+    let mut why = format!("at most {splits} splits a step, the others wait and are counted");
+    match (scene.budget.step_ms, scene.budget.realtime) {
+        (Some(ms), true) => why += &format!("; none later than {ms} ms after a step began"),
+        (Some(ms), false) => why += &format!("; {ms} ms do not count: budget.realtime is false"),
+        (None, _) => {}
+    }
+    let why = if refines { why } else { "nothing is refined".into() };
+    row("budget", "splits", refines, why)
+}
+
+fn compliance(scene: &Scene) -> PlanRow {
+    let count = |is: fn(&ToolEntry) -> bool| scene.tools.iter().filter(|tool| is(tool)).count();
+    let grabs = count(|tool| matches!(tool, ToolEntry::Grab { .. }));
+    let probes = count(|tool| matches!(tool, ToolEntry::Probe { .. }));
+    match (grabs, probes) {
+        (0, 0) => row("compliance columns", "none", false, "no tool touches the body"),
+        (_, 0) => row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)")),
+        (0, _) => row("compliance columns", "contacts", true, format!("{probes} probe(s)")),
+        _ => {
+            let why = format!("{grabs} grab tool(s), {probes} probe(s)");
+            row("compliance columns", "held vertices and contacts", true, why)
+        }
+    }
+}
+
+fn surface(scene: &Scene, start: &Start) -> PlanRow {
+    let asked = &scene.output.surfaces;
+    let Origin::Image(setup) = &start.origin else {
+        return row("surface", "none", false, "a mesh from a file has faces of its own");
+    };
+    if asked.is_empty() {
+        return row("surface", "none", false, "output.surfaces names no label");
+    }
+    let level = surface_level(scene, setup);
+    let labels: Vec<String> = asked.iter().map(|one| one.label.to_string()).collect();
+    let why = format!("labels {}, cut at level {level}", labels.join(", "));
+    row("surface", "marching tetrahedra", true, why)
+}

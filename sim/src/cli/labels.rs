@@ -1,0 +1,79 @@
+//! `yawara labels`: an image's labels, resampled and classified as a scene does it.
+
+use std::path::Path;
+
+use yawara::SimError;
+use yawara_mesh::image::gaussian_blur;
+use yawara_mesh::image::{ReadReport, read_intensities_with, read_labels_with};
+use yawara_mesh::image::{ValueRange, classify};
+use yawara_mesh::volume::LabelVolume;
+
+use super::arguments::LabelsArguments;
+use super::printer::Printer;
+
+pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimError> {
+    let LabelsArguments { image, out: file, voxel_mm, blur_mm, range } = arguments;
+    let ranges: Vec<ValueRange> = range.iter().map(|text| parse(text)).collect::<Result<_, _>>()?;
+    if let Some(blur) = blur_mm.filter(|_| ranges.is_empty()) {
+        let want = "no such option without --range: only intensities can be smoothed";
+        return Err(refuse("--blur-mm", blur.to_string(), want));
+    }
+    let (volume, report) = if ranges.is_empty() {
+        read_labels_with(image, *voxel_mm)?
+    } else {
+        let (intensities, report) = read_intensities_with(image, *voxel_mm)?;
+        let smooth = gaussian_blur(&intensities, blur_mm.unwrap_or(0.0))?;
+        (classify(&smooth, &ranges)?, report)
+    };
+    write(file, &volume)?;
+    out.print(&describe(&volume, &report, &ranges))?;
+    out.print(&format!("written to {}\n", file.display()))
+}
+
+fn refuse(key: &str, value: String, want: &str) -> SimError {
+    SimError::Value { place: "yawara labels".into(), key: key.into(), value, want: want.into() }
+}
+
+/// LABEL:LOW:HIGH; whether low is below high, [`classify`] checks.
+fn parse(text: &str) -> Result<ValueRange, SimError> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let parsed = match parts[..] {
+        [label, low, high] => match (label.parse(), low.parse(), high.parse()) {
+            (Ok(label), Ok(low), Ok(high)) => Some(ValueRange { label, low, high }),
+            _ => None,
+        },
+        _ => None,
+    };
+    let want = "LABEL:LOW:HIGH with a whole number and two numbers, e.g. 3:150:inf";
+    parsed.ok_or_else(|| refuse("--range", text.into(), want))
+}
+
+#[cfg(feature = "nifti")]
+fn write(file: &Path, volume: &LabelVolume) -> Result<(), SimError> {
+    Ok(yawara_mesh::image::write_labels(file, volume)?)
+}
+
+#[cfg(not(feature = "nifti"))]
+fn write(_: &Path, _: &LabelVolume) -> Result<(), SimError> {
+    Err(SimError::FeatureMissing { what: "yawara labels".into(), feature: "nifti" })
+}
+
+/// The grid, what was done, and the voxels of each label.
+fn describe(volume: &LabelVolume, report: &ReadReport, ranges: &[ValueRange]) -> String {
+    let [nx, ny, nz] = volume.grid().dims;
+    let content = if ranges.is_empty() { "label map" } else { "intensities" };
+    let mut text = format!("{} {content}", report.format);
+    if let Some(resampling) = &report.resampling {
+        text += &format!(", {resampling}");
+    }
+    text += &format!("\n{nx} x {ny} x {nz} voxels of {} mm\n", volume.grid().spacing_mm);
+    let counts = volume.counts();
+    for (label, voxels) in volume.values().iter().zip(&counts) {
+        let void = if *label == 0 { " (void)" } else { "" };
+        text += &format!("label {label}{void}: {voxels} voxels\n");
+    }
+    for range in ranges.iter().filter(|range| !volume.values().contains(&range.label)) {
+        text += &format!("label {}: no voxel in its range\n", range.label);
+    }
+    text
+}

@@ -1,0 +1,101 @@
+//! The command line: a file per command.
+//!
+//! `arguments` is the file to open first: what each command takes. `console` writes plans and
+//! summaries for people, `printer` is standard output.
+
+mod arguments;
+mod console;
+mod devices;
+mod haptic;
+mod labels;
+mod mesh;
+mod printer;
+mod run;
+mod surface;
+
+use std::io::IsTerminal;
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::Parser;
+use tracing_subscriber::filter::LevelFilter;
+use yawara::{SimError, Simulation, Stages, scene_file};
+
+use arguments::{Arguments, Command, PlanArguments, RunArguments, paragraph};
+use printer::Printer;
+
+/// Refused input or a failure; also what clap uses for wrong usage.
+const REFUSED: u8 = 2;
+
+/// All was written, but some steps did not converge.
+const NOT_CONVERGED: u8 = 1;
+
+/// Runs the command line of this process.
+pub fn run() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => return refuse(&paragraph(&error)),
+        Err(help) => {
+            // Help into a closed pipe is no failure.
+            let _ = help.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_max_level(LevelFilter::WARN)
+        .with_target(false)
+        .without_time()
+        .init();
+    match execute(arguments.command.unwrap_or(Command::Run(RunArguments::default()))) {
+        Ok(code) => code,
+        Err(error) => refuse(&error.to_string()),
+    }
+}
+
+/// One paragraph on stderr.
+fn refuse(message: &str) -> ExitCode {
+    let words: Vec<&str> = message.split_whitespace().collect();
+    // A closed or full standard error is no reason to panic.
+    let _ = writeln!(std::io::stderr(), "error: {}", words.join(" "));
+    ExitCode::from(REFUSED)
+}
+
+fn execute(command: Command) -> Result<ExitCode, SimError> {
+    let mut out = Printer::default();
+    match command {
+        Command::Run(arguments) => {
+            if !run::run(&arguments, &mut out)? {
+                return Ok(ExitCode::from(NOT_CONVERGED));
+            }
+        }
+        Command::Plan(arguments) => plan(&arguments, &mut out)?,
+        Command::Mesh(arguments) => mesh::run(&arguments, &mut out)?,
+        Command::Labels(arguments) => labels::run(&arguments, &mut out)?,
+        Command::Surface(arguments) => surface::run(&arguments, &mut out)?,
+        Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
+        Command::Scenes => scenes(&mut out)?,
+        Command::Devices => devices::run(&mut out)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {
+    let (scene, _) = scene_file::load(&arguments.scene, &arguments.set)?;
+    let simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+    if !arguments.json {
+        return out.print(&console::plan(simulation.plan()));
+    }
+    let json = serde_json::to_string_pretty(simulation.plan())
+        .map_err(|error| SimError::Io { path: "<stdout>".into(), source: error.into() })?;
+    out.print(&format!("{json}\n"))
+}
+
+fn scenes(out: &mut Printer) -> Result<(), SimError> {
+    scene_file::built_in().iter().try_for_each(|(name, text)| {
+        let table: toml::Table = toml::from_str(text).unwrap_or_default();
+        let description = table.get("description").and_then(toml::Value::as_str);
+        out.print(&format!("{name:<11} {}\n", description.unwrap_or_default()))
+    })
+}

@@ -1,0 +1,131 @@
+//! `yawara run`: a scene from its file to its run directory.
+
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use yawara::output::RunDirectory;
+use yawara::report::Summary;
+use yawara::scene::Scene;
+use yawara::{SimError, Simulation, Stages, scene_file};
+use yawara_inverse_update::InverseError;
+
+use super::arguments::RunArguments;
+use super::console;
+use super::printer::Printer;
+
+/// Runs the scene; true if every step converged.
+pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError> {
+    let mut overrides = arguments.set.clone();
+    overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
+    let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
+    if scene.output.field && !cfg!(feature = "nifti") {
+        return Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" });
+    }
+    let target = match &arguments.out {
+        Some(path) => path.clone(),
+        None => Path::new("runs").join(&scene.name),
+    };
+    // Before the work, so that a wrong place is known at once.
+    let directory = RunDirectory::create(&target, arguments.force)?;
+    let stages = Stages::by_name(&scene.stages)?;
+    let bar = bar(PERMILLE, "homogenising {percent} % {wide_bar} {eta}");
+    let simulation = Simulation::with_progress(&scene, stages, &mut |done| {
+        bar.set_position((done * PERMILLE as f64) as u64);
+        ControlFlow::Continue(())
+    })?;
+    bar.finish_and_clear();
+    out.print(&console::plan(simulation.plan()))?;
+    let (summary, written) = run_scene(&scene, simulation, directory)?;
+    out.print(&console::summary(&summary))?;
+    out.print(&format!("written to {}\n", written.display()))?;
+    Ok(summary.steps.converged == summary.steps.count)
+}
+
+/// All steps, with all output. If the device that holds the inverse is lost on the way, what was
+/// computed until then is written all the same.
+fn run_scene(
+    scene: &Scene,
+    mut simulation: Simulation,
+    mut directory: RunDirectory,
+) -> Result<(Summary, PathBuf), SimError> {
+    directory.write_scene(scene)?;
+    let outcome = run_steps(scene, &mut simulation, &mut directory);
+    let is_lost = |error: &SimError| {
+        matches!(error, SimError::Inverse(InverseError::Storage { .. }))
+            && simulation.steps_left() < scene.time.steps
+    };
+    let lost = match outcome {
+        Ok(()) => {
+            if let Some(fields) = simulation.fields()? {
+                directory.write_fields(&fields)?;
+            }
+            None
+        }
+        Err(error) if is_lost(&error) => Some(error),
+        Err(error) => return Err(error),
+    };
+    let summary = simulation.summary()?;
+    directory.write_summary(&summary)?;
+    let written = directory.finish()?;
+    let Some(error) = lost else { return Ok((summary, written)) };
+    let steps = summary.steps.count;
+    tracing::warn!("stopped after {steps} steps, kept in {}", written.display());
+    Err(error)
+}
+
+fn run_steps(
+    scene: &Scene,
+    simulation: &mut Simulation,
+    directory: &mut RunDirectory,
+) -> Result<(), SimError> {
+    let every = scene.output.frames_every;
+    if every > 0 {
+        write_frame(scene, simulation, directory, 0)?;
+    }
+    let bar = bar(simulation.steps_left() as u64, "step {pos}/{len} {wide_bar} {msg} {eta}");
+    while simulation.steps_left() > 0 {
+        let report = simulation.step()?;
+        directory.write_step(&report)?;
+        if every > 0 && (report.step % every == 0 || simulation.steps_left() == 0) {
+            write_frame(scene, simulation, directory, report.step)?;
+        }
+        bar.set_message(format!("{} vertices", report.vertices));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn write_frame(
+    scene: &Scene,
+    simulation: &Simulation,
+    directory: &mut RunDirectory,
+    step: usize,
+) -> Result<(), SimError> {
+    let frame = simulation.frame()?;
+    directory.write_frame(&frame, step)?;
+    #[cfg(feature = "gmsh")]
+    if scene.output.msh {
+        directory.write_msh(&frame, step)?;
+    }
+    #[cfg(not(feature = "gmsh"))]
+    let _ = scene;
+    Ok(())
+}
+
+/// The length of a bar that shows a fraction.
+const PERMILLE: u64 = 1000;
+
+/// A bar on stderr if people watch it.
+fn bar(length: u64, template: &str) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}

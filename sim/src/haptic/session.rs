@@ -1,0 +1,96 @@
+//! The loop of the solver, beside that of the device.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Instant;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::coupling::ForceModel;
+use super::device_loop::tick;
+use super::options::{Device, HapticOptions};
+use super::shared::{Shared, Snapshot, lock};
+use super::summary::{HapticSummary, Made, summary};
+use crate::error::SimError;
+use crate::step::Simulation;
+use crate::tools::Pose;
+
+/// Runs `simulation` with `device` in a hand on one of its tools: a thread of its own couples
+/// device and tool every `period_s` and extrapolates the tool's force with the last 3 × 3
+/// stiffness, while the calling thread makes steps as fast as they go, each with the tool where the
+/// coupling has it.
+///
+/// Wall-clock time decides what it computes: two runs are not alike. The scene's clock goes on by
+/// its `step_s` a step; paths of other tools and pressures follow that.
+/// # Errors
+/// [`SimError::NoSuchTool`]; [`SimError::Haptic`] for options out of range; those of
+/// [`Simulation::step`].
+pub fn run(
+    simulation: &mut Simulation,
+    device: Device<'_>,
+    options: &HapticOptions,
+) -> Result<HapticSummary, SimError> {
+    options.check()?;
+    let tool = options.tool;
+    simulation.tool_pose(tool, 0.0)?;
+    let start = Vector3::from(device(0.0));
+    let model = ForceModel {
+        position: start,
+        force: Vector3::zeros(),
+        stiffness: Matrix3::zeros(),
+        is_unilateral: true,
+    };
+    let begin = Instant::now();
+    let shared = Shared {
+        snapshot: Mutex::new(Snapshot { model, asked: begin }),
+        target: Mutex::new((start, begin)),
+        ended: AtomicBool::new(false),
+    };
+    let mut made = Made::default();
+    let (ticks, outcome) = thread::scope(|scope| {
+        let ticking = scope.spawn(|| tick(&shared, device, options, begin));
+        let outcome = solve(simulation, &shared, options, begin, &mut made);
+        shared.ended.store(true, Ordering::Relaxed);
+        (ticking.join().unwrap_or_default(), outcome)
+    });
+    outcome?;
+    Ok(summary(simulation.name(), options, &ticks, &made, begin.elapsed()))
+}
+
+/// Steps until the time is over.
+fn solve(
+    simulation: &mut Simulation,
+    shared: &Shared,
+    options: &HapticOptions,
+    begin: Instant,
+    made: &mut Made,
+) -> Result<(), SimError> {
+    let tool = options.tool;
+    while begin.elapsed().as_secs_f64() < options.seconds {
+        let step = Instant::now();
+        let (target, asked) = *lock(&shared.target);
+        simulation.set_tool_pose(tool, Pose { move_m: target.into(), turn_deg: 0.0 })?;
+        let report = simulation.step()?;
+        let felt = &report.tools[tool];
+        let rows = simulation.tool_stiffness(tool)?;
+        let model = ForceModel {
+            position: target,
+            force: Vector3::from(felt.force_n),
+            stiffness: Matrix3::from_fn(|i, j| rows[i][j]),
+            is_unilateral: felt.kind == "probe",
+        };
+        // What did not converge is no force to feel.
+        if report.converged {
+            let mut snapshot = lock(&shared.snapshot);
+            let old = snapshot.model;
+            let guess = old.force + old.stiffness * (target - old.position);
+            made.errors_n.push((guess - model.force).norm());
+            *snapshot = Snapshot { model, asked };
+            made.converged += 1;
+        }
+        made.vertices = made.vertices.max(report.vertices);
+        made.step_ms.push(step.elapsed().as_secs_f64() * 1e3);
+    }
+    Ok(())
+}

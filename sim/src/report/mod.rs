@@ -1,0 +1,29 @@
+//! What a simulation reports: a row per step, frames, fields, surfaces and the summary.
+//!
+//! `records` is the file to open first: the types that leave the simulation. `capture`, `fields`,
+//! `surfaces` and `comparison_points` take them from a body, `run_statistics` adds up a run.
+
+mod capture;
+mod comparison_points;
+mod fields;
+mod records;
+mod run_statistics;
+mod surfaces;
+mod tool;
+
+pub use crate::body::{
+    BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
+    Part,
+};
+pub use comparison_points::Probe;
+pub use fields::Fields;
+pub use records::{
+    ForceSummary, Frame, InverseSummary, MeshSummary, Momentum, Percentiles, PlanRow, Range,
+    StageTimes, StepReport, StepSummary, Summary, SurfaceFrame, SurfaceSummary,
+};
+pub use tool::{ToolReport, ToolSummary};
+
+pub(crate) use capture::capture;
+pub(crate) use records::milliseconds;
+pub(crate) use run_statistics::RunStatistics;
+pub(crate) use surfaces::Surfaces;

@@ -1,0 +1,296 @@
+//! What a simulation reports: the plan, a row per step, frames and the summary.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::tool::{ToolReport, ToolSummary};
+use crate::body::BodySummary;
+
+/// One stage of a run and why it does or does not run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct PlanRow {
+    /// The stage.
+    pub stage: String,
+    /// The implementation chosen.
+    pub choice: String,
+    /// Whether the scene needs it.
+    pub runs: bool,
+    /// Why, for people.
+    pub why: String,
+}
+
+/// Wall-clock times of one step by stage, ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Tool targets and compliance columns.
+    pub tool_ms: f64,
+    /// Equilibrium.
+    pub solve_ms: f64,
+    /// Indicator.
+    pub indicator_ms: f64,
+    /// Splits and merges of mesh, embedding and elements.
+    pub remesh_ms: f64,
+    /// Updates of the inverse.
+    pub inverse_ms: f64,
+}
+
+/// Time since `begin`, ms.
+pub(crate) fn milliseconds(begin: Instant) -> f64 {
+    begin.elapsed().as_secs_f64() * 1e3
+}
+
+/// One step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepReport {
+    /// Number of the step, from 1.
+    pub step: usize,
+    /// Time at its end, s.
+    pub time_s: f64,
+    /// Active vertices after it.
+    pub vertices: usize,
+    /// Leaf tetrahedra after it.
+    pub tets: usize,
+    /// Vertices that came in.
+    pub splits: usize,
+    /// Vertices that went out.
+    pub merges: usize,
+    /// Splits that were wanted too but exceed the budget: of splits, of vertices or of time.
+    pub waiting: usize,
+    /// Applications of the inverse.
+    pub iterations: usize,
+    /// Parts into which the step had to be cut (1 = whole).
+    pub substeps: usize,
+    /// Methods of the solver that gave up in its parts, so that the next one ran.
+    pub fallbacks: usize,
+    /// Relative residual at its end.
+    pub residual: f64,
+    /// Whether the residual reached the tolerance in every part.
+    pub converged: bool,
+    /// Reaction of all tools in scanner axes, N.
+    pub force_n: [f64; 3],
+    /// What each tool feels, in the order of the scene.
+    pub tools: Vec<ToolReport>,
+    /// Wall-clock times.
+    pub times: StageTimes,
+}
+
+/// The deformed mesh at one moment, for output.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// Time, s.
+    pub time_s: f64,
+    /// Deformed positions, scanner RAS, mm.
+    pub points_mm: Vec<[f64; 3]>,
+    /// Displacements, scanner axes, mm.
+    pub displacement_mm: Vec<[f64; 3]>,
+    /// Point numbers of the tetrahedra, positively oriented.
+    pub tets: Vec<[u32; 4]>,
+    /// Bisection level of each.
+    pub level: Vec<u8>,
+    /// Label (as in the image) of most of its volume.
+    pub label: Vec<i64>,
+    /// Young's modulus that an isotropic material of the same mean stiffness has, Pa.
+    pub young_modulus_pa: Vec<f64>,
+    /// Von Mises stress, Pa.
+    pub von_mises_pa: Vec<f64>,
+    /// Refinement indicator of its ring at the last measurement; empty if nothing is measured.
+    pub indicator: Vec<f64>,
+    /// Outlines of labels.
+    pub surfaces: Vec<SurfaceFrame>,
+}
+
+/// The outline of a label at one moment, carried along by the mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceFrame {
+    /// The label as in the image.
+    pub label: i64,
+    /// Positions, scanner RAS, mm.
+    pub points_mm: Vec<Vector3<f64>>,
+    /// Displacements, scanner axes, mm.
+    pub displacement_mm: Vec<Vector3<f64>>,
+    /// Corners, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The outline of a label over the run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SurfaceSummary {
+    /// The label as in the image.
+    pub label: i64,
+    /// How many triangles.
+    pub triangles: usize,
+    /// Pieces that share no vertex.
+    pub pieces: usize,
+    /// Area at rest, m².
+    pub area_rest_m2: f64,
+    /// Volume inside at rest, m³.
+    pub volume_rest_m3: f64,
+    /// Volume inside at the end, m³.
+    pub volume_end_m3: f64,
+}
+
+/// Smallest, typical and largest of a series of times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Percentiles {
+    /// Nearest-rank percentiles; zeros for an empty series.
+    pub fn of(values: &[f64]) -> Self {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let rank = |p: f64| {
+            let n = sorted.len();
+            let at = ((p * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
+            sorted.get(at).copied().unwrap_or(0.0)
+        };
+        Self { p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+    }
+}
+
+/// A count over the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Range {
+    /// At the start.
+    pub start: usize,
+    /// The largest.
+    pub max: usize,
+    /// At the end.
+    pub end: usize,
+}
+
+/// The mesh over the run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeshSummary {
+    /// Active vertices.
+    pub vertices: Range,
+    /// Leaf tetrahedra.
+    pub tets: Range,
+    /// Vertices that came in.
+    pub splits: usize,
+    /// Vertices that went out.
+    pub merges: usize,
+    /// The largest number of splits that had to wait at a step's end.
+    pub waiting_max: usize,
+    /// How many still wait at the end.
+    pub waiting_end: usize,
+    /// 3 r/R of the worst tetrahedron that ever was.
+    pub worst_radius_ratio: f64,
+    /// Circumradius over shortest edge of the worst tetrahedron that ever was.
+    pub worst_circumradius_over_shortest_edge: f64,
+}
+
+/// The steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StepSummary {
+    /// How many were made.
+    pub count: usize,
+    /// How many of them converged.
+    pub converged: usize,
+    /// Attempts that each method of the solver brought to its tolerance, methods after the first
+    /// by falling back.
+    pub converged_by: BTreeMap<&'static str, usize>,
+    /// How often a step or a part of one was cut in two.
+    pub halvings: usize,
+    /// The largest relative residual at a step's end.
+    pub residual_max: f64,
+    /// Wall-clock time per step, ms.
+    pub time_ms: Percentiles,
+}
+
+/// The inverse.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InverseSummary {
+    /// Which maintainer.
+    pub choice: String,
+    /// Splits, merges and changes it took.
+    pub updates: usize,
+    /// How often it started afresh by itself.
+    pub rebuilds: usize,
+    /// Of these, how often because it had drifted.
+    pub drift_rebuilds: usize,
+    /// Updates whose small factor failed.
+    pub failed_pivots: usize,
+    /// Corrections of solutions by their residual.
+    pub refinement_steps: usize,
+    /// Batches that they were made in: all of a step at once unless a clock watches.
+    pub batches: usize,
+    /// Wall-clock time per split or merge, ms: of each its share of its batch.
+    pub time_ms: Percentiles,
+    /// Wall-clock time per application to one right-hand side, ms.
+    pub solve_ms: Percentiles,
+    /// Largest value of the drift monitor (scaled residual of random columns).
+    pub drift_max: f64,
+}
+
+/// The force on the tools.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ForceSummary {
+    /// Largest magnitude, N.
+    pub max_n: f64,
+    /// Magnitude at the end, N.
+    pub end_n: f64,
+}
+
+/// How a dynamic body moves; scanner axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Momentum {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass, m.
+    pub centre_m: [f64; 3],
+    /// Momentum, N s.
+    pub linear_n_s: [f64; 3],
+    /// Angular momentum about the centre of mass, N m s.
+    pub angular_n_m_s: [f64; 3],
+    /// Kinetic energy, J.
+    pub kinetic_j: f64,
+}
+
+/// A whole run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Version of this layout.
+    pub schema: u32,
+    /// The scene's name.
+    pub scene: String,
+    /// Its seed.
+    pub seed: u64,
+    /// What ran, what did not, and why.
+    pub plan: Vec<PlanRow>,
+    /// What the body was made of: `image`, `domain` and `label_refinement` in JSON. None of it for
+    /// a mesh from a file.
+    #[serde(flatten)]
+    pub body: Option<BodySummary>,
+    /// The mesh.
+    pub mesh: MeshSummary,
+    /// The steps.
+    pub steps: StepSummary,
+    /// The inverse.
+    pub inverse: InverseSummary,
+    /// The force on the tools.
+    pub force: ForceSummary,
+    /// How a dynamic body moves at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Momentum>,
+    /// Each tool, in the order of the scene.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tools: Vec<ToolSummary>,
+    /// The outlines of labels, if the scene asks for any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<SurfaceSummary>,
+    /// Wall-clock time from the scene to the first step, s: image, labels, homogenising, start mesh,
+    /// inverse.
+    pub setup_s: f64,
+    /// Wall-clock time of everything, s.
+    pub wall_s: f64,
+}

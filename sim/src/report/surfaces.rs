@@ -1,0 +1,144 @@
+//! Embedded surfaces: the outlines of labels at voxel size, carried along by the coarse mesh.
+
+use std::cell::RefCell;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_corot::rotation::polar_warm;
+use yawara_embed::{DetailMesh, Embedding, Follower};
+use yawara_mesh::BisectionForest;
+use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
+use yawara_mesh::volume::LabelVolume;
+
+use super::records::{SurfaceFrame, SurfaceSummary};
+use crate::body::{ImageBody, ScannerAxes, carrier, surface_level};
+use crate::error::SimError;
+use crate::scene::Scene;
+
+/// All surfaces of a scene, on one fine mesh.
+pub(crate) struct Surfaces {
+    detail: DetailMesh,
+    /// Where the ends of cut edges were last; what has not moved is not computed again.
+    follower: RefCell<Follower>,
+    /// Rest positions of the fine mesh, m.
+    rest: Vec<Vector3<f64>>,
+    parts: Vec<Part>,
+}
+
+struct Part {
+    /// As in the image.
+    label: i64,
+    surface: IsoSurface,
+}
+
+impl Surfaces {
+    /// The surfaces that a scene asks for: a mesh refined to the labels down to
+    /// `output.surface_level`, cut at level ½ of each blurred label.
+    pub fn new(
+        scene: &Scene,
+        setup: &ImageBody,
+        embedding: &Embedding,
+    ) -> Result<Option<Self>, SimError> {
+        let asked = &scene.output.surfaces;
+        if asked.is_empty() {
+            return Ok(None);
+        }
+        let level = surface_level(scene, setup);
+        let domain = carrier(setup, level);
+        let mut outlines = Vec::new();
+        for (i, one) in asked.iter().enumerate() {
+            let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
+                place: scene.name.clone(),
+                key: format!("output.surfaces[{i}].label"),
+                value: one.label.to_string(),
+                want: format!("a label that occurs in {}", setup.image_name()),
+            })?;
+            outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
+        }
+        let lattice = *domain.lattice();
+        let Outlines { forest, surfaces } =
+            Outlines::new(&setup.volume, &setup.tree, domain, level, &outlines)?;
+        let mut parts = Vec::new();
+        for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
+            if surface.triangles.is_empty() {
+                tracing::warn!(
+                    "label {} has no surface: a blur of {} voxels takes it below one half \
+                     everywhere; choose a smaller output.surfaces[{i}].sigma_voxels",
+                    one.label,
+                    one.sigma_voxels
+                );
+            }
+            parts.push(Part { label: one.label, surface });
+        }
+        let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
+        let placement = setup.tree.grid().placement(voxel_m, &lattice);
+        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+        for v in forest.vertices() {
+            rest[v.index()] = placement.position(forest.point(v));
+        }
+        let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
+        let ends = parts.iter().flat_map(|part| &part.surface.vertices).flat_map(|v| v.edge);
+        let follower = RefCell::new(Follower::new(&detail, ends));
+        Ok(Some(Self { detail, follower, rest, parts }))
+    }
+
+    /// Every surface as the active mesh carries it, scanner RAS.
+    pub fn frames(
+        &self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+        axes: &ScannerAxes,
+    ) -> Result<Vec<SurfaceFrame>, SimError> {
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
+        self.parts
+            .iter()
+            .map(|part| {
+                let (rest, now) =
+                    (part.surface.positions(&self.rest)?, part.surface.positions(now)?);
+                let pairs = rest.iter().zip(&now);
+                Ok(SurfaceFrame {
+                    label: part.label,
+                    triangles: part.surface.triangles.clone(),
+                    displacement_mm: pairs
+                        .map(|(rest, now)| axes.to_ras_direction(&((now - rest) * 1e3)))
+                        .collect(),
+                    points_mm: now.iter().map(|x| axes.to_ras_mm(x)).collect(),
+                })
+            })
+            .collect()
+    }
+
+    /// Sizes at rest and now.
+    pub fn summary(
+        &self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+    ) -> Result<Vec<SurfaceSummary>, SimError> {
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
+        self.parts
+            .iter()
+            .map(|Part { label, surface }| {
+                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
+                Ok(SurfaceSummary {
+                    label: *label,
+                    triangles: surface.triangles.len(),
+                    pieces: surface.component_count(),
+                    area_rest_m2: surface.area(&rest)?,
+                    volume_rest_m3: surface.volume(&rest)?,
+                    volume_end_m3: surface.volume(&now)?,
+                })
+            })
+            .collect()
+    }
+}
+
+/// Found from the gradient alone, so that a position does not depend on the way to it.
+pub(crate) fn rotation(f: &Matrix3<f64>) -> Matrix3<f64> {
+    polar_warm(f, &Matrix3::identity())
+}
+
+fn dense_label(volume: &LabelVolume, label: i64) -> Option<u16> {
+    let at = volume.values().iter().position(|&value| value == label)?;
+    u16::try_from(at).ok().filter(|&dense| dense > 0)
+}

@@ -1,0 +1,58 @@
+//! Checks that every key may need: ranges, finite numbers, regions.
+
+use std::fmt::Debug;
+
+use crate::SimError;
+use crate::scene::Region;
+
+pub(crate) struct Check<'a> {
+    pub place: &'a str,
+}
+
+impl Check<'_> {
+    pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
+        if ok {
+            return Ok(());
+        }
+        let (place, value) = (self.place.into(), format!("{value:?}"));
+        Err(SimError::Value { place, key: key.into(), value, want: want.into() })
+    }
+
+    pub fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {
+        self.that(value > 0.0 && value.is_finite(), key, value, "finite and more than 0")
+    }
+
+    pub fn finite(&self, key: &str, value: f64) -> Result<(), SimError> {
+        self.that(value.is_finite(), key, value, "a finite number")
+    }
+
+    pub fn vector(&self, key: &str, vector: &[f64; 3]) -> Result<(), SimError> {
+        vector.iter().enumerate().try_for_each(|(i, &x)| self.finite(&format!("{key}[{i}]"), x))
+    }
+
+    pub fn given<T>(&self, value: Option<T>, key: &str, want: &str) -> Result<T, SimError> {
+        value.ok_or_else(|| SimError::MissingKey {
+            place: self.place.into(),
+            key: key.into(),
+            want: want.into(),
+        })
+    }
+
+    pub fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
+        match region {
+            Region::Box { min, max } => {
+                self.vector(&format!("{key}.min"), min)?;
+                self.vector(&format!("{key}.max"), max)?;
+                (0..3).try_for_each(|i| {
+                    let want = format!("at most {key}.max[{i}], {:?}", max[i]);
+                    // Flat boxes are faces, so equality is fine.
+                    self.that(min[i] <= max[i], &format!("{key}.min[{i}]"), min[i], &want)
+                })
+            }
+            Region::Sphere { centre, radius_m } => {
+                self.vector(&format!("{key}.centre"), centre)?;
+                self.positive(&format!("{key}.radius_m"), *radius_m)
+            }
+        }
+    }
+}

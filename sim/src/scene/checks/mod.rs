@@ -1,0 +1,9 @@
+//! Which values of a scene are in range: `scene` goes through all of them.
+
+mod check;
+mod materials;
+mod motion;
+mod scene;
+mod tools;
+
+pub(crate) use tools::FARTHEST_M;

@@ -1,0 +1,217 @@
+//! Which values of a scene are in range.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::check::Check;
+use crate::SimError;
+use crate::scene::{AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, SurfaceEntry};
+
+/// The most steps of a run.
+const MAX_STEPS: usize = 10_000_000;
+
+/// How far a block may be from a whole number of voxels, in voxels.
+const VOXEL_SLACK: f64 = 1e-6;
+
+impl Scene {
+    /// Checks all values; `place` (the file, or a name) begins the messages.
+    ///
+    /// # Errors
+    /// [`SimError::Value`] or [`SimError::MissingKey`] for the first violation: key, value, range.
+    pub fn validate(&self, place: &str) -> Result<(), SimError> {
+        let check = Check { place };
+        check.that(!self.name.trim().is_empty(), "name", &self.name, "a name that is not empty")?;
+        let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
+        let named = self.name.chars().all(plain) && !self.name.starts_with('.');
+        check.that(
+            named,
+            "name",
+            &self.name,
+            "letters, digits, -, _, spaces and inner dots only",
+        )?;
+        let storable = i64::try_from(self.seed).is_ok();
+        check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
+        match &self.mesh.path {
+            Some(path) => check.mesh_file(self, path)?,
+            None => check.image(&self.image)?,
+        }
+        check.image_content(self)?;
+        check.materials(self)?;
+        check.mesh(self)?;
+        check.label_refinement(&self.mesh)?;
+        for (i, region) in self.fixed.iter().enumerate() {
+            check.region(region, &format!("fixed[{i}]"))?;
+        }
+        check.vector("gravity_m_s2", &self.gravity_m_s2)?;
+        let bearable = self.gravity_m_s2.iter().all(|g| g.abs() <= 1e6);
+        check.that(bearable, "gravity_m_s2", self.gravity_m_s2, "at most 1e6 in each axis")?;
+        for (i, tool) in self.tools.iter().enumerate() {
+            check.tool(tool, &format!("tools[{i}]"))?;
+        }
+        check.stages(self)?;
+        check.numbers(self)?;
+        check.dynamics(self)?;
+        check.output(self)
+    }
+}
+
+impl Check<'_> {
+    fn image(&self, image: &Image) -> Result<(), SimError> {
+        for (key, length) in
+            [("image.voxel_mm", image.voxel_mm), ("image.length_mm", image.length_mm)]
+        {
+            length.map_or(Ok(()), |length| self.positive(key, length))?;
+        }
+        for (i, &size) in image.size_mm.iter().flatten().enumerate() {
+            self.positive(&format!("image.size_mm[{i}]"), size)?;
+        }
+        if let Some(path) = &image.path {
+            let blank = path.as_os_str().is_empty();
+            return self.that(!blank, "image.path", path, "the path of a label map or an image");
+        }
+        let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
+                    `liver` or `block`, in image.phantom)";
+        let phantom = self.given(image.phantom, "image.path", want)?;
+        let want = "the edge of a voxel of the phantom in mm";
+        let voxel = self.given(image.voxel_mm, "image.voxel_mm", want)?;
+        match phantom {
+            Phantom::Liver => {
+                let want = "the left-right length of the liver phantom in mm, e.g. 200";
+                self.given(image.length_mm, "image.length_mm", want).map(drop)
+            }
+            Phantom::Block => {
+                let want = "the size of the block phantom in mm, e.g. [40, 20, 20]";
+                let size = self.given(image.size_mm, "image.size_mm", want)?;
+                size.iter().enumerate().try_for_each(|(i, &edge)| {
+                    let voxels = edge / voxel;
+                    let whole = voxels > 0.5 && (voxels - voxels.round()).abs() <= VOXEL_SLACK;
+                    let want = format!("a whole number of voxels of {voxel:?} mm");
+                    self.that(whole, &format!("image.size_mm[{i}]"), edge, &want)
+                })
+            }
+        }
+    }
+
+    /// A mesh from a file is what there is: no image beside it and no levels below it.
+    fn mesh_file(&self, scene: &Scene, path: &Path) -> Result<(), SimError> {
+        let blank = path.as_os_str().is_empty();
+        self.that(!blank, "mesh.path", path, "the path of a mesh, .msh or .vtu")?;
+        self.positive("mesh.unit_m", scene.mesh.unit_m)?;
+        let want = "no image beside mesh.path: a scene has one or the other";
+        let image = &scene.image;
+        self.that(image.path.is_none(), "image.path", &image.path, want)?;
+        self.that(image.phantom.is_none(), "image.phantom", image.phantom, want)?;
+        let mesh = &scene.mesh;
+        let want = "no such key beside mesh.path: a mesh from a file is not refined (give its \
+                    image instead to refine)";
+        self.that(mesh.max_level.is_none(), "mesh.max_level", mesh.max_level, want)?;
+        self.that(mesh.start_level == 0, "mesh.start_level", mesh.start_level, want)?;
+        self.that(mesh.label_level.is_none(), "mesh.label_level", mesh.label_level, want)?;
+        self.that(mesh.base_mm.is_none(), "mesh.base_mm", mesh.base_mm, want)
+    }
+
+    fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
+        let mesh = &scene.mesh;
+        let finest = yawara_mesh::lattice::MAX_LEVEL;
+        if mesh.path.is_none() {
+            let want = "the edge of a base cell in mm";
+            let base_mm = self.given(mesh.base_mm, "mesh.base_mm", want)?;
+            self.positive("mesh.base_mm", base_mm)?;
+        }
+        let (start, max) = (mesh.start_level, mesh.finest_level());
+        let want = format!("at most {finest}");
+        self.that(max <= finest, "mesh.max_level", max, &want)?;
+        let want = format!("at most max_level, {max}");
+        self.that(start <= max, "mesh.start_level", start, &want)?;
+        self.that(mesh.max_vertices >= 4, "mesh.max_vertices", mesh.max_vertices, "at least 4")
+    }
+
+    fn stages(&self, scene: &Scene) -> Result<(), SimError> {
+        let stages = &scene.stages;
+        let inverses = [&[AUTO], yawara_inverse_update::CHOICES, ON_DEVICE].concat();
+        let elements = [&[AUTO], yawara_embed::FORMULATIONS].concat();
+        let want = format!("one of {}", elements.join(", "));
+        let known = elements.contains(&&stages.element[..]);
+        self.that(known, "stages.element", &stages.element, &want)?;
+        for (key, name, choices) in [
+            ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
+            ("corotation", &stages.corotation, yawara_corot::FORCES),
+            ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
+            ("indicator", &stages.indicator, crate::step::indicator::CHOICES),
+            ("inverse", &stages.inverse, &inverses),
+        ] {
+            let want = format!("one of {}", choices.join(", "));
+            self.that(choices.contains(&&name[..]), &format!("stages.{key}"), name, &want)?;
+        }
+        self.adapter(stages)
+    }
+
+    /// A device is chosen for an inverse that lives on one.
+    fn adapter(&self, stages: &StageNames) -> Result<(), SimError> {
+        let Some(adapter) = &stages.gpu_adapter else { return Ok(()) };
+        let refused = |want: String| SimError::Value {
+            place: self.place.into(),
+            key: "stages.gpu_adapter".into(),
+            value: adapter.to_string(),
+            want,
+        };
+        if !ON_DEVICE.contains(&&stages.inverse[..]) {
+            return Err(refused(format!(
+                "no such key beside stages.inverse = {:?}: it goes with {}",
+                stages.inverse,
+                ON_DEVICE.join(" and ")
+            )));
+        }
+        match adapter {
+            Adapter::Name(name) if name.trim().is_empty() => {
+                Err(refused("a part of an adapter's name, or its number".into()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn numbers(&self, scene: &Scene) -> Result<(), SimError> {
+        let Scene { time, solver, refinement, .. } = scene;
+        let in_range = (1..=MAX_STEPS).contains(&time.steps);
+        self.that(in_range, "time.steps", time.steps, &format!("1 to {MAX_STEPS}"))?;
+        self.positive("time.step_s", time.step_s)?;
+        let in_range = solver.residual > 0.0 && solver.residual < 1.0;
+        self.that(in_range, "solver.residual", solver.residual, "more than 0 and less than 1")?;
+        let iterations = solver.max_iterations;
+        self.that(iterations >= 1, "solver.max_iterations", iterations, "at least 1")?;
+        self.that(
+            solver.max_halvings <= 30,
+            "solver.max_halvings",
+            solver.max_halvings,
+            "at most 30",
+        )?;
+        self.positive("refinement.split_above", refinement.split_above)?;
+        let fraction = refinement.merge_fraction;
+        let in_range = (0.0..1.0).contains(&fraction);
+        self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")
+    }
+
+    fn output(&self, scene: &Scene) -> Result<(), SimError> {
+        let output = &scene.output;
+        let finest = yawara_mesh::lattice::MAX_LEVEL;
+        let in_range = output.surface_level.is_none_or(|level| level <= finest);
+        let want = format!("at most {finest}");
+        self.that(in_range, "output.surface_level", output.surface_level, &want)?;
+        let msh = cfg!(feature = "gmsh") || !output.msh;
+        self.that(msh, "output.msh", output.msh, "false: this build leaves the feature gmsh out")?;
+        let on_image = scene.mesh.path.is_none() || !output.field;
+        let want = "false: a mesh from a file has no grid of voxels";
+        self.that(on_image, "output.field", output.field, want)?;
+        let mut seen = BTreeSet::new();
+        for (i, SurfaceEntry { label, sigma_voxels }) in output.surfaces.iter().enumerate() {
+            let key = |name: &str| format!("output.surfaces[{i}].{name}");
+            let want = "an image: a mesh from a file has no surfaces to extract";
+            self.that(scene.mesh.path.is_none(), &key("label"), label, want)?;
+            self.that(*label != 0, &key("label"), label, "a label other than 0")?;
+            self.that(seen.insert(*label), &key("label"), label, "each label once")?;
+            let in_range = (0.0..=16.0).contains(sigma_voxels);
+            self.that(in_range, &key("sigma_voxels"), sigma_voxels, "0 to 16")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,96 @@
+//! Which values of a scene's tools are in range.
+
+use std::path::PathBuf;
+
+use super::check::Check;
+use crate::SimError;
+use crate::scene::{Key, PressureKey, Region, ToolEntry};
+
+/// The farthest a path goes in each axis, m.
+pub(crate) const FARTHEST_M: f64 = 1e3;
+
+/// The largest pressure, Pa: where even the stiffest of tissues is no solid any more.
+const MOST_PA: f64 = 1e12;
+
+impl Check<'_> {
+    pub fn tool(&self, tool: &ToolEntry, key: &str) -> Result<(), SimError> {
+        match tool {
+            ToolEntry::Grab { region, path, path_csv, turn_axis, release_s } => {
+                self.region(region, &format!("{key}.region"))?;
+                self.path(path, path_csv.as_ref(), key)?;
+                self.axis(turn_axis, &format!("{key}.turn_axis"))?;
+                self.release(*release_s, key)
+            }
+            ToolEntry::Probe { centre, radius_m, path, path_csv, spacing_m, release_s } => {
+                self.vector(&format!("{key}.centre"), centre)?;
+                self.positive(&format!("{key}.radius_m"), *radius_m)?;
+                if let Some(spacing) = spacing_m {
+                    self.positive(&format!("{key}.spacing_m"), *spacing)?;
+                    let want = format!("at most the radius, {radius_m:?}");
+                    let fine = spacing <= radius_m;
+                    self.that(fine, &format!("{key}.spacing_m"), spacing, &want)?;
+                }
+                self.path(path, path_csv.as_ref(), key)?;
+                self.release(*release_s, key)
+            }
+            ToolEntry::Pressure { region, pressure, normal: _ } => {
+                self.pressure(region, pressure, key)
+            }
+        }
+    }
+
+    fn path(&self, path: &[Key], csv: Option<&PathBuf>, key: &str) -> Result<(), SimError> {
+        let from_file = csv.is_some();
+        if from_file {
+            let want = "no such key beside path_csv: a path is given once";
+            return self.that(path.is_empty(), &format!("{key}.path"), path, want);
+        }
+        let want = "at least one entry { time_s, move_m, turn_deg }, or path_csv in its place";
+        self.that(!path.is_empty(), &format!("{key}.path"), path, want)?;
+        let mut last = f64::NEG_INFINITY;
+        for (i, Key { time_s, move_m, turn_deg }) in path.iter().enumerate() {
+            let key = format!("{key}.path[{i}]");
+            last = self.later(*time_s, last, &key)?;
+            self.vector(&format!("{key}.move_m"), move_m)?;
+            let near = move_m.iter().all(|x| x.abs() <= FARTHEST_M);
+            self.that(near, &format!("{key}.move_m"), move_m, "at most 1000 m in each axis")?;
+            self.finite(&format!("{key}.turn_deg"), *turn_deg)?;
+        }
+        Ok(())
+    }
+
+    /// The time of an entry, which follows `last`.
+    fn later(&self, time_s: f64, last: f64, key: &str) -> Result<f64, SimError> {
+        self.finite(&format!("{key}.time_s"), time_s)?;
+        let want = format!("more than the time before it, {last:?}");
+        self.that(time_s > last, &format!("{key}.time_s"), time_s, &want)?;
+        Ok(time_s)
+    }
+
+    fn axis(&self, axis: &[f64; 3], key: &str) -> Result<(), SimError> {
+        self.vector(key, axis)?;
+        // The square of a smaller axis underflows, and its direction with it.
+        let long = axis.iter().any(|x| x.abs() > 1e-100) && axis.iter().all(|x| x.abs() < 1e100);
+        self.that(long, key, axis, "an axis of a length other than 0, below 1e100")
+    }
+
+    fn release(&self, release_s: Option<f64>, key: &str) -> Result<(), SimError> {
+        let finite = release_s.is_none_or(f64::is_finite);
+        self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
+    }
+
+    fn pressure(&self, region: &Region, keys: &[PressureKey], key: &str) -> Result<(), SimError> {
+        self.region(region, &format!("{key}.region"))?;
+        let want = "at least one entry { time_s, pressure_pa }";
+        self.that(!keys.is_empty(), &format!("{key}.pressure"), keys, want)?;
+        let mut last = f64::NEG_INFINITY;
+        for (i, PressureKey { time_s, pressure_pa }) in keys.iter().enumerate() {
+            let key = format!("{key}.pressure[{i}]");
+            last = self.later(*time_s, last, &key)?;
+            let bearable = pressure_pa.abs() <= MOST_PA;
+            let want = "at most 1e12 either way";
+            self.that(bearable, &format!("{key}.pressure_pa"), pressure_pa, want)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,353 @@
+//! What a scene file says: data only, checked by [`Scene::validate`].
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::stage_names::StageNames;
+use super::tool::ToolEntry;
+
+/// A scene: body, loads, stages and budgets. Unknown keys are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name in summaries and file names.
+    pub name: String,
+    /// One line for `yawara scenes`.
+    #[serde(default)]
+    pub description: String,
+    /// Seed of everything random (the phantom's vessels, the drift monitor's columns).
+    #[serde(default = "default_seed")]
+    pub seed: u64,
+    /// Where the labels come from.
+    #[serde(default)]
+    pub image: Image,
+    /// One entry per label that occurs in the image, or per range of its intensities.
+    #[serde(default)]
+    pub materials: Vec<MaterialEntry>,
+    /// What stands for the void inside base cells.
+    #[serde(default)]
+    pub void: Void,
+    /// Base cells and levels.
+    pub mesh: MeshOptions,
+    /// Regions whose vertices never move.
+    #[serde(default)]
+    pub fixed: Vec<Region>,
+    /// Gravity in scanner axes (right, anterior, superior), m/s².
+    #[serde(default)]
+    pub gravity_m_s2: [f64; 3],
+    /// Tools that hold or move the body.
+    #[serde(default)]
+    pub tools: Vec<ToolEntry>,
+    /// Steps and their length.
+    pub time: Time,
+    /// Motion with inertia; without it every step is an equilibrium.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dynamics: Option<Dynamics>,
+    /// Which implementation of each stage.
+    #[serde(default)]
+    pub stages: StageNames,
+    /// When to split and merge.
+    #[serde(default)]
+    pub refinement: Refinement,
+    /// How much time a step has for refinement.
+    #[serde(default)]
+    pub budget: Budget,
+    /// When a step counts as solved.
+    #[serde(default)]
+    pub solver: Solver,
+    /// What is written.
+    #[serde(default)]
+    pub output: Output,
+}
+
+/// A volume: a file if `path` is given, else a phantom. A file holds intensities if the materials
+/// have ranges, else labels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Image {
+    /// Label map or intensity image (NIfTI, NRRD, MetaImage); replaces the phantom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Procedural body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phantom: Option<Phantom>,
+    /// Left-right length of the `liver` phantom, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_mm: Option<f64>,
+    /// Size of the `block` phantom, mm: a whole number of voxels each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_mm: Option<[f64; 3]>,
+    /// Voxel edge of a phantom, mm; or the voxel edge to which a file is resampled, by default
+    /// its smallest one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_mm: Option<f64>,
+    /// Standard deviation of a Gaussian that smooths intensities before they are classified, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blur_mm: Option<f64>,
+    /// Labels of a label map that become void.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore_labels: Vec<i64>,
+}
+
+/// Procedural bodies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phantom {
+    /// Liver (1) with vessels (2), gallbladder (3) and a tumour (4).
+    Liver,
+    /// A box of label 1.
+    Block,
+}
+
+/// Material of a label, of a range of intensities, or of all labels that no other entry names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialEntry {
+    /// The label as it stands in the image; with `range`, the label in outputs (by default the
+    /// entry's position counted from 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<i64>,
+    /// Intensities from the first number on and below the second, in the image's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Takes all labels that neither another entry nor `ignore_labels` names.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub other: bool,
+    /// What it is, for people.
+    #[serde(default)]
+    pub name: String,
+    /// E > 0, Pa.
+    pub young_modulus_pa: f64,
+    /// −1 < ν < 0.5.
+    pub poisson_ratio: f64,
+    /// ≥ 0, kg/m³.
+    #[serde(default = "default_density")]
+    pub density_kg_m3: f64,
+}
+
+/// The ersatz material of void.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Void {
+    /// Its Young's modulus as a fraction of the softest material's, 0 < … ≤ 1.
+    pub stiffness_ratio: f64,
+    /// Its Poisson's ratio.
+    pub poisson_ratio: f64,
+}
+
+/// Base cells and levels, or a mesh from a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshOptions {
+    /// Tetrahedra from a Gmsh (.msh) or VTK (.vtu) file in place of an image; never refined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Length of a unit of that file, m.
+    #[serde(default = "default_unit")]
+    pub unit_m: f64,
+    /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base_mm: Option<f64>,
+    /// Level of the uniform mesh at the start, the floor of merging.
+    #[serde(default)]
+    pub start_level: u8,
+    /// Finest level the simulation may refine to; not beyond `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_level: Option<u8>,
+    /// Most vertices the mesh may have.
+    #[serde(default = "default_max_vertices")]
+    pub max_vertices: usize,
+    /// Level down to which the start mesh is refined where tetrahedra hold several labels, which
+    /// merging keeps; `start_level` if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_level: Option<u8>,
+    /// Where `label_level` applies; everywhere if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label_region: Option<Region>,
+}
+
+impl MeshOptions {
+    /// Finest level the simulation may refine to.
+    pub fn finest_level(&self) -> u8 {
+        self.max_level.unwrap_or(self.start_level)
+    }
+
+    /// Whether the simulation may refine at all.
+    pub fn refines(&self) -> bool {
+        self.finest_level() > self.start_level
+    }
+}
+
+/// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
+/// side, 1 the high side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "shape", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Region {
+    /// All points between two corners.
+    Box {
+        /// Low corner, fractions.
+        min: [f64; 3],
+        /// High corner, fractions.
+        max: [f64; 3],
+    },
+    /// All points near a centre.
+    Sphere {
+        /// Centre, fractions.
+        centre: [f64; 3],
+        /// Radius, m.
+        radius_m: f64,
+    },
+}
+
+/// Steps and their length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// How many steps.
+    pub steps: usize,
+    /// Length of a step, s.
+    pub step_s: f64,
+}
+
+/// When to split and merge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Refinement {
+    /// Indicator above which a vertex comes in: J for `energy`, relative volume for `volume`.
+    pub split_above: f64,
+    /// A vertex goes out when the indicator is below this fraction of `split_above`.
+    pub merge_fraction: f64,
+    /// Steps a new vertex stays at least.
+    pub dwell_steps: usize,
+    /// Splits in one step at most, largest indicator first.
+    pub max_splits_per_step: usize,
+}
+
+/// Motion with inertia, by implicit Euler.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Dynamics {
+    /// How mass lies on vertices.
+    pub mass: MassModel,
+    /// α of the damping α M v + β K v, 1/s: slows down all motion.
+    pub damping_mass_per_s: f64,
+    /// β, s: slows down changes of strain.
+    pub damping_stiffness_s: f64,
+    /// Velocity of all free vertices at the start in scanner axes, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Angular velocity at the start, about the centre of mass, in scanner axes, rad/s.
+    pub spin_rad_s: [f64; 3],
+}
+
+/// How mass lies on vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MassModel {
+    /// That of velocities linear in every tetrahedron.
+    #[default]
+    Consistent,
+    /// A quarter of a tetrahedron's mass on each corner.
+    Lumped,
+}
+
+/// How much time a step has for refinement.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Budget {
+    /// No vertex comes in later than this after the step began, ms; acts with `realtime` alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_ms: Option<f64>,
+    /// Whether the clock may decide: the same scene then no longer gives the same bytes.
+    pub realtime: bool,
+}
+
+/// When a step counts as solved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Solver {
+    /// Relative residual at which a step has converged.
+    pub residual: f64,
+    /// Iterations per attempt.
+    pub max_iterations: usize,
+    /// How often a step that does not converge may be halved.
+    pub max_halvings: u32,
+}
+
+/// What is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// A frame every so many steps (and at the start and the end); 0 for none.
+    pub frames_every: usize,
+    /// Every frame as a Gmsh mesh (.msh) too.
+    pub msh: bool,
+    /// Fields on the image's grid at the end, as NIfTI.
+    pub field: bool,
+    /// Finest level of the mesh that carries the surfaces; that of one voxel if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface_level: Option<u8>,
+    /// Labels whose outlines every frame has.
+    pub surfaces: Vec<SurfaceEntry>,
+}
+
+/// The outline of a label.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceEntry {
+    /// The label as it stands in the image.
+    pub label: i64,
+    /// Width of the blur that rounds off the voxels' stairs; thin tubes (r < 1.18 σ) vanish.
+    #[serde(default = "default_sigma")]
+    pub sigma_voxels: f64,
+}
+
+fn default_seed() -> u64 {
+    1
+}
+
+fn default_density() -> f64 {
+    1000.0
+}
+
+fn default_sigma() -> f64 {
+    1.0
+}
+
+fn default_unit() -> f64 {
+    1e-3
+}
+
+fn default_max_vertices() -> usize {
+    3456
+}
+
+impl Default for Void {
+    fn default() -> Self {
+        Self { stiffness_ratio: 1e-3, poisson_ratio: 0.0 }
+    }
+}
+
+impl Default for Refinement {
+    fn default() -> Self {
+        Self { split_above: 1e-6, merge_fraction: 0.02, dwell_steps: 2, max_splits_per_step: 200 }
+    }
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { residual: 1e-6, max_iterations: 60, max_halvings: 8 }
+    }
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self {
+            frames_every: 5,
+            msh: false,
+            field: false,
+            surface_level: None,
+            surfaces: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Which implementation of each stage a scene names.
+
+use serde::{Deserialize, Serialize};
+
+use super::adapter::Adapter;
+
+/// The name that leaves the choice to the plan.
+pub(crate) const AUTO: &str = "auto";
+
+/// The inverses that live on a device, and need the feature `gpu`.
+pub(crate) const ON_DEVICE: &[&str] = &["gpu", "gpu_f32"];
+
+/// Implementation names of the swappable stages.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StageNames {
+    /// What a tetrahedron's vertices carry; `auto` picks by Poisson's ratios.
+    pub element: String,
+    /// How fine material acts in coarse tetrahedra.
+    pub homogenisation: String,
+    /// How forces follow from positions.
+    pub corotation: String,
+    /// How equilibrium is found.
+    pub equilibrium: String,
+    /// What asks for refinement.
+    pub indicator: String,
+    /// How the inverse is kept; `auto` picks by size.
+    pub inverse: String,
+    /// The device of an inverse that lives on one; the first of `yawara devices` if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu_adapter: Option<Adapter>,
+}
+
+impl Default for StageNames {
+    fn default() -> Self {
+        Self {
+            element: AUTO.into(),
+            homogenisation: "laminate".into(),
+            corotation: "element".into(),
+            equilibrium: "fallback".into(),
+            indicator: "energy".into(),
+            inverse: AUTO.into(),
+            gpu_adapter: None,
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! Where probes touch the surface, and with what force.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use yawara_corot::{
+    Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere, SurfacePoint,
+    Tolerance, solve_with_contact,
+};
+
+use crate::error::SimError;
+use crate::inverse::InverseLink;
+use crate::tools::Tool;
+
+/// Points this fraction of the radius outside a probe may come to touch it within a solve.
+const NEAR: f64 = 0.1;
+
+/// Corners of points up to this fraction of the radius outside are in a block of compliance, so
+/// that it serves some steps.
+const AROUND: f64 = 0.3;
+
+/// Solves of one attempt at most; each after the first adds points that had come too deep.
+const ROUNDS: usize = 6;
+
+/// Compliance added to that of each contact before it is inverted, of the largest: points closer
+/// together than the mesh resolves have none of their own.
+const REGULAR: f64 = 1e-6;
+
+/// A probe at the end of a part of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Probing {
+    pub tool: usize,
+    pub sphere: Sphere,
+    /// How far and where to it has come since the last equilibrium, m.
+    pub moved: Vector3<f64>,
+}
+
+/// A point that a probe pushes.
+#[derive(Clone, Copy, Debug)]
+struct Push {
+    tool: usize,
+    /// Its number in the tool's skin.
+    number: usize,
+    point: SurfacePoint,
+    normal: Vector3<f64>,
+    force: f64,
+    /// By how much it grew in the last step, N.
+    growth: f64,
+}
+
+/// Compliance of some vertices while others are held.
+struct Block {
+    updates: usize,
+    held: Vec<usize>,
+    vertices: Vec<usize>,
+    entries: Vec<f64>,
+}
+
+/// What an attempt needs besides the equilibrium problem.
+pub(crate) struct Surroundings<'a> {
+    pub tools: &'a [Box<dyn Tool>],
+    pub probing: &'a [Probing],
+    pub inverse: &'a InverseLink,
+    pub held: &'a [usize],
+    /// How much of their last growth pushes begin with.
+    pub share: f64,
+}
+
+/// The contacts of the last equilibrium, and what is kept for the next.
+#[derive(Default)]
+pub(crate) struct ContactState {
+    pushes: Vec<Push>,
+    /// Those when the step under way began.
+    before: Vec<Push>,
+    /// n Ĉ nᵀ of all pairs of `pushes`, m/N.
+    compliance: Vec<f64>,
+    penetration: f64,
+    block: Option<Block>,
+}
+
+/// How deep points may be in a probe of radius R when a solve with relative residual τ has
+/// converged: τ R, m.
+fn depth(probing: &[Probing], tolerance: &Tolerance) -> f64 {
+    let least = probing.iter().map(|p| p.sphere.radius).fold(f64::INFINITY, f64::min);
+    tolerance.residual * least
+}
+
+/// The points of `pairs` with the number of their probe.
+fn points(pairs: &[Push], around: &Surroundings<'_>) -> Vec<(SurfacePoint, usize)> {
+    let of = |tool: usize| around.probing.iter().position(|p| p.tool == tool).unwrap_or(0);
+    pairs.iter().map(|pair| (pair.point, of(pair.tool))).collect()
+}
+
+impl ContactState {
+    /// Moves the free vertices into equilibrium with the probes where they are.
+    ///
+    /// Starts with the points near a probe; those found too deep in the solution join for another
+    /// round. Where no point is near, `equilibrium` solves.
+    pub fn solve(
+        &mut self,
+        problem: &mut Problem<'_>,
+        equilibrium: &mut dyn Equilibrium,
+        positions: &mut [Vector3<f64>],
+        internal: &mut [Vector3<f64>],
+        tolerance: &Tolerance,
+        around: &Surroundings<'_>,
+    ) -> Result<Outcome, SimError> {
+        let depth = depth(around.probing, tolerance);
+        let obstacles: Vec<&dyn Obstacle> =
+            around.probing.iter().map(|p| &p.sphere as &dyn Obstacle).collect();
+        let mut pairs = self.near(around, positions);
+        let mut total: Option<Outcome> = None;
+        for _ in 0..ROUNDS {
+            let (outcome, touched) = if pairs.is_empty() {
+                (equilibrium.solve(problem, positions, internal, tolerance), None)
+            } else {
+                self.cover(&pairs, problem, positions, around)?;
+                let points = points(&pairs, around);
+                let forces: Vec<f64> = pairs.iter().map(|pair| pair.force).collect();
+                let block = self.block.as_ref();
+                let (vertices, compliance) =
+                    block.map_or((&[][..], &[][..]), |b| (&b.vertices, &b.entries));
+                let (points, obstacles) = (&points[..], &obstacles[..]);
+                let contact = Contact { points, obstacles, vertices, compliance, depth };
+                let touched = solve_with_contact(
+                    problem,
+                    equilibrium,
+                    &contact,
+                    &forces,
+                    positions,
+                    internal,
+                    tolerance,
+                );
+                (touched.outcome, Some(touched))
+            };
+            let sum = total.map_or(outcome, |before| Outcome {
+                iterations: before.iterations + outcome.iterations,
+                evaluations: before.evaluations + outcome.evaluations,
+                fallbacks: before.fallbacks + outcome.fallbacks,
+                ..outcome
+            });
+            total = Some(sum);
+            if !outcome.converged {
+                return Ok(sum);
+            }
+            self.keep(&pairs, touched);
+            let deeper = deeper(around, positions, &pairs, depth);
+            if deeper.is_empty() {
+                return Ok(sum);
+            }
+            pairs.extend(deeper);
+        }
+        let mut total =
+            total.unwrap_or_else(|| equilibrium.solve(problem, positions, internal, tolerance));
+        total.converged = false;
+        Ok(total)
+    }
+
+    /// Points near a probe or pushed by one so far.
+    fn near(&self, around: &Surroundings<'_>, positions: &[Vector3<f64>]) -> Vec<Push> {
+        let mut pairs = Vec::new();
+        for probing in around.probing {
+            let reach = NEAR * probing.sphere.radius + probing.moved.norm();
+            each_within(around, probing, positions, reach, |number, point, _| {
+                pairs.push(push(probing.tool, number, *point));
+            });
+        }
+        for old in &self.pushes {
+            let same = |p: &&mut Push| (p.tool, p.number) == (old.tool, old.number);
+            if let Some(pair) = pairs.iter_mut().find(same) {
+                pair.force = (old.force + around.share * old.growth).max(0.0);
+            }
+        }
+        pairs
+    }
+
+    /// Sees to it that the block of compliance has all corners of `pairs` that may move.
+    fn cover(
+        &mut self,
+        pairs: &[Push],
+        problem: &Problem<'_>,
+        positions: &[Vector3<f64>],
+        around: &Surroundings<'_>,
+    ) -> Result<(), SimError> {
+        let moves = |point: &SurfacePoint| {
+            let free = problem.free;
+            point.vertices.into_iter().filter(move |&v| free[v])
+        };
+        let updates = around.inverse.updates;
+        let is_covered = self.block.as_ref().is_some_and(|block| {
+            let has = |v: usize| block.vertices.binary_search(&v).is_ok();
+            let current = block.updates == updates && block.held == around.held;
+            current && pairs.iter().flat_map(|p| moves(&p.point)).all(has)
+        });
+        if is_covered {
+            return Ok(());
+        }
+        let mut vertices: Vec<usize> = pairs.iter().flat_map(|p| moves(&p.point)).collect();
+        for probing in around.probing {
+            let reach = AROUND * probing.sphere.radius;
+            each_within(around, probing, positions, reach, |_, point, _| {
+                vertices.extend(moves(point));
+            });
+        }
+        vertices.sort_unstable();
+        vertices.dedup();
+        let entries = around.inverse.compliance_of(&vertices, around.held)?;
+        self.block = Some(Block { updates, held: around.held.to_vec(), vertices, entries });
+        Ok(())
+    }
+
+    /// Remembers what pushes in an equilibrium.
+    fn keep(&mut self, pairs: &[Push], touched: Option<ContactOutcome>) {
+        self.pushes.clear();
+        self.penetration = 0.0;
+        let Some(touched) = touched else {
+            self.compliance.clear();
+            return;
+        };
+        let before = pairs.len();
+        let pushing: Vec<usize> = (0..before).filter(|&i| touched.multipliers[i] > 0.0).collect();
+        for &i in &pushing {
+            let (force, normal) = (touched.multipliers[i], touched.normals[i]);
+            self.pushes.push(Push { force, normal, ..pairs[i] });
+        }
+        self.penetration = touched.penetration;
+        // A solve that had nothing to do has none: the last one stands, if it is of these points.
+        if !touched.compliance.is_empty() {
+            let entry = |i: &usize, j: &usize| touched.compliance[before * i + j];
+            self.compliance =
+                pushing.iter().flat_map(|i| pushing.iter().map(move |j| entry(i, j))).collect();
+        }
+    }
+
+    /// Begins a step.
+    pub fn begin(&mut self) {
+        self.before.clone_from(&self.pushes);
+    }
+
+    /// Ends a step; forces have a growth if it went as a whole.
+    pub fn end(&mut self, is_whole: bool) {
+        for push in &mut self.pushes {
+            let same = |old: &&Push| (old.tool, old.number) == (push.tool, push.number);
+            let old = self.before.iter().find(same).map_or(0.0, |old| old.force);
+            push.growth = if is_whole { push.force - old } else { 0.0 };
+        }
+    }
+
+    /// Whether any probe pushes.
+    pub fn is_pressed(&self) -> bool {
+        !self.pushes.is_empty()
+    }
+
+    /// Adds the forces of all contacts to `loads`, by vertex number, N.
+    pub fn add_loads(&self, loads: &mut [Vector3<f64>]) {
+        for push in &self.pushes {
+            for (&v, weight) in push.point.vertices.iter().zip(push.point.weights) {
+                loads[v] += weight * push.force * push.normal;
+            }
+        }
+    }
+
+    /// Force and torque about `reference` of a tool on the body, N and N m, the number of points it
+    /// pushes and how deep the deepest is in any probe, m.
+    pub fn of_tool(
+        &self,
+        tool: usize,
+        reference: &Vector3<f64>,
+        positions: &[Vector3<f64>],
+    ) -> (Vector3<f64>, Vector3<f64>, usize, f64) {
+        let (mut force, mut torque, mut count) = (Vector3::zeros(), Vector3::zeros(), 0);
+        for push in self.pushes.iter().filter(|push| push.tool == tool) {
+            let f = push.force * push.normal;
+            force += f;
+            torque += (push.point.position(positions) - reference).cross(&f);
+            count += 1;
+        }
+        (force, torque, count, self.penetration)
+    }
+
+    /// ∂force/∂(displacement) of a tool while its contacts stay: −N (N Ĉ Nᵀ)⁻¹ Nᵀ in the sense of
+    /// [`of_tool`](Self::of_tool), N/m, symmetric negative; with the sign turned, the inverse of
+    /// the compliance that the tool feels. Zero without contact.
+    pub fn stiffness(&self, tool: usize) -> Matrix3<f64> {
+        let k = self.pushes.len();
+        let mine: Vec<usize> = (0..k).filter(|&i| self.pushes[i].tool == tool).collect();
+        if mine.is_empty() || self.compliance.len() != k * k {
+            return Matrix3::zeros();
+        }
+        let n = mine.len();
+        let mut w = DMatrix::from_fn(n, n, |i, j| self.compliance[k * mine[i] + mine[j]]);
+        let largest = w.diagonal().max();
+        for i in 0..n {
+            w[(i, i)] += REGULAR * largest;
+        }
+        let normals = DMatrix::from_fn(n, 3, |i, axis| self.pushes[mine[i]].normal[axis]);
+        let Some(factor) = w.cholesky() else { return Matrix3::zeros() };
+        let product = normals.transpose() * factor.solve(&normals);
+        Matrix3::from_fn(|i, j| 0.5 * (product[(i, j)] + product[(j, i)]))
+    }
+}
+
+fn push(tool: usize, number: usize, point: SurfacePoint) -> Push {
+    Push { tool, number, point, normal: Vector3::zeros(), force: 0.0, growth: 0.0 }
+}
+
+/// Calls `visit` with number, point and gap of all points within `reach` (m) of a probe.
+fn each_within(
+    around: &Surroundings<'_>,
+    probing: &Probing,
+    positions: &[Vector3<f64>],
+    reach: f64,
+    mut visit: impl FnMut(usize, &SurfacePoint, f64),
+) {
+    let Some(skin) = around.tools[probing.tool].surface_points() else { return };
+    let Sphere { centre, radius } = probing.sphere;
+    skin.each_near(positions, &centre, radius + reach, |number, point| {
+        let gap = (point.position(positions) - centre).norm() - radius;
+        if gap <= reach {
+            visit(number, point, gap);
+        }
+    });
+}
+
+/// The points that are deeper than `depth` and not among `pairs`.
+fn deeper(
+    around: &Surroundings<'_>,
+    positions: &[Vector3<f64>],
+    pairs: &[Push],
+    depth: f64,
+) -> Vec<Push> {
+    let mut found = Vec::new();
+    for probing in around.probing {
+        let known = |number: usize| {
+            pairs.iter().any(|pair| (pair.tool, pair.number) == (probing.tool, number))
+        };
+        each_within(around, probing, positions, 0.0, |number, point, gap| {
+            if gap < -depth && !known(number) {
+                found.push(push(probing.tool, number, *point));
+            }
+        });
+    }
+    found
+}

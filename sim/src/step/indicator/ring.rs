@@ -1,0 +1,58 @@
+//! What an indicator is, and the ring of tetrahedra that it measures.
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gradient};
+
+/// A tetrahedron of a ring in its current state.
+#[derive(Clone, Copy, Debug)]
+pub struct RingMember {
+    /// Rest geometry.
+    pub geometry: LinearTet,
+    /// Its halves' materials and the midpoint's gradients.
+    pub halves: ChildPair,
+    /// What the homogenisation makes of them.
+    pub parent: ParentMaterial,
+    /// Deformation gradient.
+    pub deformation_gradient: Matrix3<f64>,
+    /// Rotation nearest to it.
+    pub rotation: Matrix3<f64>,
+    /// The bisected edge at rest, X_b − X_a, m.
+    pub edge: Vector3<f64>,
+    /// Rotations of the vertices at its ends a and b.
+    pub end_rotations: [Matrix3<f64>; 2],
+    /// The dilation that its pressure stands for, μ q̄/κ; none without pressures.
+    pub pressed_dilation: Option<f64>,
+    /// True where it holds void only.
+    pub is_void: bool,
+}
+
+impl RingMember {
+    /// Strain of the co-rotated displacement; where there are pressures, with their dilation for
+    /// its own, which is no part of their stress and near incompressibility is all noise.
+    pub fn strain(&self) -> Strain {
+        let local = self.rotation.transpose() * self.deformation_gradient;
+        let mut strain = strain_from_gradient(&(local - Matrix3::identity()));
+        if let Some(dilation) = self.pressed_dilation {
+            let off = (dilation - strain.fixed_rows::<3>(0).sum()) / 3.0;
+            strain.fixed_rows_mut::<3>(0).add_scalar_mut(off);
+        }
+        strain
+    }
+
+    /// Where the homogenisation puts the midpoint, off the middle of its edge: R X ε, m.
+    pub fn midpoint_offset(&self) -> Vector3<f64> {
+        self.rotation * (self.parent.midpoint * self.strain())
+    }
+}
+
+/// Measures how much a ring asks for its midpoint.
+pub trait Indicator: Send {
+    /// The scene name.
+    fn name(&self) -> &'static str;
+
+    /// The unit of its values.
+    fn unit(&self) -> &'static str;
+
+    /// The indicator of a complete ring; compared with `refinement.split_above`.
+    fn measure(&self, ring: &[RingMember]) -> f64;
+}

@@ -1,0 +1,147 @@
+//! Where surface points come from: the outline of all that is not void, or a mesh file's faces.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+use yawara_mesh::isosurface::{Outline, Outlines};
+use yawara_mesh::volume::LabelVolume;
+
+use super::surface_points::SurfacePoints;
+use crate::body::{ImageBody, Origin, Start, carrier, surface_level};
+use crate::error::SimError;
+use crate::scene::{Region, Scene};
+
+/// Width of the blur that takes the stairs off voxels, voxels.
+const SIGMA_VOXELS: f64 = 1.0;
+
+/// Points of a regular grid of the spacing are not too near for rounding.
+const NEARER: f64 = 1.0 - 1e-9;
+
+/// A surface with vertices, m, and corners counter-clockwise as seen from outside.
+struct Triangles {
+    points: Vec<Vector3<f64>>,
+    corners: Vec<[usize; 3]>,
+    /// How far it may lie off the material, m.
+    off: f64,
+}
+
+/// The surface at rest, made when the first tool asks.
+pub(super) struct SurfaceSource<'a> {
+    scene: &'a Scene,
+    start: &'a Start,
+    triangles: Option<Triangles>,
+}
+
+impl<'a> SurfaceSource<'a> {
+    pub fn new(scene: &'a Scene, start: &'a Start) -> Self {
+        Self { scene, start, triangles: None }
+    }
+
+    fn triangles(&mut self) -> Result<&Triangles, SimError> {
+        let made = match self.triangles.take() {
+            Some(made) => made,
+            None => match &self.start.origin {
+                Origin::Image(setup) => outline(self.scene, setup)?,
+                Origin::MeshFile(mesh) => Triangles {
+                    points: mesh.points().to_vec(),
+                    corners: mesh.boundary_faces().iter().map(|f| f.map(|v| v as usize)).collect(),
+                    off: 1e-6 * self.start.edge_m,
+                },
+            },
+        };
+        Ok(self.triangles.insert(made))
+    }
+
+    /// Points all over the surface, `spacing` (m) or a little more apart where it is smooth.
+    pub fn points(&mut self, spacing: f64) -> Result<SurfacePoints, SimError> {
+        let Triangles { points, corners, off } = self.triangles()?;
+        let mut kept = Thinned::new(spacing);
+        for face in corners {
+            kept.cover(&face.map(|i| points[i]));
+        }
+        Ok(SurfacePoints::new(kept.points, Vec::new(), *off))
+    }
+
+    /// The triangles whose middles lie in `region`: their middles with their area vectors.
+    pub fn patch(&mut self, key: &str, region: &Region) -> Result<SurfacePoints, SimError> {
+        let (organ, name) = (self.start.organ, self.start.name.clone());
+        let Triangles { points, corners, off } = self.triangles()?;
+        let (mut middles, mut areas) = (Vec::new(), Vec::new());
+        for face in corners {
+            let [a, b, c] = face.map(|i| points[i]);
+            let middle = (a + b + c) / 3.0;
+            if region.contains(&organ, &middle) {
+                middles.push(middle);
+                areas.push(0.5 * (b - a).cross(&(c - a)));
+            }
+        }
+        if middles.is_empty() {
+            return Err(SimError::PatchEmpty { key: format!("{key}.region"), image: name });
+        }
+        Ok(SurfacePoints::new(middles, areas, *off))
+    }
+}
+
+/// The outline of all labels together.
+fn outline(scene: &Scene, setup: &ImageBody) -> Result<Triangles, SimError> {
+    let solid = setup.volume.labels().iter().map(|&label| u16::from(label > 0)).collect();
+    let volume = LabelVolume::new(setup.volume.grid().clone(), solid, vec![0, 1])?;
+    let level = surface_level(scene, setup);
+    let domain = carrier(setup, level);
+    let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
+    let placement = setup.tree.grid().placement(voxel_m, domain.lattice());
+    let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
+    let Outlines { forest, surfaces } = Outlines::new(&volume, &setup.tree, domain, level, &asked)?;
+    let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+    for v in forest.vertices() {
+        rest[v.index()] = placement.position(forest.point(v));
+    }
+    let surface = &surfaces[0];
+    Ok(Triangles {
+        points: surface.positions(&rest)?,
+        corners: surface.triangles.iter().map(|t| t.map(|i| i as usize)).collect(),
+        off: voxel_m,
+    })
+}
+
+/// Points no two of which are nearer than a distance.
+struct Thinned {
+    spacing: f64,
+    points: Vec<Vector3<f64>>,
+    /// By cubes of that edge.
+    cells: HashMap<[i64; 3], Vec<usize>>,
+}
+
+impl Thinned {
+    fn new(spacing: f64) -> Self {
+        Self { spacing, points: Vec::new(), cells: HashMap::new() }
+    }
+
+    /// Takes a point that is far enough from all others.
+    fn offer(&mut self, x: &Vector3<f64>) {
+        let cell = |x: f64| (x / self.spacing).floor() as i64;
+        let at = [cell(x.x), cell(x.y), cell(x.z)];
+        for offset in 0..27 {
+            let near = [at[0] + offset % 3 - 1, at[1] + offset / 3 % 3 - 1, at[2] + offset / 9 - 1];
+            let others = self.cells.get(&near).map_or(&[][..], |list| list);
+            if others.iter().any(|&i| (self.points[i] - x).norm() < NEARER * self.spacing) {
+                return;
+            }
+        }
+        self.cells.entry(at).or_default().push(self.points.len());
+        self.points.push(*x);
+    }
+
+    /// Offers points of a triangle whose edges are longer than the spacing.
+    fn cover(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
+        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        // Far above what an image or a mesh needs, and no more than memory holds.
+        let parts = (longest / self.spacing).ceil().clamp(1.0, 256.0) as usize;
+        for i in 0..=parts {
+            for j in 0..=parts - i {
+                let (s, t) = (i as f64 / parts as f64, j as f64 / parts as f64);
+                self.offer(&(a + (b - a) * s + (c - a) * t));
+            }
+        }
+    }
+}

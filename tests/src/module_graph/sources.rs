@@ -1,0 +1,172 @@
+//! The modules of a package, as its files declare them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use quote::ToTokens;
+use syn::{Attribute, Expr, Item, ItemMod, Lit, Meta};
+
+use super::paths::{Code, is_for_tests, plain};
+
+/// A module, in a file of its own or inside one.
+pub struct Module {
+    /// The file that it stands in, by number.
+    pub file: usize,
+    /// The root module of its library or program.
+    pub root: usize,
+    /// The module that declares it.
+    pub parent: Option<usize>,
+    /// Modules that it declares; several of one name under exclusive conditions.
+    pub children: BTreeMap<String, Vec<usize>>,
+    /// Items that it defines.
+    pub items: BTreeSet<String>,
+    /// What its code outside tests mentions.
+    pub code: Code,
+}
+
+/// All modules of a package: of its library, then of its programs.
+pub struct Sources {
+    /// Files in the order in which they were reached.
+    pub files: Vec<PathBuf>,
+    /// Modules, each behind its parent.
+    pub modules: Vec<Module>,
+    /// The files that define macros, which are known by their name alone.
+    pub macros: BTreeMap<String, usize>,
+    /// How programs name the library, whose root is module 0.
+    pub library: Option<String>,
+}
+
+/// How a file's text is had: none if there is no such file.
+pub type Read<'a> = &'a dyn Fn(&Path) -> Option<String>;
+
+impl Sources {
+    /// Reads the files that can be reached from `roots`; the first is the library if it has a name.
+    ///
+    /// # Errors
+    /// A sentence that names the file that is missing or is not Rust.
+    pub fn read(roots: &[PathBuf], library: Option<String>, read: Read) -> Result<Self, String> {
+        let (files, modules, macros) = Default::default();
+        let mut sources = Self { files, modules, macros, library };
+        for root in roots {
+            let text = read(root).ok_or_else(|| format!("{} is missing", root.display()))?;
+            let folder = root.parent().unwrap_or(Path::new("")).to_owned();
+            sources.file(root.clone(), &text, &folder, None, read)?;
+        }
+        Ok(sources)
+    }
+
+    /// Adds the module of a file; files of its children lie in `folder`.
+    fn file(
+        &mut self,
+        path: PathBuf,
+        text: &str,
+        folder: &Path,
+        parent: Option<usize>,
+        read: Read,
+    ) -> Result<usize, String> {
+        let parsed = syn::parse_file(text).map_err(|error| {
+            format!("{}:{}: {error}", path.display(), error.span().start().line)
+        })?;
+        let file = self.files.len();
+        self.files.push(path);
+        self.module(file, &parsed.items, folder, parent, read)
+    }
+
+    fn module(
+        &mut self,
+        file: usize,
+        items: &[Item],
+        folder: &Path,
+        parent: Option<usize>,
+        read: Read,
+    ) -> Result<usize, String> {
+        let number = self.modules.len();
+        let root = parent.map_or(number, |parent| self.modules[parent].root);
+        let (children, items_of, code) = Default::default();
+        self.modules.push(Module { file, root, parent, children, items: items_of, code });
+        for item in items {
+            match item {
+                Item::Mod(child) if compiled_for_tests(&child.attrs) => _ = child,
+                Item::Use(import) if compiled_for_tests(&import.attrs) => _ = import,
+                Item::Mod(child) => self.child(number, child, folder, read)?,
+                Item::Use(import) => self.modules[number].code.import(import),
+                _ => self.item(number, item),
+            }
+        }
+        Ok(number)
+    }
+
+    fn item(&mut self, module: usize, item: &Item) {
+        if let Item::Macro(definition) = item
+            && let Some(name) = &definition.ident
+        {
+            self.macros.insert(plain(name), self.modules[module].file);
+        }
+        let module = &mut self.modules[module];
+        module.items.extend(name_of(item));
+        module.code.scan(item.to_token_stream());
+    }
+
+    /// Adds a module that `parent` declares.
+    fn child(
+        &mut self,
+        parent: usize,
+        declaration: &ItemMod,
+        folder: &Path,
+        read: Read,
+    ) -> Result<(), String> {
+        let name = plain(&declaration.ident);
+        let below = folder.join(&name);
+        let number = if let Some((_, items)) = &declaration.content {
+            self.module(self.modules[parent].file, items, &below, Some(parent), read)?
+        } else {
+            let places = match path_attribute(&declaration.attrs) {
+                Some(path) => vec![folder.join(path)],
+                None => vec![folder.join(format!("{name}.rs")), below.join("mod.rs")],
+            };
+            let found = places.iter().find_map(|place| Some((place, read(place)?)));
+            let (place, text) = found.ok_or_else(|| {
+                let file = self.files[self.modules[parent].file].display();
+                format!("{file} declares the module {name}, which has no file")
+            })?;
+            self.file(place.clone(), &text, &below, Some(parent), read)?
+        };
+        self.modules[parent].children.entry(name).or_default().push(number);
+        Ok(())
+    }
+}
+
+/// The name that an item gives to its module.
+fn name_of(item: &Item) -> Option<String> {
+    let name = match item {
+        Item::Const(item) => &item.ident,
+        Item::Enum(item) => &item.ident,
+        Item::Fn(item) => &item.sig.ident,
+        Item::Macro(item) => item.ident.as_ref()?,
+        Item::Static(item) => &item.ident,
+        Item::Struct(item) => &item.ident,
+        Item::Trait(item) => &item.ident,
+        Item::Type(item) => &item.ident,
+        Item::Union(item) => &item.ident,
+        _ => return None,
+    };
+    Some(plain(name))
+}
+
+fn compiled_for_tests(attributes: &[Attribute]) -> bool {
+    attributes.iter().any(|attribute| is_for_tests(attribute.meta.to_token_stream()))
+}
+
+/// The file that `#[path = "…"]` names.
+fn path_attribute(attributes: &[Attribute]) -> Option<String> {
+    attributes.iter().find_map(|attribute| match &attribute.meta {
+        Meta::NameValue(pair) if pair.path.is_ident("path") => match &pair.value {
+            Expr::Lit(value) => match &value.lit {
+                Lit::Str(text) => Some(text.value()),
+                _ => None,
+            },
+            _ => None,
+        },
+        _ => None,
+    })
+}
