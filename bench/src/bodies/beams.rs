@@ -10,9 +10,9 @@ use yawara_corot::{
 };
 use yawara_embed::isotropic;
 
+use crate::bodies::solid::Solid;
+use crate::bodies::statics::Statics;
 use crate::error::BenchError;
-use crate::solid::Solid;
-use crate::statics::Statics;
 
 /// Beam and load of an iteration count: 4 × 1 × 1 m, E 1 Pa, held at one end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,8 +12,8 @@ use yawara_mesh::{
     BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Tet, VertexId,
 };
 
+use crate::bodies::organ::elements_of;
 use crate::error::BenchError;
-use crate::organ::elements_of;
 
 /// Voxels along the cube.
 const VOXELS: usize = 16;

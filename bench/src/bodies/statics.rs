@@ -7,8 +7,8 @@ use yawara_embed::{ElementFormulation, P1, P1P1};
 use yawara_inverse_update::{InverseMaintainer, build};
 use yawara_mesh::{Lattice, VertexId};
 
+use crate::bodies::solid::Solid;
 use crate::error::BenchError;
-use crate::solid::Solid;
 
 /// A body, held at some vertices, on its way through equilibria.
 pub struct Statics {

@@ -68,9 +68,8 @@ impl Folder {
     fn open_here(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
         let folder = Self { path: path.into(), made: Vec::new() };
         // Options that a process was writing when it ended, and cases without options, are nothing.
-        let left = |name: &String| {
-            (name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) || name == CASES
-        };
+        let left =
+            |name: &String| (name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) || name == CASES;
         let names = folder.names()?;
         match folder.read(OPTIONS)? {
             Some(found) if !force => folder.compare(&found, options)?,

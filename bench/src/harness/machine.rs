@@ -4,7 +4,7 @@ use std::process::Command;
 
 use serde::{Deserialize, Serialize};
 
-use crate::stream::Stream;
+use crate::solvers::stream::Stream;
 
 /// The machine, for the head of a report.
 #[derive(Clone, Debug, Serialize)]

@@ -23,9 +23,10 @@ impl Progress {
         };
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), target);
         let style = "[{bar:24}] {percent:>3} %, {eta} left  {wide_msg}";
-        bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| {
-            unreachable!("{style:?} is a template")
-        }));
+        bar.set_style(
+            ProgressStyle::with_template(style)
+                .unwrap_or_else(|_| unreachable!("{style:?} is a template")),
+        );
         Self { bar, done: 0.0, total }
     }
 

@@ -1,44 +1,24 @@
-//! Error against run time: combinations of stages on one scene, against a converged reference.
-//!
-//! [`Study`] lists [`Candidate`]s, yours among them, and [`Study::run`] measures each in a process
-//! that can be interrupted, and writes tables, plots and a report.
+//! The study: its candidates, and how they are run.
 
-mod body_picture;
-mod candidate;
-mod choices;
-mod converged;
-mod deadline;
-mod front;
-mod measure;
-mod path;
-mod report;
-mod scatter;
-mod write;
-
-pub use candidate::Candidate;
-pub use converged::{RESIDUAL, Reference, ReferenceSummary};
-pub use front::front;
-pub use measure::measure;
-pub use path::Path;
-
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeSet;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use yawara::report::PlanRow;
 use yawara::scene::Scene;
 use yawara::{SimError, Simulation, Stages, scene_file};
 
-use crate::cases::{self, Case, Folder, Row, Selection};
+use super::candidate::Candidate;
+use super::choices::Choices;
+use super::converged::{Reference, finest_level};
+use super::measure::measure;
+use super::path::Path;
+use super::results::Results;
+use super::{body_picture, write};
 use crate::error::BenchError;
-use crate::ranks;
-use choices::Choices;
-
-/// The x axis of the plots: a row's measurement.
-pub(crate) const TIME: &str = "step_mean_ms";
-
-/// The y axis of the plots: a row's figure.
-pub(crate) const ERROR: &str = "error_displacement";
+use crate::harness::cases::{self, Case, Row, Selection};
+use crate::harness::report::{self, Measured, Summary};
+use crate::harness::{Folder, ranks};
 
 /// What a study compares, and how long it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,19 +65,6 @@ pub struct Study {
     plan: Vec<PlanRow>,
 }
 
-/// A finished study.
-#[derive(Debug)]
-pub struct Results {
-    /// The study's own name for it.
-    pub scene: Scene,
-    /// What the default leaves out, and why.
-    pub plan: Vec<PlanRow>,
-    /// How the reference was made.
-    pub reference: ReferenceSummary,
-    /// A row per candidate.
-    pub rows: Vec<Row>,
-}
-
 impl Study {
     /// The default, every factor varied from it one at a time, and the paper's combination.
     ///
@@ -106,7 +73,7 @@ impl Study {
     /// [`BenchError::Sim`] if the scene is refused.
     pub fn new(mut options: Options) -> Result<Self, BenchError> {
         let (mut scene, _) = scene_file::load(&options.scene, &options.overrides)?;
-        let level = converged::finest_level(&scene, options.reference_vertices)?;
+        let level = finest_level(&scene, options.reference_vertices)?;
         let start = |scene: &Scene| Simulation::new(scene, Stages::by_name(&scene.stages)?);
         let simulation = match start(&scene) {
             Err(SimError::TooManyVertices { count, limit: QUICK_VERTICES }) if options.quick => {
@@ -139,24 +106,14 @@ impl Study {
         if let Some(twice) = self.candidates.iter().find(|one| !names.insert(&one.name)) {
             return Err(BenchError::SameName { name: twice.name.clone() });
         }
-        let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
-        // Without a reference there is no study: it takes what it takes.
-        let limits = (self.options.reference_vertices, f64::INFINITY);
-        let reference =
-            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference"))?;
-        let cases = self.cases(&reference.path, &folder);
-        let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
-            return part_done(&folder, &cases);
-        };
-        let (scene, plan) = (self.scene.clone(), self.plan.clone());
-        let results = Results { scene, plan, reference: reference.summary, rows };
-        let printed = write::all(&results, &folder)?;
-        folder.tidy();
-        Ok(printed)
+        report::run(
+            &Run { study: self, selection, reference: OnceCell::new() },
+            &selection.destination(),
+        )
     }
 
     /// Everything that the figures depend on, own stages aside.
-    fn described(&self) -> serde_json::Value {
+    fn described(&self) -> Value {
         let case = |one: &Candidate| json!({ "name": one.name, "overrides": one.overrides });
         json!({
             "study": "pareto",
@@ -191,31 +148,44 @@ impl Study {
     }
 }
 
-/// What the uniform levels say of the reference's own error: at half its elements' edge errors of
-/// linear elements fall to a quarter, so it is a third of the distance of the mesh three levels
-/// coarser; `None` without such a row.
-pub(crate) fn own_error(results: &Results) -> Option<f64> {
-    let coarser = results.reference.level.checked_sub(3)?;
-    let name = choices::uniform_name(coarser);
-    let row = results.rows.iter().find(|row| row.case == name)?;
-    Some(row.number(ERROR)? / 3.0)
+/// A study under way.
+struct Run<'a> {
+    study: &'a Study,
+    selection: &'a Selection,
+    reference: OnceCell<Reference>,
 }
 
-/// What is said where other parts of a study are still to be run; nothing by processes that another
-/// one speaks for.
-pub(crate) fn part_done(folder: &Folder, cases: &[Case<'_>]) -> Result<String, BenchError> {
-    if !ranks::is_first() {
-        return Ok(String::new());
+impl report::Study for Run<'_> {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "pareto"
     }
-    let mut done = 0;
-    for (number, case) in cases.iter().enumerate() {
-        done += usize::from(folder.row(number, &case.name)?.is_some());
+
+    fn options(&self) -> Option<Value> {
+        Some(self.study.described())
     }
-    Ok(format!(
-        "{done} of {} cases are done; the tables come with the last one (run the other parts, or \
-         again without --shard, over the same folder)\n",
-        cases.len()
-    ))
+
+    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
+        // Without a reference there is no study: it takes what it takes.
+        let limits = (self.study.options.reference_vertices, f64::INFINITY);
+        let reference =
+            ranks::in_turn(|_| Reference::of(&self.study.scene, limits, folder, "reference"))?;
+        let reference = self.reference.get_or_init(|| reference);
+        let cases = self.study.cases(&reference.path, folder);
+        cases::run(folder, &cases, self.selection.shard)
+    }
+
+    fn summary(&self, folder: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        let Some(reference) = self.reference.get() else { return Ok(Summary::default()) };
+        let results = Results {
+            scene: self.study.scene.clone(),
+            plan: self.study.plan.clone(),
+            reference: reference.summary.clone(),
+            rows: rows.to_vec(),
+        };
+        write::all(&results, folder)
+    }
 }
 
 #[cfg(test)]

@@ -134,8 +134,8 @@ pub(crate) fn lower_half(k: &SparseStiffness) -> SparseColMat<usize, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::history::History;
-    use crate::organ::{Organ, Size};
+    use crate::bodies::organ::{Organ, Size};
+    use crate::workloads::history::History;
 
     fn stiffness() -> SparseStiffness {
         let organ = Organ::new(Size::Quick).unwrap();

@@ -5,8 +5,8 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 use yawara_embed::SparseCholesky;
 use yawara_inverse_update::SparseStiffness;
 
-use crate::direct::{Direct, lower_half};
 use crate::error::BenchError;
+use crate::solvers::direct::{Direct, lower_half};
 
 /// Up to so many rows the factor is dense LU, above it is sparse LLᵀ: LU would take longer than
 /// all that it is to judge.

@@ -3,16 +3,15 @@
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use serde_json::json;
+use serde_json::{Value, json};
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
-use super::arguments::CaseArguments;
-use crate::cases::{self, Advance, Case, Findings, Folder};
 use crate::error::BenchError;
-use crate::machine::{self, Machine};
-use crate::pareto::part_done;
-use crate::statistics::{median, ratios};
+use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings, Row};
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::statistics::{median, ratios};
+use crate::harness::{Folder, machine};
 
 /// The built-in scenes that need no file.
 const SCENES: [&str; 3] = ["beam", "twist", "liver"];
@@ -84,37 +83,39 @@ const COLUMNS: &[&str] = &[
 /// # Errors
 /// Those of a study's folder; a part that fails is a row.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
-    let selection = &arguments.selection;
-    let options = json!({
-        "study": "ablation",
-        "version": env!("CARGO_PKG_VERSION"),
-        "quick": arguments.quick,
-    });
-    let folder = Folder::open(&selection.out, &options, selection.force)?;
-    let mut cases = Vec::new();
-    for scene in SCENES {
-        for part in PARTS {
-            let quick = arguments.quick;
-            let name = format!("{scene} with {}", part.name());
-            cases.push(Case::new(scene, name, move |advance| both(scene, part, quick, advance)));
-        }
+    report::run(&Ablation(arguments), &arguments.selection.destination())
+}
+
+struct Ablation<'a>(&'a CaseArguments);
+
+impl Study for Ablation<'_> {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "ablation"
     }
-    let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
-        return part_done(&folder, &cases);
-    };
-    let machine = Machine::here();
-    let text = format!(
-        "# ablation\n\n{}, {} threads. Scenes on their start meshes.\n\n{}",
-        machine.cpu,
-        machine.threads_available,
-        cases::markdown(&rows, COLUMNS)
-    );
-    let value = json!({ "study": "ablation", "machine": machine, "rows": rows });
-    folder.write("ablation.json", format!("{value:#}\n"))?;
-    folder.write("ablation.csv", cases::csv(&rows))?;
-    folder.write("ablation.md", &text)?;
-    folder.tidy();
-    Ok(text)
+
+    fn options(&self) -> Option<Value> {
+        let version = env!("CARGO_PKG_VERSION");
+        Some(json!({ "study": "ablation", "version": version, "quick": self.0.quick }))
+    }
+
+    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
+        let quick = self.0.quick;
+        let mut cases = Vec::new();
+        for scene in SCENES {
+            for part in PARTS {
+                let name = format!("{scene} with {}", part.name());
+                let work = move |advance: Advance<'_>| both(scene, part, quick, advance);
+                cases.push(Case::new(scene, name, work));
+            }
+        }
+        cases::run(folder, &cases, self.0.selection.shard)
+    }
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        Ok(cases::summary("ablation", " Scenes on their start meshes.", rows, COLUMNS))
+    }
 }
 
 /// A scene as the plan has it, and with `part` switched on, step by step in turns.

@@ -6,9 +6,9 @@ use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
 
+use crate::bodies::organ::{Organ, elements_of};
 use crate::error::BenchError;
-use crate::organ::{Organ, elements_of};
-use crate::random::SplitMix64;
+use crate::workloads::random::SplitMix64;
 
 /// One vertex in or out, ready for any maintainer.
 #[derive(Clone, Debug)]
@@ -254,7 +254,7 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::organ::Size;
+    use crate::bodies::organ::Size;
 
     /// Largest |a − b| over √(K_ii K_jj).
     fn difference(a: &SparseStiffness, b: &SparseStiffness) -> f64 {

@@ -5,9 +5,9 @@ use yawara::inverse::SlotMap;
 use yawara_inverse_update::{SparseStiffness, StiffnessChange};
 use yawara_mesh::VertexId;
 
+use crate::bodies::organ::Organ;
 use crate::error::BenchError;
-use crate::organ::Organ;
-use crate::random::SplitMix64;
+use crate::workloads::random::SplitMix64;
 
 /// At most so many tetrahedra are stiffer than their material at a time.
 const MOST: usize = 32;
@@ -98,8 +98,8 @@ impl MaterialEdits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::history::History;
-    use crate::organ::Size;
+    use crate::bodies::organ::Size;
+    use crate::workloads::history::History;
 
     #[test]
     fn changes_add_up_to_what_is_assembled_and_stay_within_twice_the_stiffness() {

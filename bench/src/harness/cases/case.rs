@@ -75,11 +75,7 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
 /// # Errors
 /// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
 /// those of [`ranks`].
-pub fn run(
-    folder: &Folder,
-    cases: &[Case<'_>],
-    shard: Shard,
-) -> Result<Measured<Row>, BenchError> {
+pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured<Row>, BenchError> {
     let place = Place::here();
     let mut waiting = Vec::new();
     for (number, case) in cases.iter().enumerate() {

@@ -13,4 +13,4 @@ mod table;
 pub use case::{Advance, Case, Findings, Work, run};
 pub use row::{Figures, Row};
 pub use selection::{CaseArguments, Selection, Shard};
-pub(crate) use table::{lines, markdown, rounded};
+pub(crate) use table::{lines, markdown, rounded, summary};

@@ -3,7 +3,21 @@
 use serde_json::{Map, Value};
 
 use super::row::Row;
-use crate::harness::report::markdown;
+use crate::harness::machine::Machine;
+use crate::harness::report::{Summary, markdown};
+
+/// What a study of cases says: its name and a remark, the machine, and the columns `names`.
+pub(crate) fn summary(study: &str, remark: &str, rows: &[Row], names: &[&str]) -> Summary {
+    let machine = Machine::here();
+    let text = format!(
+        "# {study}\n\n{}, {} threads.{remark}\n\n{}",
+        machine.cpu,
+        machine.threads_available,
+        markdown(rows, names)
+    );
+    let summary = Summary { table: Some(lines(rows)), ..Summary::new(text) };
+    summary.with("study", study).with("machine", machine)
+}
 
 /// Rows as lines of CSV: group, case, every figure and then every measurement that a row has, in
 /// order of first appearance, and why a row has none.

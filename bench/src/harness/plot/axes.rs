@@ -30,7 +30,8 @@ impl Axes {
     /// The axes with their ticks, their titles and that of the chart.
     pub fn shapes(&self, title: &str, titles: [&str; 2]) -> Vec<Shape> {
         let [left, top, right, bottom] = FRAME;
-        let text = |at, size, anchor, text: &str| Shape::Text { at, size, anchor, text: text.into() };
+        let text =
+            |at, size, anchor, text: &str| Shape::Text { at, size, anchor, text: text.into() };
         let line = |points| Shape::Line { points, width: 1.0, role: Role::Faint };
         let mut shapes = vec![text((left, 18.0), 16.0, Anchor::Start, title)];
         for value in self.x.ticks() {

@@ -61,7 +61,8 @@ mod tests {
 
     #[test]
     fn fields_within_fields_are_columns_and_what_is_missing_is_empty() {
-        let rows = [json!({ "a": 1.5, "b_ms": null }), json!({ "b_ms": { "p50": 2 }, "c": "x, y" })];
+        let rows =
+            [json!({ "a": 1.5, "b_ms": null }), json!({ "b_ms": { "p50": 2 }, "c": "x, y" })];
         assert_eq!(csv(&objects(&rows)), "a,b_p50_ms,c\n1.5,,\n,2,\"x, y\"\n");
     }
 }

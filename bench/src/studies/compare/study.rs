@@ -1,6 +1,4 @@
-//! `compare A B`: two results of a study, figure by figure.
-
-mod result;
+//! Figure by figure.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -8,10 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::Value;
 
-use super::markdown;
+use super::result::{self, Entry};
 use crate::error::BenchError;
-use crate::statistics::median;
-use result::Entry;
+use crate::harness::report::markdown;
+use crate::harness::statistics::median;
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]

@@ -1,25 +1,22 @@
-//! `drift`: what 10⁴ random splits, merges and changes of material leave of the inverse, and
-//! whether its monitor sees it.
-
-mod report;
+//! The random history and its maintainers.
 
 use clap::Args;
 use yawara_embed::Material;
 use yawara_inverse_update::{InverseMaintainer, StiffnessChange, build, drift};
 
-use self::report::{Report, Row};
-use super::arguments::{Common, in_range, sizes};
-use super::json;
-use super::race::{maintainers, three_slots, unit_loads};
+use super::report::{MONITORED, Row};
+use crate::bodies::organ::Organ;
 use crate::error::BenchError;
-use crate::history::{History, Update};
-use crate::machine::Machine;
-use crate::material_edits::MaterialEdits;
-use crate::organ::Organ;
-use crate::output::Output;
-use crate::progress::Progress;
-use crate::random::SplitMix64;
-use crate::reference::{Reference, relative_error};
+use crate::harness::arguments::{Common, in_range, sizes};
+use crate::harness::machine::Machine;
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::{Folder, Progress};
+use crate::solvers::direct::in_one_thread;
+use crate::solvers::reference::{Reference, relative_error};
+use crate::studies::race::{maintainers, three_slots, unit_loads};
+use crate::workloads::history::{History, Update};
+use crate::workloads::material_edits::MaterialEdits;
+use crate::workloads::random::SplitMix64;
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -58,9 +55,6 @@ const WANDER: usize = 24;
 /// Between one and a day's worth.
 const UPDATES: (usize, usize) = (1, 10_000_000);
 
-/// Columns that the monitor looks at.
-const MONITORED: usize = 8;
-
 /// One update in so many is a change of material.
 const CHANGES: usize = 3;
 
@@ -73,26 +67,42 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let vertices = sizes(&arguments.vertices, if quick { &[192] } else { &[512] })?;
     let updates = arguments.updates.unwrap_or(if quick { 300 } else { 10_000 });
     in_range("--updates", updates, UPDATES)?;
-    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
-    let cases = cases(quick);
-    let mut progress = Progress::new((vertices.len() * cases.len() * updates) as f64);
-    let mut rows = Vec::new();
-    for &vertices in &vertices {
-        for &case in &cases {
-            let run = Run { case, vertices, updates, seed: arguments.seed };
-            rows.extend(crate::direct::in_one_thread(|| run.rows(&mut progress))?);
+    let drift = Drift { quick, vertices, updates, seed: arguments.seed };
+    report::run(&drift, &arguments.common.destination)
+}
+
+struct Drift {
+    quick: bool,
+    vertices: Vec<usize>,
+    updates: usize,
+    seed: u64,
+}
+
+impl Study for Drift {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "drift"
+    }
+
+    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
+        let Self { updates, seed, .. } = *self;
+        let cases = cases(self.quick);
+        let mut progress = Progress::new((self.vertices.len() * cases.len() * updates) as f64);
+        let mut rows = Vec::new();
+        for &vertices in &self.vertices {
+            for &case in &cases {
+                let run = Run { case, vertices, updates, seed };
+                rows.extend(in_one_thread(|| run.rows(&mut progress))?);
+            }
         }
+        Ok(Measured::All(rows))
     }
-    drop(progress);
-    let report = Report::new(Machine::here(), arguments.seed, rows);
-    let text = report.markdown();
-    output.write("drift.json", &json(&report, &arguments.common.out, "drift.json")?)?;
-    output.write("drift.csv", &report.csv())?;
-    output.write("drift.md", &text)?;
-    for (name, svg) in report.plots() {
-        output.write(&name, &svg)?;
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        let summary = super::report::summary(rows);
+        Ok(summary.with("machine", Machine::here()).with("seed", self.seed))
     }
-    Ok(text)
 }
 
 fn cases(quick: bool) -> Vec<Case> {
@@ -242,7 +252,6 @@ fn is_looked_at(number: usize, last: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::Value;
 
     #[test]
     fn three_looks_per_decade_and_one_at_the_end() {
@@ -260,56 +269,5 @@ mod tests {
         assert_eq!(cases(false).len(), 12);
         let quick: Vec<f64> = cases(true).iter().map(|case| case.e_ratio).collect();
         assert_eq!(quick, E_RATIOS);
-    }
-
-    #[test]
-    fn the_errors_of_all_maintainers_stay_small_on_the_quick_cases() {
-        let root = tempfile::tempdir().unwrap();
-        let out = root.path().join("study");
-        let arguments = Arguments {
-            common: Common { out: out.clone(), quick: true, force: false },
-            vertices: vec![160],
-            updates: Some(60),
-            seed: 3,
-        };
-        let text = run(&arguments).unwrap();
-        assert_eq!(std::fs::read_to_string(out.join("drift.md")).unwrap(), text);
-        let json = std::fs::read_to_string(out.join("drift.json")).unwrap();
-        assert!(!json.contains("null"), "{json}");
-        let value: Value = serde_json::from_str(&json).unwrap();
-        let rows = value["rows"].as_array().unwrap();
-        // 1, 2, 5, 10, 20, 50, 60 updates, three cases.
-        assert_eq!(rows.len(), 7 * 3 * maintainers().count());
-        for row in rows {
-            let limit = match (row["method"].as_str().unwrap(), row["precision"].as_str().unwrap())
-            {
-                ("sparse" | "woodbury", _) => 1e-10,
-                (_, "f32") => 1e-6,
-                _ => 1e-4,
-            };
-            assert!(row["error"].as_f64().unwrap() < limit, "{row}");
-            assert!(row["monitor"].as_f64().unwrap() < 1.0, "{row}");
-        }
-        let csv = std::fs::read_to_string(out.join("drift.csv")).unwrap();
-        assert_eq!(csv.lines().count(), 1 + rows.len());
-        let svgs = std::fs::read_dir(&out)
-            .unwrap()
-            .filter(|entry| entry.as_ref().unwrap().path().extension().is_some_and(|e| e == "svg"));
-        assert_eq!(svgs.count(), 3);
-    }
-
-    #[test]
-    fn bad_arguments_write_nothing() {
-        let root = tempfile::tempdir().unwrap();
-        let out = root.path().join("study");
-        let arguments = Arguments {
-            common: Common { out, quick: true, force: false },
-            vertices: vec![],
-            updates: Some(0),
-            seed: 3,
-        };
-        let error = run(&arguments).unwrap_err();
-        assert!(matches!(error, BenchError::OutOfRange { option: "--updates", .. }), "{error}");
-        assert!(std::fs::read_dir(root.path()).unwrap().next().is_none());
     }
 }

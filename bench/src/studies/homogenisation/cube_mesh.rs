@@ -9,10 +9,10 @@ use yawara_embed::{DetailMesh, Embedding, P1, SparseCholesky};
 use yawara_inverse_update::elimination_order;
 use yawara_mesh::{BisectionForest, Domain, Lattice, Placement, VertexId};
 
-use super::homogenisation_cases::{Block, VOXELS, VOXELS_PER_CELL};
-use crate::direct::lower_half;
+use super::mixture::{Block, VOXELS, VOXELS_PER_CELL};
+use crate::bodies::organ::elements_of;
 use crate::error::BenchError;
-use crate::organ::elements_of;
+use crate::solvers::direct::lower_half;
 
 /// Tractions on the face z = 1: tension and shear.
 const TRACTIONS: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
@@ -139,7 +139,7 @@ impl CubeMesh {
 mod tests {
     use std::ops::ControlFlow;
 
-    use super::super::homogenisation_cases::Inside;
+    use super::super::mixture::Inside;
     use super::*;
     use yawara_embed::by_name;
 

@@ -9,7 +9,7 @@ use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{CellGrid, LabelTree};
 
 use crate::error::BenchError;
-use crate::random::SplitMix64;
+use crate::workloads::random::SplitMix64;
 
 /// Finest cubes along an edge.
 pub(crate) const VOXELS: usize = 16;

@@ -1,103 +1,64 @@
-//! `homogenisation`: how far coarse tetrahedra answer from the fine body that they stand for.
+//! All cases by all choices.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde::Serialize;
 use yawara_embed::{CHOICES, DetailMesh, Embedding, by_name};
 use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::{CellGrid, LabelTree};
 
-use super::arguments::Common;
-use super::homogenisation_cases::{Block, CASES, Inside};
-use super::homogenisation_solve::{CubeMesh, Solution};
-use super::{homogenisation_tables, json};
+use super::cube_mesh::{CubeMesh, Solution};
+use super::mixture::{Block, CASES, Inside};
+use super::row::{PhantomCost, Row};
+use super::tables;
+use crate::bodies::organ::organ_materials;
 use crate::error::BenchError;
-use crate::organ::organ_materials;
-use crate::output::Output;
-use crate::progress::Progress;
-
-/// One choice on one case.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    /// What the cube holds.
-    pub case: &'static str,
-    /// Largest over smallest Young's modulus.
-    pub ratio: f64,
-    /// Poisson's ratio of all materials.
-    pub nu: f64,
-    /// Levels from the finest mesh to the coarse one.
-    pub levels: u8,
-    /// The homogenisation.
-    pub choice: &'static str,
-    /// Coarse displacement, linear between coarse vertices, against that of the fine solution:
-    /// relative L2 error, mean of tension and shear.
-    pub error_coarse: f64,
-    /// The same with all finer vertices where the embedding has them.
-    pub error_fine: f64,
-    /// Relative error of the loads' work, mean of tension and shear.
-    pub compliance_error: f64,
-    /// Smallest eigenvalue of the coarse tetrahedra's elasticity; the matrix has E = 1.
-    pub min_eigenvalue: f64,
-    /// Time to homogenise all levels, s.
-    pub seconds: f64,
-    /// Memory of the homogenised materials.
-    pub bytes: usize,
-    /// Whether the case is one of the mean.
-    #[serde(skip)]
-    pub counts: bool,
-}
-
-/// The whole study.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// By case, ν, choice and levels.
-    pub rows: Vec<Row>,
-}
+use crate::harness::arguments::Common;
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::{Folder, Progress};
 
 /// Runs the study, writes its files and returns its tables.
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments or a system that can't be solved; nothing is written then.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let mut output = Output::create(&arguments.out, arguments.force)?;
-    let (ratios, levels): (&[f64], &[u8]) =
-        if arguments.quick { (&[0.3], &[3]) } else { (&[0.3, 0.45, 0.49], &[3, 6]) };
-    let is_asked = |inside: &Inside| {
-        !arguments.quick || *inside == Inside::Homogeneous || inside.counts(levels[0])
-    };
-    let cases: Vec<Inside> = CASES.into_iter().filter(is_asked).collect();
-    let mut progress = Progress::new((cases.len() * ratios.len() * CHOICES.len()) as f64);
-    let mut rows = Vec::new();
-    for inside in cases {
-        let block = Block::new(inside)?;
-        for &nu in ratios {
-            rows.extend(case_rows(&block, nu, levels, &mut progress)?);
-        }
-    }
-    drop(progress);
-    let report = Report { rows };
-    let mut tables = homogenisation_tables::tables(&report);
-    tables += &homogenisation_tables::costs(&phantom_costs()?);
-    output.write("homogenisation.csv", &homogenisation_tables::csv(&report))?;
-    output.write("homogenisation.md", &tables)?;
-    if let Some(svg) = homogenisation_tables::plot(&report) {
-        output.write("homogenisation.svg", &svg)?;
-    }
-    let text = json(&report, &arguments.out, "homogenisation.json")?;
-    output.write("homogenisation.json", &text)?;
-    Ok(tables)
+    report::run(&HomogenisationStudy { quick: arguments.quick }, &arguments.destination)
 }
 
-/// What it costs to homogenise an organ of 128 voxels' length.
-#[derive(Clone, Debug)]
-pub(super) struct PhantomCost {
-    pub choice: &'static str,
-    /// Heterogeneous tetrahedra.
-    pub nodes: usize,
-    pub seconds: f64,
-    pub bytes: usize,
+struct HomogenisationStudy {
+    quick: bool,
+}
+
+impl Study for HomogenisationStudy {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "homogenisation"
+    }
+
+    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
+        let (ratios, levels): (&[f64], &[u8]) =
+            if self.quick { (&[0.3], &[3]) } else { (&[0.3, 0.45, 0.49], &[3, 6]) };
+        let is_asked = |inside: &Inside| {
+            !self.quick || *inside == Inside::Homogeneous || inside.counts(levels[0])
+        };
+        let cases: Vec<Inside> = CASES.into_iter().filter(is_asked).collect();
+        let mut progress = Progress::new((cases.len() * ratios.len() * CHOICES.len()) as f64);
+        let mut rows = Vec::new();
+        for inside in cases {
+            let block = Block::new(inside)?;
+            for &nu in ratios {
+                rows.extend(case_rows(&block, nu, levels, &mut progress)?);
+            }
+        }
+        Ok(Measured::All(rows))
+    }
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        let text = tables::tables(rows) + &tables::costs(&phantom_costs()?);
+        Ok(Summary::new(text).with_file("homogenisation.svg", tables::plot(rows)))
+    }
 }
 
 /// The local choices on the liver phantom, all levels: the better of two runs.
@@ -196,72 +157,4 @@ fn errors(
 fn min_eigenvalue(mesh: &CubeMesh, embedding: &Embedding) -> f64 {
     let of = |tet: yawara_mesh::Tet| embedding.elasticity(tet.node).symmetric_eigenvalues().min();
     mesh.forest.leaves().map(of).fold(f64::INFINITY, f64::min)
-}
-
-impl Row {
-    fn checked(self) -> Result<Self, BenchError> {
-        let values = [
-            ("error_coarse", self.error_coarse),
-            ("error_fine", self.error_fine),
-            ("compliance_error", self.compliance_error),
-            ("min_eigenvalue", self.min_eigenvalue),
-        ];
-        for (name, value) in values {
-            if !value.is_finite() {
-                let what = format!("{name} of {} by {}", self.case, self.choice);
-                return Err(BenchError::NotFinite { what, value });
-            }
-        }
-        Ok(self)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The bounds that the choices are held to, and what is written.
-    #[test]
-    fn the_quick_study_holds_what_is_claimed() {
-        let root = tempfile::tempdir().unwrap();
-        let out = root.path().join("study");
-        let text = run(&Common { out: out.clone(), quick: true, force: false }).unwrap();
-        assert_eq!(std::fs::read_to_string(out.join("homogenisation.md")).unwrap(), text);
-        let json = std::fs::read_to_string(out.join("homogenisation.json")).unwrap();
-        let value: serde_json::Value = serde_json::from_str(&json).unwrap();
-        let rows = value["rows"].as_array().unwrap();
-        assert_eq!(rows.len(), 8 * CHOICES.len());
-        let keys = [
-            "case",
-            "ratio",
-            "nu",
-            "levels",
-            "choice",
-            "error_coarse",
-            "error_fine",
-            "compliance_error",
-            "min_eigenvalue",
-            "seconds",
-            "bytes",
-        ];
-        for row in rows {
-            assert!(row.as_object().unwrap().keys().eq(keys));
-            assert!(row["min_eigenvalue"].as_f64().unwrap() > 0.0, "{row}");
-        }
-        let mean = |choice: &str, key: &str| {
-            let of =
-                |row: &&serde_json::Value| row["choice"] == choice && row["case"] != "homogeneous";
-            rows.iter().filter(of).map(|row| row[key].as_f64().unwrap()).sum::<f64>() / 7.0
-        };
-        let [laminate, linear, kharevych, paper] =
-            ["laminate", "linear", "kharevych", "paper"].map(|c| mean(c, "error_coarse"));
-        assert!(laminate < 0.17 && kharevych < 0.09, "{laminate} {kharevych}");
-        assert!(kharevych < laminate && laminate < linear && linear < paper && paper > 1.0);
-        assert!(mean("kharevych", "error_fine") < kharevych);
-        assert!(mean("laminate", "error_fine") < 1.001 * laminate);
-        let csv = std::fs::read_to_string(out.join("homogenisation.csv")).unwrap();
-        assert_eq!(csv.lines().count(), 1 + rows.len());
-        let svg = std::fs::read_to_string(out.join("homogenisation.svg")).unwrap();
-        assert!(svg.contains("kharevych, 3 levels"));
-    }
 }

@@ -1,45 +1,19 @@
-//! What the study `homogenisation` writes besides its JSON.
-
-use std::fmt::Write;
+//! What the study prints and draws.
 
 use yawara_embed::CHOICES;
 
-use super::homogenisation::{PhantomCost, Report, Row};
-use super::markdown::{Line, milliseconds, table};
-use crate::plot::{self, log_log};
+use super::row::{PhantomCost, Row};
+use crate::harness::plot::log_log;
+use crate::harness::report::markdown::{Line, milliseconds, table};
+use crate::harness::report::{curves, each_once, spread};
 
-pub(super) fn csv(report: &Report) -> String {
-    let mut text = String::from(
-        "case,ratio,nu,levels,choice,error_coarse,error_fine,compliance_error,min_eigenvalue,\
-         seconds,bytes\n",
-    );
-    for r in &report.rows {
-        let _ = writeln!(
-            text,
-            "{},{:e},{},{},{},{},{},{},{:e},{},{}",
-            r.case,
-            r.ratio,
-            r.nu,
-            r.levels,
-            r.choice,
-            r.error_coarse,
-            r.error_fine,
-            r.compliance_error,
-            r.min_eigenvalue,
-            r.seconds,
-            r.bytes
-        );
-    }
-    text
+fn column(row: &Row) -> String {
+    format!("ν {}, {} levels", row.nu, row.levels)
 }
 
 /// Means over the cases, then every case; percent.
-pub(super) fn tables(report: &Report) -> String {
-    let mut columns: Vec<(f64, u8)> = report.rows.iter().map(|r| (r.nu, r.levels)).collect();
-    columns.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-    columns.dedup();
-    let heads: Vec<String> =
-        columns.iter().map(|(nu, levels)| format!("ν {nu}, {levels} levels")).collect();
+pub(super) fn tables(rows: &[Row]) -> String {
+    let heads = each_once(rows.iter().map(column));
     let mut text = String::new();
     type Value = fn(&Row) -> f64;
     let values: [(&str, Value); 3] = [
@@ -49,12 +23,12 @@ pub(super) fn tables(report: &Report) -> String {
     ];
     for (corner, value) in values {
         let mean = |name: &str, of: &dyn Fn(&Row) -> bool| -> Line {
-            let cell = |&(nu, levels): &(f64, u8)| {
-                let rows = report.rows.iter().filter(|r| r.nu == nu && r.levels == levels);
-                let found: Vec<f64> = rows.filter(|r| of(r)).map(value).collect();
+            let cell = |head: &String| {
+                let found = rows.iter().filter(|r| column(r) == *head && of(r));
+                let found: Vec<f64> = found.map(value).collect();
                 percent(found.iter().sum::<f64>() / found.len() as f64)
             };
-            (name.to_owned(), columns.iter().map(cell).collect())
+            (name.to_owned(), heads.iter().map(cell).collect())
         };
         let mut lines =
             vec![mean("homogeneous", &|r| r.case == "homogeneous" && r.choice == "linear")];
@@ -63,37 +37,21 @@ pub(super) fn tables(report: &Report) -> String {
         }
         text += &table(&format!("mean {corner}"), &heads, &lines);
     }
-    text += &cases(report, &columns, &heads);
-    text
-}
-
-fn cases(report: &Report, columns: &[(f64, u8)], heads: &[String]) -> String {
-    let mut lines: Vec<Line> = Vec::new();
-    for row in &report.rows {
-        let name = format!("{} {:.0e}, {}", row.case, row.ratio, row.choice);
-        let at = columns.iter().position(|&(nu, levels)| nu == row.nu && levels == row.levels);
-        let cell = format!("{} / {}", percent(row.error_coarse), percent(row.error_fine));
-        if lines.iter().all(|(other, _)| *other != name) {
-            lines.push((name.clone(), vec![String::new(); columns.len()]));
-        }
-        for (_, cells) in lines.iter_mut().filter(|(other, _)| *other == name) {
-            if let Some(at) = at {
-                cells[at].clone_from(&cell);
-            }
-        }
-    }
-    let mut text = table("L2 error coarse / embedded, %", heads, &lines);
+    let place = |r: &&Row| (format!("{} {:.0e}, {}", r.case, r.ratio, r.choice), column(r));
+    let lines = spread(&heads, rows, place, |row| {
+        format!("{} / {}", percent(row.error_coarse), percent(row.error_fine))
+    });
+    text += &table("L2 error coarse / embedded, %", &heads, &lines);
     let costs: Vec<Line> = CHOICES
         .iter()
         .map(|&choice| {
-            let rows: Vec<&Row> = report.rows.iter().filter(|r| r.choice == choice).collect();
+            let rows: Vec<&Row> = rows.iter().filter(|r| r.choice == choice).collect();
             let mean = rows.iter().map(|r| r.seconds).sum::<f64>() / rows.len() as f64;
             let bytes = rows.iter().map(|r| r.bytes).max().unwrap_or(0);
             (choice.to_owned(), vec![milliseconds(1e3 * mean), format!("{}", bytes / 1000)])
         })
         .collect();
-    text += &table("precompute", &["ms, mean".to_owned(), "kB, most".to_owned()], &costs);
-    text
+    text + &table("precompute", &["ms, mean".to_owned(), "kB, most".to_owned()], &costs)
 }
 
 /// What the organ took.
@@ -123,20 +81,10 @@ fn percent(value: f64) -> String {
 }
 
 /// Error over the ratio of moduli, spheres at ν = 0.3.
-pub(super) fn plot(report: &Report) -> Option<String> {
-    let mut lines = Vec::new();
-    for choice in CHOICES {
-        for levels in [3, 6] {
-            let of = |r: &&Row| {
-                r.case == "sphere" && r.nu == 0.3 && r.choice == *choice && r.levels == levels
-            };
-            let points: Vec<(f64, f64)> =
-                report.rows.iter().filter(of).map(|r| (r.ratio, r.error_coarse)).collect();
-            if !points.is_empty() {
-                let name = format!("{choice}, {levels} levels");
-                lines.push(plot::Line { name, points });
-            }
-        }
-    }
-    log_log("A stiff sphere, ν = 0.3", ["ratio of moduli", "relative L2 error"], &lines)
+pub(super) fn plot(rows: &[Row]) -> Option<String> {
+    let spheres = rows.iter().filter(|r| r.case == "sphere" && r.nu == 0.3);
+    let curves = curves(spheres, |r| {
+        Some((format!("{}, {} levels", r.choice, r.levels), (r.ratio, r.error_coarse)))
+    });
+    log_log("A stiff sphere, ν = 0.3", ["ratio of moduli", "relative L2 error"], &curves)
 }

@@ -1,19 +1,24 @@
-//! `mesh`: shapes, closures, the cost of a split, and what a volume costs to take in.
+//! All parts of the study.
 
-use std::fmt::Write;
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
 
-use super::arguments::Common;
+use super::updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
+use super::volumes::{self, VolumeRow};
 use crate::error::BenchError;
-use crate::output::Output;
-use crate::plot::{Line, log_log, slope};
-use crate::random::SplitMix64;
-use crate::studies::mesh_updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
-use crate::studies::mesh_volumes::{self, VolumeRow};
+use crate::harness::Folder;
+use crate::harness::arguments::Common;
+use crate::harness::plot::{Curve, log_log, slope};
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::workloads::random::SplitMix64;
+
+/// Version of the JSON layout.
+const SCHEMA: u32 = 4;
 
 /// A similarity class of tetrahedra.
 #[derive(Clone, Debug, Serialize)]
@@ -39,67 +44,121 @@ pub struct ClosureRow {
     pub most: usize,
 }
 
-/// The whole study.
+/// A line of the CSV file: a table's name, a key, and that table's columns.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// Version of this layout.
-    pub schema: u32,
-    /// Shapes.
-    pub shapes: Vec<ShapeRow>,
-    /// Closures by generation.
-    pub closures: Vec<ClosureRow>,
-    /// Updates by size.
-    pub updates: Vec<UpdateRow>,
-    /// Exponents of their times over leaves.
-    pub update_slopes: UpdateSlopes,
-    /// Volumes by size.
-    pub volumes: Vec<VolumeRow>,
-    /// Exponent of the tree's time over heterogeneous tetrahedra.
-    pub volume_time_slope: f64,
-    /// Exponent of the forest's time over its leaves.
-    pub forest_time_slope: f64,
+pub struct Row {
+    table: String,
+    key: String,
+    a: f64,
+    b: f64,
+    c: Option<f64>,
+    d: Option<f64>,
+    e: Option<f64>,
+    f: Option<f64>,
 }
 
-/// Runs the study, writes its files and returns its table.
+impl Row {
+    fn new(table: &str, key: impl ToString, values: &[f64]) -> Self {
+        let at = |i: usize| values.get(i).copied();
+        let [a, b] = [0, 1].map(|i| at(i).unwrap_or(f64::NAN));
+        Self {
+            table: table.into(),
+            key: key.to_string(),
+            a,
+            b,
+            c: at(2),
+            d: at(3),
+            e: at(4),
+            f: None,
+        }
+    }
+}
+
+/// Runs the study, writes its files and returns its tables.
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments; nothing is written then.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let mut output = Output::create(&arguments.out, arguments.force)?;
-    let (cells, sizes): (&[usize], &[usize]) = if arguments.quick {
-        (&[3, 6, 13], &[64, 96, 128])
-    } else {
-        (&[3, 6, 13, 28], &[64, 96, 128, 192, 256])
-    };
-    let updates: Vec<UpdateRow> =
-        cells.iter().map(|&n| update_row(&mut forest(n, 3, 6)?)).collect::<Result<_, _>>()?;
-    let volumes: Vec<VolumeRow> =
-        sizes.iter().map(|&n| mesh_volumes::row(n)).collect::<Result<_, _>>()?;
-    let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
-    let forests: Vec<(f64, f64)> =
-        volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
-    let report = Report {
-        schema: 3,
-        shapes: shapes()?,
-        closures: closures()?,
-        update_slopes: UpdateSlopes::of(&updates),
-        updates,
-        volume_time_slope: slope(&trees),
-        forest_time_slope: slope(&forests),
-        volumes,
-    };
-    let table = table(&report);
-    output.write("mesh.csv", &csv(&report))?;
-    output.write("mesh.txt", &table)?;
-    for (name, svg) in plots(&report, trees) {
-        output.write(name, &svg)?;
+    let mesh = MeshStudy { quick: arguments.quick, found: OnceCell::new() };
+    report::run(&mesh, &arguments.destination)
+}
+
+struct MeshStudy {
+    quick: bool,
+    found: OnceCell<Found>,
+}
+
+/// Everything measured, table by table.
+struct Found {
+    shapes: Vec<ShapeRow>,
+    closures: Vec<ClosureRow>,
+    updates: Vec<UpdateRow>,
+    volumes: Vec<VolumeRow>,
+}
+
+impl Study for MeshStudy {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "mesh"
     }
-    let json = serde_json::to_string_pretty(&report).map_err(|error| BenchError::Io {
-        path: arguments.out.join("mesh.json"),
-        source: error.into(),
-    })?;
-    output.write("mesh.json", &json)?;
-    Ok(table)
+
+    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
+        let (cells, sizes): (&[usize], &[usize]) = match self.quick {
+            true => (&[3, 6, 13], &[64, 96, 128]),
+            false => (&[3, 6, 13, 28], &[64, 96, 128, 192, 256]),
+        };
+        let found = Found {
+            updates: cells
+                .iter()
+                .map(|&n| update_row(&mut forest(n, 3, 6)?))
+                .collect::<Result<_, _>>()?,
+            volumes: sizes.iter().map(|&n| volumes::row(n)).collect::<Result<_, _>>()?,
+            shapes: shapes()?,
+            closures: closures()?,
+        };
+        Ok(Measured::All(self.found.get_or_init(|| found).rows()))
+    }
+
+    fn summary(&self, _: &Folder, _: &[Row]) -> Result<Summary, BenchError> {
+        let Some(found) = self.found.get() else { return Ok(Summary::default()) };
+        let Found { shapes, closures, updates, volumes } = found;
+        let slopes = UpdateSlopes::of(updates);
+        let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
+        let forests: Vec<(f64, f64)> =
+            volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
+        let [tree_slope, forest_slope] = [slope(&trees), slope(&forests)];
+        let UpdateSlopes { random, local, ring_pass, random_ratio } = &slopes;
+        let text = found.element_tables()
+            + &found.update_table()
+            + &format!(
+                "Time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep; \
+                 at random places the pass with leaves^{ring_pass:.3}, the ratio with \
+                 leaves^{random_ratio:.3}.\n\n"
+            )
+            + &volumes::table(volumes)
+            + &format!(
+                "The tree's time goes with heterogeneous tetrahedra^{tree_slope:.2}, the forest's \
+                 with its leaves^{forest_slope:.2}.\n"
+            );
+        let name = "liver phantom, 64 to 256 voxels".to_owned();
+        let volumes_svg = log_log(
+            "Volume to label tree",
+            ["heterogeneous tetrahedra", "s"],
+            &[Curve { name, points: trees }],
+        );
+        Ok(Summary::new(text)
+            .with("schema", SCHEMA)
+            .with("shapes", shapes)
+            .with("closures", closures)
+            .with("updates", updates)
+            .with("update_slopes", slopes)
+            .with("volumes", volumes)
+            .with("volume_time_slope", tree_slope)
+            .with("forest_time_slope", forest_slope)
+            .with_file("mesh_updates.svg", found.update_chart())
+            .with_file("mesh_volumes.svg", volumes_svg))
+    }
 }
 
 fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest, BenchError> {
@@ -151,99 +210,80 @@ fn closures() -> Result<Vec<ClosureRow>, BenchError> {
     Ok(added.iter().enumerate().filter(|(_, a)| !a.is_empty()).map(row).collect())
 }
 
-fn plots(report: &Report, trees: Vec<(f64, f64)>) -> Vec<(&'static str, String)> {
-    let line = |name: &str, points| Line { name: name.into(), points };
-    let over_leaves = |name: &str, value: &dyn Fn(&UpdateRow) -> f64| {
-        line(name, report.updates.iter().map(|r| (r.leaves as f64, value(r))).collect())
-    };
-    let updates = log_log(
-        "One vertex in and out again",
-        ["leaves", "ns"],
-        &[
-            over_leaves("random places", &|r| r.random.split_and_merge_ns),
-            over_leaves("a sweep", &|r| r.local.split_and_merge_ns),
-            over_leaves("one pass over the rings' memory, random", &|r| r.random.ring_pass_ns),
-            over_leaves("one pass over the rings' memory, sweep", &|r| r.local.ring_pass_ns),
-        ],
-    );
-    let volumes = log_log(
-        "Volume to label tree",
-        ["heterogeneous tetrahedra", "s"],
-        &[line("liver phantom, 64 to 256 voxels", trees)],
-    );
-    [("mesh_updates.svg", updates), ("mesh_volumes.svg", volumes)]
-        .into_iter()
-        .filter_map(|(name, svg)| svg.map(|svg| (name, svg)))
-        .collect()
-}
-
-fn csv(report: &Report) -> String {
-    let mut text = String::from("table,key,a,b,c,d,e\n");
-    for r in &report.shapes {
-        let (radius, ratio) = (r.circumradius_over_shortest_edge, r.radius_ratio);
-        let _ = writeln!(text, "shape,{},{radius},{ratio},,,", r.shape);
-    }
-    for r in &report.closures {
-        let _ = writeln!(text, "closure,{},{},{},{},,", r.generation, r.requests, r.mean, r.most);
-    }
-    for r in &report.updates {
-        for (places, cost) in [("random", &r.random), ("local", &r.local)] {
-            let UpdateCost { split_and_merge_ns: time, ring_pass_ns: pass, ratio } = cost;
-            let (leaves, bytes) = (r.leaves, r.bytes_per_leaf);
-            let _ = writeln!(text, "update_{places},{leaves},{time},{pass},{ratio},{bytes},");
+impl Found {
+    fn rows(&self) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for r in &self.shapes {
+            let values = [r.circumradius_over_shortest_edge, r.radius_ratio];
+            rows.push(Row::new("shape", &r.shape, &values));
         }
+        for r in &self.closures {
+            let values = [r.requests as f64, r.mean, r.most as f64];
+            rows.push(Row::new("closure", r.generation, &values));
+        }
+        for r in &self.updates {
+            for (table, cost) in [("update_random", &r.random), ("update_local", &r.local)] {
+                let UpdateCost { split_and_merge_ns, ring_pass_ns, ratio } = *cost;
+                let values = [split_and_merge_ns, ring_pass_ns, ratio, r.bytes_per_leaf];
+                rows.push(Row::new(table, r.leaves, &values));
+            }
+        }
+        for r in &self.volumes {
+            let [voxels, nodes, leaves] = [r.voxels, r.nodes, r.forest_leaves].map(|n| n as f64);
+            let values = [voxels, nodes, r.seconds, r.bytes_per_node, leaves];
+            rows.push(Row { f: Some(r.forest_seconds), ..Row::new("volume", r.size, &values) });
+        }
+        rows
     }
-    for r in &report.volumes {
-        let _ = writeln!(
-            text,
-            "volume,{},{},{},{},{},{},{}",
-            r.size,
-            r.voxels,
-            r.nodes,
-            r.seconds,
-            r.bytes_per_node,
-            r.forest_leaves,
-            r.forest_seconds
-        );
-    }
-    text
-}
 
-fn table(report: &Report) -> String {
-    let mut text = String::from("shape  circumradius/shortest edge  3 r/R\n");
-    for r in &report.shapes {
-        let (radius, ratio) = (r.circumradius_over_shortest_edge, r.radius_ratio);
-        let _ = writeln!(text, "{:5}  {radius:26.4}  {ratio:5.4}", r.shape);
+    fn element_tables(&self) -> String {
+        let heads = ["circumradius/shortest edge", "3 r/R"].map(str::to_owned);
+        let shape = |r: &ShapeRow| {
+            let cells = [r.circumradius_over_shortest_edge, r.radius_ratio];
+            (r.shape.clone(), cells.map(|x| format!("{x:.4}")).to_vec())
+        };
+        let shapes: Vec<_> = self.shapes.iter().map(shape).collect();
+        let closure = |r: &ClosureRow| {
+            let cells = [r.requests.to_string(), format!("{:.2}", r.mean), r.most.to_string()];
+            (r.generation.to_string(), cells.to_vec())
+        };
+        let mut closures: Vec<_> = self.closures.iter().map(closure).collect();
+        let requests: usize = self.closures.iter().map(|r| r.requests).sum();
+        let added: f64 = self.closures.iter().map(|r| r.mean * r.requests as f64).sum();
+        let mean = format!("{:.2}", added / requests as f64);
+        closures.push(("all".into(), vec![requests.to_string(), mean, String::new()]));
+        let closure_heads = ["requests", "vertices added: mean", "most"].map(str::to_owned);
+        table("shape", &heads, &shapes) + &table("generation", &closure_heads, &closures)
     }
-    text += "\ngeneration  requests  vertices added: mean  most\n";
-    for r in &report.closures {
-        let _ =
-            writeln!(text, "{:10}  {:8}  {:20.2}  {:4}", r.generation, r.requests, r.mean, r.most);
+
+    fn update_table(&self) -> String {
+        let heads = ["random places: ns", "pass over the rings, ns", "ratio"];
+        let sweep = ["a sweep: ns", "pass, ns", "ratio", "bytes/leaf"];
+        let heads: Vec<String> = heads.iter().chain(&sweep).map(|&head| head.to_owned()).collect();
+        let line = |r: &UpdateRow| {
+            let costs = [&r.random, &r.local].map(|c| {
+                [format!("{:.0}", c.split_and_merge_ns), format!("{:.0}", c.ring_pass_ns)]
+                    .into_iter()
+                    .chain([format!("{:.1}", c.ratio)])
+            });
+            let cells = costs.into_iter().flatten().chain([format!("{:.0}", r.bytes_per_leaf)]);
+            (r.leaves.to_string(), cells.collect())
+        };
+        table("split + merge, leaves", &heads, &self.updates.iter().map(line).collect::<Vec<_>>())
     }
-    let (requests, added) = report
-        .closures
-        .iter()
-        .fold((0, 0.0), |(n, a), r| (n + r.requests, a + r.mean * r.requests as f64));
-    let _ = writeln!(text, "all         {requests:8}  {:20.2}", added / requests as f64);
-    text += "\n          random places: split + merge, a pass over the rings, ratio; a sweep: the same\n";
-    text += "leaves          ns      ns  ratio      ns      ns  ratio  bytes/leaf\n";
-    for r in &report.updates {
-        let columns = [&r.random, &r.local].map(|c| {
-            format!("{:6.0}  {:6.0}  {:5.1}", c.split_and_merge_ns, c.ring_pass_ns, c.ratio)
-        });
-        let _ = writeln!(text, "{:8}  {}  {:10.0}", r.leaves, columns.join("  "), r.bytes_per_leaf);
+
+    fn update_chart(&self) -> Option<String> {
+        type Value = fn(&UpdateRow) -> f64;
+        let values: [(&str, Value); 4] = [
+            ("random places", |r| r.random.split_and_merge_ns),
+            ("a sweep", |r| r.local.split_and_merge_ns),
+            ("one pass over the rings' memory, random", |r| r.random.ring_pass_ns),
+            ("one pass over the rings' memory, sweep", |r| r.local.ring_pass_ns),
+        ];
+        let curve = |(name, value): (&str, Value)| {
+            let points = self.updates.iter().map(|r| (r.leaves as f64, value(r))).collect();
+            Curve { name: name.to_owned(), points }
+        };
+        log_log("One vertex in and out again", ["leaves", "ns"], &values.map(curve))
     }
-    let UpdateSlopes { random, local, ring_pass, random_ratio } = report.update_slopes;
-    let _ = writeln!(
-        text,
-        "time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep;\n\
-         at random places the pass with leaves^{ring_pass:.3}, the ratio with leaves^{random_ratio:.3}"
-    );
-    text += &mesh_volumes::table(&report.volumes);
-    let _ = writeln!(
-        text,
-        "the tree's time goes with heterogeneous tetrahedra^{:.2}, the forest's with its leaves^{:.2}",
-        report.volume_time_slope, report.forest_time_slope
-    );
-    text
 }

@@ -7,9 +7,9 @@ use serde::Serialize;
 use yawara_mesh::{BisectionForest, MeshDelta, Point};
 
 use crate::error::BenchError;
-use crate::plot::slope;
-use crate::random::SplitMix64;
-use crate::statistics::{median, percentile, ratios};
+use crate::harness::plot::slope;
+use crate::harness::statistics::{median, percentile, ratios};
+use crate::workloads::random::SplitMix64;
 
 /// The cost of a split and its merge at one kind of places.
 #[derive(Clone, Debug, Serialize)]

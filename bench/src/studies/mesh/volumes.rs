@@ -1,6 +1,5 @@
 //! The volume part of `mesh`: what it costs to take in a cube of voxels with an organ in it.
 
-use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,6 +9,8 @@ use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Region};
 
 use crate::error::BenchError;
+use crate::harness::machine;
+use crate::harness::report::markdown;
 
 /// Voxels along a root cube.
 const VOXELS_PER_CELL: usize = 16;
@@ -73,7 +74,7 @@ pub(super) fn row(size: usize) -> Result<VolumeRow, BenchError> {
         forest_seconds,
         forest_bytes_per_leaf: forest.bytes() as f64 / forest.leaf_count() as f64,
         uniform_leaves: roots << level,
-        peak_mib: peak_mib(),
+        peak_mib: machine::peak_bytes().unwrap_or(0) as f64 / f64::from(1 << 20),
     })
 }
 
@@ -98,37 +99,35 @@ fn cube(size: usize) -> Result<LabelVolume, BenchError> {
     Ok(LabelVolume::new(grid, labels, organ.values().to_vec())?)
 }
 
-/// High-water mark of the resident set, MiB (Linux).
-fn peak_mib() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
-    kib.unwrap_or(0.0) / 1024.0
-}
-
 /// The rows for people.
 pub(super) fn table(rows: &[VolumeRow]) -> String {
-    let mut text = String::from(
-        "\n        label tree                                    forest where labels meet\n\
-         size³  Mvoxel  mixed tets      s  Mvoxel/s  bytes/tet  leaves    uniform      s  bytes/leaf  \
-         peak MiB\n",
-    );
-    for r in rows {
-        let _ = writeln!(
-            text,
-            "{:5}  {:6.1}  {:10}  {:5.2}  {:8.1}  {:9.1}  {:8}  {:9.1e}  {:5.2}  {:10.0}  {:8.0}",
-            r.size,
-            r.voxels as f64 / 1e6,
-            r.nodes,
-            r.seconds,
-            r.voxels_per_second / 1e6,
-            r.bytes_per_node,
-            r.forest_leaves,
-            r.uniform_leaves as f64,
-            r.forest_seconds,
-            r.forest_bytes_per_leaf,
-            r.peak_mib
-        );
-    }
-    text
+    let heads = [
+        "Mvoxel",
+        "mixed tets",
+        "tree s",
+        "Mvoxel/s",
+        "bytes/tet",
+        "leaves where labels meet",
+        "uniform",
+        "forest s",
+        "bytes/leaf",
+        "peak MiB",
+    ];
+    let line = |r: &VolumeRow| {
+        let cells = [
+            format!("{:.1}", r.voxels as f64 / 1e6),
+            r.nodes.to_string(),
+            format!("{:.2}", r.seconds),
+            format!("{:.1}", r.voxels_per_second / 1e6),
+            format!("{:.1}", r.bytes_per_node),
+            r.forest_leaves.to_string(),
+            format!("{:.1e}", r.uniform_leaves as f64),
+            format!("{:.2}", r.forest_seconds),
+            format!("{:.0}", r.forest_bytes_per_leaf),
+            format!("{:.0}", r.peak_mib),
+        ];
+        (r.size.to_string(), cells.to_vec())
+    };
+    let lines: Vec<_> = rows.iter().map(line).collect();
+    markdown::table("size³", &heads.map(str::to_owned), &lines)
 }

@@ -29,7 +29,9 @@ impl AtSize {
     }
 
     pub fn competitor(&self, name: &str, family: &str) -> Option<&Competitor> {
-        self.competitors.iter().find(|competitor| competitor.name == name && self.family(competitor) == family)
+        self.competitors
+            .iter()
+            .find(|competitor| competitor.name == name && self.family(competitor) == family)
     }
 
     fn side(&self, name: &str, family: &str) -> Option<Side<'_>> {

@@ -8,10 +8,11 @@ use yawara_mesh::Change;
 
 use super::samples::{Samples, timed};
 use super::settings::{BURST, Settings, is_sparse};
-use super::workload::{Burst, unit_loads};
+use super::workload::{Burst, three_slots, unit_loads};
 use crate::error::BenchError;
 use crate::solvers::direct::{Direct, Solver};
 use crate::solvers::reference::{Reference, relative_error};
+use crate::workloads::random::SplitMix64;
 
 /// Columns that the drift is measured on.
 const DRIFT_COLUMNS: usize = 8;

@@ -81,7 +81,9 @@ impl Row {
             method: competitor.name,
             family,
             precision: competitor.precision(),
-            updates: count(&competitor.split) + count(&competitor.merge) + count(&competitor.old_merge),
+            updates: count(&competitor.split)
+                + count(&competitor.merge)
+                + count(&competitor.old_merge),
             extrapolated: false,
             split_ms,
             merge_ms,

@@ -55,7 +55,7 @@ pub(crate) fn run(settings: &Settings) -> Result<Vec<AtSize>, BenchError> {
 struct Race<'a> {
     settings: &'a Settings,
     vertices: usize,
-    workloads: Vec<Course>,
+    workloads: Vec<Workload>,
     competitors: Vec<Competitor>,
     left_out: Vec<LeftOut>,
     predicted: Vec<Row>,
@@ -83,7 +83,7 @@ impl<'a> Race<'a> {
             let seed = settings.seed;
             let history = History::refined(&organ, family.homogenisation, vertices, 0, seed)?;
             let stiffness = history.stiffness()?;
-            race.workloads.push(Course { family, history, ranks: Vec::new(), reference: None });
+            race.workloads.push(Workload { family, history, ranks: Vec::new(), reference: None });
             for name in maintainers() {
                 race.enter(name, &stiffness, growth)?;
             }
@@ -167,7 +167,9 @@ impl<'a> Race<'a> {
             match self.competitors.get_mut(at) {
                 Some(competitor) if competitor.runs(number, self.settings.bursts()) => {
                     let workload = &self.workloads[competitor.workload];
-                    competitor.burst(number, &bursts[competitor.workload], || workload.history.stiffness())?;
+                    competitor.burst(number, &bursts[competitor.workload], || {
+                        workload.history.stiffness()
+                    })?;
                     if number == 0 {
                         competitor.limit_to(self.settings);
                     }
@@ -207,7 +209,13 @@ impl<'a> Race<'a> {
         for competitor in &self.competitors {
             let workload = &self.workloads[competitor.workload];
             let bound = self.memory.bound(competitor.precision());
-            let row = Row::measured(competitor, workload.family.name, self.vertices, bound, &workload.ranks)?;
+            let row = Row::measured(
+                competitor,
+                workload.family.name,
+                self.vertices,
+                bound,
+                &workload.ranks,
+            )?;
             growth.note((competitor.name, workload.family.name, "split"), dofs, row.split_ms.p50);
             rows.push(row);
         }
@@ -236,7 +244,7 @@ mod tests {
         Race {
             settings,
             vertices: 1000,
-            workloads: vec![Course { family, history, ranks: Vec::new(), reference: None }],
+            workloads: vec![Workload { family, history, ranks: Vec::new(), reference: None }],
             competitors: Vec::new(),
             left_out: Vec::new(),
             predicted: Vec::new(),

@@ -75,9 +75,9 @@ pub(crate) fn unit_loads(slot: usize, vertices: usize) -> impl Iterator<Item = V
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use super::super::competitor::Competitor;
     use super::super::settings::FAMILIES;
+    use super::*;
     use crate::bodies::organ::{Organ, Size};
     use crate::solvers::direct::Direct;
 
@@ -117,8 +117,14 @@ mod tests {
         }
         // Pairs 2 and 4 of 0..=5 begin with a split, 1, 3 and 5 with a merge; 0 is apart.
         let counts = |competitor: &Competitor| {
-            [&competitor.split, &competitor.merge, &competitor.old_merge, &competitor.cold_split, &competitor.solve]
-                .map(|samples| samples.all().len())
+            [
+                &competitor.split,
+                &competitor.merge,
+                &competitor.old_merge,
+                &competitor.cold_split,
+                &competitor.solve,
+            ]
+            .map(|samples| samples.all().len())
         };
         assert_eq!(counts(&kept), [5, 2, 3, 1, 5]);
         assert_eq!(counts(&direct), [1, 0, 0, 0, 5]);

@@ -1,9 +1,9 @@
 //! `extremes`: thin vessels, long voxels, fast tools, long steps, many updates.
 
-use super::arguments::CaseArguments;
 use super::stiff::SMALL_LIVER;
-use super::sweep::{self, Point};
+use super::study::{self, Point};
 use crate::error::BenchError;
+use crate::harness::cases::CaseArguments;
 
 /// A beam of at most 425 vertices, which is also what its references have.
 const SMALL_BEAM: &[&str] = &["mesh.max_level=3", "mesh.max_vertices=425", "time.steps=10"];
@@ -27,7 +27,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     points.extend(voxels(quick));
     points.extend(tools(quick));
     points.extend(updates(quick));
-    sweep::run("extremes", &points, sweep::cap_s(quick), &arguments.selection)
+    study::run("extremes", points, arguments)
 }
 
 fn point(group: &'static str, name: String, scene: &'static str, own: &[&str]) -> Point {

@@ -1,8 +1,8 @@
 //! `stiff`: how far apart the stiffness of materials may be, and how near to incompressible they.
 
-use super::arguments::CaseArguments;
-use super::sweep::{self, Point};
+use super::study::{self, Point};
 use crate::error::BenchError;
+use crate::harness::cases::CaseArguments;
 
 /// A liver of large voxels: a few hundred vertices.
 pub(super) const SMALL_LIVER: &[&str] = &[
@@ -48,7 +48,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
             }
         }
     }
-    sweep::run("stiff", &points, sweep::cap_s(quick), &arguments.selection)
+    study::run("stiff", points, arguments)
 }
 
 fn point(

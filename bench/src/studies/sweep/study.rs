@@ -1,12 +1,13 @@
-//! Scenes at the edge of what is reasonable, each against its own converged reference.
+//! A list of scenes, each measured against its own converged reference.
 
-use serde_json::json;
+use serde_json::{Value, json};
 use yawara::{Stages, scene_file};
 
-use crate::cases::{self, Case, Folder, Selection};
 use crate::error::BenchError;
-use crate::machine::Machine;
-use crate::pareto::{Reference, measure, part_done};
+use crate::harness::Folder;
+use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings, Row};
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::pareto::{Reference, measure};
 
 /// A value of what is varied.
 pub(super) struct Point {
@@ -38,77 +39,93 @@ const COLUMNS: &[&str] = &[
     "step_p50_ms",
 ];
 
-/// Seconds that a point may take, and as many its reference, without which it has no errors.
-pub(super) fn cap_s(quick: bool) -> f64 {
-    if quick { 20.0 } else { 120.0 }
-}
-
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md;
 /// what is printed.
 ///
 /// # Errors
 /// Those of [`Folder::open`]; [`BenchError::Io`]. A point that fails is a row.
 pub(super) fn run(
-    study: &str,
-    points: &[Point],
-    cap_s: f64,
-    selection: &Selection,
+    name: &'static str,
+    points: Vec<Point>,
+    arguments: &CaseArguments,
 ) -> Result<String, BenchError> {
-    let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
-    let options = json!({
-        "study": study,
-        "version": env!("CARGO_PKG_VERSION"),
-        "cap_s": cap_s,
-        "points": points.iter().map(point).collect::<Vec<_>>(),
-    });
-    let folder = Folder::open(&selection.out, &options, selection.force)?;
-    let case = |(number, one)| {
-        let folder = &folder;
-        let one: &Point = one;
-        Case::new(one.group, &one.name, move |advance| {
-            let mut overrides = one.overrides.clone();
-            if let Some(bytes) = &one.image {
-                let name = format!("cases/image-{number:03}.nrrd");
-                folder.write(&name, bytes)?;
-                overrides.push(format!("image.path={:?}", folder.at(&name).display().to_string()));
+    let cap_s = if arguments.quick { 20.0 } else { 120.0 };
+    let sweep = Sweep { name, points, cap_s, arguments };
+    report::run(&sweep, &arguments.selection.destination())
+}
+
+struct Sweep<'a> {
+    name: &'static str,
+    points: Vec<Point>,
+    /// Seconds that a point may take, and as many its reference, without which it has no errors.
+    cap_s: f64,
+    arguments: &'a CaseArguments,
+}
+
+impl Study for Sweep<'_> {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn options(&self) -> Option<Value> {
+        let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
+        Some(json!({
+            "study": self.name,
+            "version": env!("CARGO_PKG_VERSION"),
+            "cap_s": self.cap_s,
+            "points": self.points.iter().map(point).collect::<Vec<_>>(),
+        }))
+    }
+
+    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
+        let mut cases = Vec::new();
+        for (number, one) in self.points.iter().enumerate() {
+            let work = move |advance: Advance<'_>| self.point(number, one, folder, advance);
+            cases.push(Case::new(one.group, &one.name, work));
+        }
+        cases::run(folder, &cases, self.arguments.selection.shard)
+    }
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        Ok(cases::summary(self.name, "", rows, COLUMNS))
+    }
+}
+
+impl Sweep<'_> {
+    fn point(
+        &self,
+        number: usize,
+        one: &Point,
+        folder: &Folder,
+        advance: Advance<'_>,
+    ) -> Result<Findings, BenchError> {
+        let mut overrides = one.overrides.clone();
+        if let Some(bytes) = &one.image {
+            let name = format!("cases/image-{number:03}.nrrd");
+            folder.write(&name, bytes)?;
+            overrides.push(format!("image.path={:?}", folder.at(&name).display().to_string()));
+        }
+        let (scene, _) = scene_file::load(one.scene, &overrides)?;
+        let limits = (one.reference_vertices, self.cap_s);
+        let name = format!("reference-{number:03}");
+        let reference = match Reference::of(&scene, limits, folder, &name) {
+            // Whether a value can be run is not for its reference to say.
+            Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
+            other => Ok(other?),
+        };
+        let stages = Stages::by_name(&scene.stages)?;
+        let path = reference.as_ref().ok().map(|reference| &reference.path);
+        let mut found = measure(&scene, stages, path, self.cap_s, advance, &mut |_| Ok(()))?;
+        let figures = &mut found.figures;
+        match &reference {
+            Ok(Reference { summary, .. }) => {
+                figures.put("reference_converged", summary.converged);
+                figures.put("reference_residual", summary.residual_max);
             }
-            let (scene, _) = scene_file::load(one.scene, &overrides)?;
-            let name = format!("reference-{number:03}");
-            let limits = (one.reference_vertices, cap_s);
-            let reference = match Reference::of(&scene, limits, folder, &name) {
-                // Whether a value can be run is not for its reference to say.
-                Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
-                other => Ok(other?),
-            };
-            let stages = Stages::by_name(&scene.stages)?;
-            let path = reference.as_ref().ok().map(|reference| &reference.path);
-            let mut found = measure(&scene, stages, path, cap_s, advance, &mut |_| Ok(()))?;
-            let figures = &mut found.figures;
-            match &reference {
-                Ok(Reference { summary, .. }) => {
-                    figures.put("reference_converged", summary.converged);
-                    figures.put("reference_residual", summary.residual_max);
-                }
-                Err(ended) => figures.put("reference_failure", &ended[..]),
-            }
-            Ok(found)
-        })
-    };
-    let cases: Vec<Case<'_>> = points.iter().enumerate().map(case).collect();
-    let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
-        return part_done(&folder, &cases);
-    };
-    let machine = Machine::here();
-    let text = format!(
-        "# {study}\n\n{}, {} threads.\n\n{}",
-        machine.cpu,
-        machine.threads_available,
-        cases::markdown(&rows, COLUMNS)
-    );
-    let value = json!({ "study": study, "machine": machine, "rows": rows });
-    folder.write(&format!("{study}.json"), format!("{value:#}\n"))?;
-    folder.write(&format!("{study}.csv"), cases::csv(&rows))?;
-    folder.write(&format!("{study}.md"), &text)?;
-    folder.tidy();
-    Ok(text)
+            Err(ended) => figures.put("reference_failure", &ended[..]),
+        }
+        Ok(found)
+    }
 }

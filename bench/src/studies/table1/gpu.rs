@@ -11,17 +11,17 @@ use yawara_gpu::{
 };
 use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, build, drift};
 
-use super::arguments::{Arguments, Defaults};
-use super::json;
-use super::race::three_slots;
-use crate::direct::DIRECT;
+use crate::bodies::organ::Organ;
 use crate::error::BenchError;
-use crate::history::{History, Update};
-use crate::machine::Machine;
-use crate::organ::Organ;
-use crate::output::Output;
-use crate::random::SplitMix64;
-use crate::statistics::median;
+use crate::harness::Folder;
+use crate::harness::machine::Machine;
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::statistics::median;
+use crate::solvers::direct::DIRECT;
+use crate::studies::race::{Arguments, Defaults, Settings, three_slots};
+use crate::workloads::history::{History, Update};
+use crate::workloads::random::SplitMix64;
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-table1-gpu-1";
@@ -51,24 +51,14 @@ struct Row {
     drift: f64,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
-    schema: &'static str,
-    machine: Machine,
-    device: String,
-    is_cpu: bool,
-    copy_gb_s: f64,
-    rows: Vec<Row>,
-}
-
 /// A maintainer, and how its device is waited for.
-enum Lane {
+enum Competitor {
     Host(Box<dyn InverseMaintainer>),
     Double(DeviceInverse<f64>),
     Single(DeviceInverse<f32>),
 }
 
-impl Lane {
+impl Competitor {
     fn start(
         name: &str,
         most: usize,
@@ -146,29 +136,77 @@ pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, Bench
         Err(_) => AdapterChoice::Name(adapter.to_owned()),
     });
     let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
-    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
     let copy = device.copy_rate(5)?;
-    let mut rows = Vec::new();
-    for &vertices in &settings.vertices {
-        let organ = Organ::with_at_most(vertices)?;
-        for method in METHODS {
-            // Every method gets the same mesh and the same places.
-            let mut history = History::refined(&organ, "linear", vertices, 0, settings.seed)?;
-            rows.push(row(method, &mut history, copy, &device, settings.pairs)?);
-        }
+    let study = OnDevice { machine, settings, device, copy };
+    report::run(&study, &arguments.common.destination)
+}
+
+struct OnDevice {
+    machine: Machine,
+    settings: Settings,
+    device: Arc<Device>,
+    /// Bytes per second of a copy on the device.
+    copy: f64,
+}
+
+impl Study for OnDevice {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "table1_gpu"
     }
-    let report = Report {
-        schema: SCHEMA,
-        machine,
-        device: device.report().to_string(),
-        is_cpu: device.report().device_type == DeviceType::Cpu,
-        copy_gb_s: copy / 1e9,
-        rows,
-    };
-    let text = report.markdown();
-    output.write("table1_gpu.json", &json(&report, &arguments.common.out, "table1_gpu.json")?)?;
-    output.write("table1_gpu.md", &text)?;
-    Ok(text)
+
+    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
+        let Settings { vertices, pairs, seed, .. } = &self.settings;
+        let mut rows = Vec::new();
+        for &vertices in vertices {
+            let organ = Organ::with_at_most(vertices)?;
+            for method in METHODS {
+                // Every method gets the same mesh and the same places.
+                let mut history = History::refined(&organ, "linear", vertices, 0, *seed)?;
+                rows.push(row(method, &mut history, self.copy, &self.device, *pairs)?);
+            }
+        }
+        Ok(Measured::All(rows))
+    }
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        let (device, copy_gb_s) = (self.device.report(), self.copy / 1e9);
+        let is_cpu = device.device_type == DeviceType::Cpu;
+        let mut text = format!("```\n{device}\n```\n\n");
+        if is_cpu {
+            text += "This device is a CPU: the figures say nothing about a card.\n\n";
+        }
+        text += &format!(
+            "Copies on the device read and write {copy_gb_s:.1} GB/s. The bound is a read and write \
+             of half of C at that rate. Medians, ms; rings of rank 3.\n\n"
+        );
+        let heads =
+            ["build", "upload", "split", "merge", "put off", "solve", "columns", "bound", "drift"];
+        let line = |row: &Row| {
+            let three = |value: f64| format!("{value:.3}");
+            let cells = [
+                format!("{:.0}", row.build_ms),
+                row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
+                three(row.split_ms),
+                three(row.merge_ms),
+                three(row.put_off_ms),
+                three(row.solve_ms),
+                three(row.columns_ms),
+                row.bound_ms.map_or(String::new(), three),
+                format!("{:.0e}", row.drift),
+            ];
+            (format!("{}, {}", row.vertices, row.method), cells.to_vec())
+        };
+        let lines: Vec<_> = rows.iter().map(line).collect();
+        text += &table("vertices, method", &heads.map(str::to_owned), &lines);
+        Ok(Summary::new(text)
+            .with("schema", SCHEMA)
+            .with("machine", &self.machine)
+            .with("device", device.to_string())
+            .with("is_cpu", is_cpu)
+            .with("copy_gb_s", copy_gb_s))
+    }
 }
 
 /// One method at one size.
@@ -182,22 +220,22 @@ fn row(
     let stiffness = history.stiffness()?;
     let (vertices, dofs) = (stiffness.vertices(), stiffness.dofs());
     let start = Instant::now();
-    let mut lane = Lane::start(method, 0, stiffness, device)?;
-    lane.finish(false)?;
+    let mut competitor = Competitor::start(method, 0, stiffness, device)?;
+    competitor.finish(false)?;
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
     let (mut split, mut merge) = (Vec::new(), Vec::new());
     for at in 0..=pairs {
         let updates = pair(history)?;
-        let times = [lane.timed(&updates[0])?, lane.timed(&updates[1])?];
+        let times = [competitor.timed(&updates[0])?, competitor.timed(&updates[1])?];
         // The first pair translates kernels and fills caches.
         if at > 0 {
             split.push(times[0]);
             merge.push(times[1]);
         }
     }
-    let (solve_ms, columns_ms) = use_it(&mut lane, pairs)?;
+    let (solve_ms, columns_ms) = use_it(&mut competitor, pairs)?;
     let put_off_ms = put_off(method, history, device, pairs)?;
-    let drift = drift(lane.kept(), 1, 16);
+    let drift = drift(competitor.kept(), 1, 16);
     let numbers = dofs * (dofs + 1) / 2;
     let bytes = if method.ends_with("_f32") { 4 } else { 8 } * numbers;
     let bound = 2.0 * bytes as f64 / copy * 1e3;
@@ -212,7 +250,7 @@ fn row(
         columns_ms,
         bound_ms: method.starts_with("gpu").then_some(bound),
         drift,
-        upload_ms: lane.upload(dofs)?,
+        upload_ms: competitor.upload(dofs)?,
     })
 }
 
@@ -224,17 +262,17 @@ fn pair(history: &mut History) -> Result<[Update; 2], BenchError> {
 }
 
 /// Medians of a solve and of columns, ms.
-fn use_it(lane: &mut Lane, repeats: usize) -> Result<(f64, f64), BenchError> {
-    let dofs = lane.kept().stiffness().dofs();
+fn use_it(lane: &mut Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
+    let dofs = competitor.kept().stiffness().dofs();
     let tool = three_slots(&mut SplitMix64(7), dofs / 3);
     let load: Vec<f64> = (0..dofs).map(|i| (0.3 * i as f64).sin()).collect();
     let mut u = vec![0.0; dofs];
     let (mut solve, mut columns) = (Vec::new(), Vec::new());
     for at in 0..=repeats {
         let start = Instant::now();
-        lane.kept().solve(&load, &mut u)?;
+        competitor.kept().solve(&load, &mut u)?;
         let middle = Instant::now();
-        std::hint::black_box(lane.kept().columns(&tool)?);
+        std::hint::black_box(competitor.kept().columns(&tool)?);
         if at > 0 {
             solve.push((middle - start).as_secs_f64() * 1e3);
             columns.push(middle.elapsed().as_secs_f64() * 1e3);
@@ -251,51 +289,18 @@ fn put_off(
     pairs: usize,
 ) -> Result<f64, BenchError> {
     let most = yawara_inverse_update::MOST_DELAYED;
-    let mut lane = Lane::start(method, most, history.stiffness()?, device)?;
+    let mut competitor = Competitor::start(method, most, history.stiffness()?, device)?;
     let mut times = Vec::new();
     for at in 0..3 {
         let updates = (0..pairs).map(|_| pair(history)).collect::<Result<Vec<_>, _>>()?;
         let start = Instant::now();
         for update in updates.iter().flatten() {
-            update.apply(lane.kept())?;
+            update.apply(competitor.kept())?;
         }
-        lane.finish(true)?;
+        competitor.finish(true)?;
         if at > 0 {
             times.push(start.elapsed().as_secs_f64() * 1e3 / (2 * pairs) as f64);
         }
     }
     Ok(median(&times))
-}
-
-impl Report {
-    fn markdown(&self) -> String {
-        let mut text = format!("```\n{}\n```\n\n", self.device);
-        if self.is_cpu {
-            text += "This device is a CPU: the figures say nothing about a card.\n\n";
-        }
-        text += &format!(
-            "Copies on the device read and write {:.1} GB/s. The bound is a read and write of half \
-             of C at that rate. Medians, ms; rings of rank 3.\n\n",
-            self.copy_gb_s
-        );
-        text += "| vertices | method | build | upload | split | merge | put off | solve | columns | bound | \
-                 drift |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
-        for row in &self.rows {
-            let bound = row.bound_ms.map_or(String::new(), |bound| format!("{bound:.3}"));
-            text += &format!(
-                "| {} | {} | {:.0} | {} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {bound} | {:.0e} |\n",
-                row.vertices,
-                row.method,
-                row.build_ms,
-                row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
-                row.split_ms,
-                row.merge_ms,
-                row.put_off_ms,
-                row.solve_ms,
-                row.columns_ms,
-                row.drift
-            );
-        }
-        text
-    }
 }

@@ -1,59 +1,14 @@
-//! `validate`: cases with a known solution, and how the error falls under refinement.
+//! All cases.
 
-mod beams;
-mod corotated;
-mod paper_failure;
-mod spheres;
-
-use std::fmt::Write;
-
-use nalgebra::Vector3;
 use serde::Serialize;
-use yawara_corot::{Direct, Equilibrium, InternalForces, NoCorotation, Tolerance};
 
-use super::arguments::Common;
+use super::row::Row;
+use super::{beams, corotated, paper_failure, spheres};
 use crate::error::BenchError;
-use crate::output::Output;
-use crate::plot::{Line, log_log};
-use crate::statics::Statics;
-
-/// One figure against what it should be.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    /// The case.
-    pub case: &'static str,
-    /// Elements along the length that the case counts by.
-    pub refinement: usize,
-    /// Vertices of the mesh.
-    pub vertices: usize,
-    /// What is measured, with its unit.
-    pub quantity: String,
-    /// The figure.
-    pub computed: f64,
-    /// What it converges to.
-    pub expected: f64,
-    /// What the error is relative to: the expected figure where that is not 0.
-    pub scale: f64,
-    /// |computed − expected| / scale.
-    pub relative_error: f64,
-}
-
-impl Row {
-    /// A row; `scale` counts where `expected` is 0.
-    fn new(
-        case: &'static str,
-        (refinement, vertices): (usize, usize),
-        quantity: impl Into<String>,
-        computed: f64,
-        expected: f64,
-        scale: f64,
-    ) -> Self {
-        let scale = if expected == 0.0 { scale } else { expected.abs() };
-        let relative_error = (computed - expected).abs() / scale;
-        let quantity = quantity.into();
-        Self { case, refinement, vertices, quantity, computed, expected, scale, relative_error }
-    }
-}
+use crate::harness::Folder;
+use crate::harness::arguments::Common;
+use crate::harness::plot::{Curve, log_log};
+use crate::harness::report::{self, Measured, Study, Summary};
 
 /// The whole study.
 #[derive(Clone, Debug, Serialize)]
@@ -104,7 +59,43 @@ impl Report {
                 / (here.refinement as f64 / before.refinement as f64).ln()
         })
     }
+}
 
+/// Runs the study, writes its files and returns its table.
+///
+/// # Errors
+/// [`BenchError`]; for bad arguments nothing is written.
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
+    report::run(&Validate { quick: arguments.quick }, &arguments.destination)
+}
+
+struct Validate {
+    quick: bool,
+}
+
+impl Study for Validate {
+    type Row = Row;
+
+    fn name(&self) -> &str {
+        "validate"
+    }
+
+    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
+        Ok(Measured::All(Report::new(self.quick)?.rows))
+    }
+
+    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
+        let report = Report { rows: rows.to_vec() };
+        let failure = paper_failure::rows(self.quick)?;
+        let text = format!("{}\n{}", report.table(), paper_failure::table(&failure));
+        Ok(Summary::new(text)
+            .with_file("paper_failure.csv", Some(report::csv(&report::objects(&failure))))
+            .with_file("validate.svg", report.plot())
+            .with_file("paper_failure.svg", paper_failure::plot(&failure)))
+    }
+}
+
+impl Report {
     fn table(&self) -> String {
         let mut text = String::from(
             "| case | quantity | refinement | vertices | computed | expected | error | slope |\n\
@@ -115,9 +106,8 @@ impl Report {
             // Below rounding there is no order to speak of.
             let slope = if r.relative_error < 1e-9 { String::new() } else { slope };
             let figures = [r.computed, r.expected].map(figure);
-            let _ = writeln!(
-                text,
-                "| {} | {} | {} | {} | {} | {} | {:.1e} | {slope} |",
+            text += &format!(
+                "| {} | {} | {} | {} | {} | {} | {:.1e} | {slope} |\n",
                 r.case,
                 r.quantity,
                 r.refinement,
@@ -130,30 +120,9 @@ impl Report {
         text
     }
 
-    fn csv(&self) -> String {
-        let mut text = String::from(
-            "case,refinement,vertices,quantity,computed,expected,scale,relative_error\n",
-        );
-        for r in &self.rows {
-            let _ = writeln!(
-                text,
-                "{},{},{},{},{:?},{:?},{:?},{:?}",
-                r.case,
-                r.refinement,
-                r.vertices,
-                r.quantity,
-                r.computed,
-                r.expected,
-                r.scale,
-                r.relative_error
-            );
-        }
-        text
-    }
-
     /// Errors over refinement, a line per case with more than one mesh.
     fn plot(&self) -> Option<String> {
-        let mut lines: Vec<Line> = Vec::new();
+        let mut lines: Vec<Curve> = Vec::new();
         for (number, row) in self.rows.iter().enumerate() {
             let name = format!("{}: {}", row.case, row.quantity);
             let point = (row.refinement as f64, row.relative_error);
@@ -162,7 +131,7 @@ impl Report {
             {
                 line.points.push(point);
             } else {
-                lines.push(Line { name, points: vec![point] });
+                lines.push(Curve { name, points: vec![point] });
             }
         }
         lines.retain(|line| line.points.len() > 1 && line.points.iter().all(|p| p.1 > 1e-9));
@@ -180,55 +149,4 @@ fn figure(value: f64) -> String {
     } else {
         format!("{value:.3e}")
     }
-}
-
-/// Runs the study, writes its files and returns its table.
-///
-/// # Errors
-/// [`BenchError`]; for bad arguments nothing is written.
-pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let mut output = Output::create(&arguments.out, arguments.force)?;
-    let report = Report::new(arguments.quick)?;
-    let failure = paper_failure::Report::new(arguments.quick)?;
-    let table = report.table() + "\n" + &failure.table();
-    output.write("validate.json", &super::json(&report, &arguments.out, "validate.json")?)?;
-    output.write("validate.csv", &report.csv())?;
-    output.write("paper_failure.csv", &failure.csv())?;
-    for (name, svg) in [("validate.svg", report.plot()), ("paper_failure.svg", failure.plot())] {
-        if let Some(svg) = svg {
-            output.write(name, &svg)?;
-        }
-    }
-    output.write("validate.md", &table)?;
-    Ok(table)
-}
-
-/// Linear statics: the held vertices where they are, the free ones by the inverse.
-fn solve_linear(
-    case: &'static str,
-    statics: &mut Statics,
-    load: &[Vector3<f64>],
-) -> Result<(), BenchError> {
-    match solve(case, statics, &NoCorotation, &mut Direct, load, 1e-10) {
-        // A hundred thousand tetrahedra round their forces to about that; no error here is near it.
-        Err(BenchError::NotConverged { reached, .. }) if reached <= 1e-9 => Ok(()),
-        other => other,
-    }
-}
-
-fn solve(
-    case: &'static str,
-    statics: &mut Statics,
-    corotation: &dyn InternalForces,
-    equilibrium: &mut dyn Equilibrium,
-    load: &[Vector3<f64>],
-    residual: f64,
-) -> Result<(), BenchError> {
-    let tolerance = Tolerance { residual, max_iterations: 300 };
-    let outcome = statics.solve(corotation, equilibrium, load, &tolerance, &|| ());
-    if outcome.converged {
-        return Ok(());
-    }
-    let (method, reached) = (outcome.method, outcome.residual);
-    Err(BenchError::NotConverged { case, method, reached, limit: residual })
 }
