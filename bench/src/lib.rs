@@ -3,8 +3,8 @@
 //! Criterion benches (`benches/`) watch one stage each for changes of speed; studies
 //! ([`studies`], `yawara-bench STUDY --out DIR`) run competitors side by side, alternating in one
 //! process, and write times with the errors that go with them. Both take their bodies from
-//! [`Organ`] and their updates of the inverse from [`History`]. A study of your own implements
-//! [`harness::report::Study`].
+//! [`Organ`] and their updates of the inverse from [`History`]. A study of your own measures rows and
+//! hands them to [`harness::report::write`].
 #![forbid(unsafe_code)]
 
 mod bodies;

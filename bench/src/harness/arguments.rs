@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::error::BenchError;
+use crate::harness::folder::Folder;
 
 /// Where a study writes.
 #[derive(Args, Clone, Debug)]
@@ -15,6 +16,16 @@ pub struct Destination {
     /// Write into a directory that is not empty.
     #[arg(long)]
     pub force: bool,
+}
+
+impl Destination {
+    /// The folder, checked before anything is measured.
+    ///
+    /// # Errors
+    /// Those of [`Folder::create`].
+    pub fn folder(&self) -> Result<Folder, BenchError> {
+        Folder::create(&self.out, self.force)
+    }
 }
 
 /// Where a study writes, and how much of it is run.

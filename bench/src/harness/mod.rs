@@ -1,8 +1,7 @@
 //! What all studies share: one scaffold that makes files, tables and charts of what they measure.
 //!
-//! Start with [`report`]: the trait [`Study`](report::Study) and [`run`](report::run), which opens
-//! the folder, measures the rows and writes CSV, JSON, the tables and the charts. [`cases`] makes
-//! rows of cases that are run one by one and kept one by one; [`ranks`] shares them among processes.
+//! Start with [`report`]: [`write`](report::write) makes CSV, JSON, tables and charts of a study's rows
+//! and what is said of them. [`cases`] makes rows of cases that are run one by one and kept one by one; [`ranks`] shares them among processes.
 //! `plot` draws, `arguments` is the command line that studies have in common, `folder` writes,
 //! `machine`, `progress` and `statistics` are what their names say.
 

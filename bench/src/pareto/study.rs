@@ -1,6 +1,6 @@
 //! The study: its candidates, and how they are run.
 
-use std::cell::{OnceCell, RefCell};
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
@@ -16,9 +16,8 @@ use super::path::Path;
 use super::results::Results;
 use super::{body_picture, write};
 use crate::error::BenchError;
-use crate::harness::cases::{self, Case, Row, Selection};
-use crate::harness::report::{self, Measured, Summary};
-use crate::harness::{Folder, ranks};
+use crate::harness::cases::{self, Case, Measured, Selection};
+use crate::harness::{Folder, ranks, report};
 
 /// What a study compares, and how long it may take.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,10 +105,19 @@ impl Study {
         if let Some(twice) = self.candidates.iter().find(|one| !names.insert(&one.name)) {
             return Err(BenchError::SameName { name: twice.name.clone() });
         }
-        report::run(
-            &Run { study: self, selection, reference: OnceCell::new() },
-            &selection.destination(),
-        )
+        let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
+        // Without a reference there is no study: it takes what it takes.
+        let limits = (self.options.reference_vertices, f64::INFINITY);
+        let reference =
+            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference"))?;
+        let cases = self.cases(&reference.path, &folder);
+        let rows = match cases::run(&folder, &cases, selection.shard)? {
+            Measured::All(rows) => rows,
+            Measured::Waiting(message) => return Ok(message),
+        };
+        let (scene, plan) = (self.scene.clone(), self.plan.clone());
+        let results = Results { scene, plan, reference: reference.summary, rows };
+        report::write(&folder, "pareto", &results.rows, write::all(&results, &folder)?)
     }
 
     /// Everything that the figures depend on, own stages aside.
@@ -145,46 +153,6 @@ impl Study {
             })
         };
         self.candidates.iter().map(case).collect()
-    }
-}
-
-/// A study under way.
-struct Run<'a> {
-    study: &'a Study,
-    selection: &'a Selection,
-    reference: OnceCell<Reference>,
-}
-
-impl report::Study for Run<'_> {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "pareto"
-    }
-
-    fn options(&self) -> Option<Value> {
-        Some(self.study.described())
-    }
-
-    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
-        // Without a reference there is no study: it takes what it takes.
-        let limits = (self.study.options.reference_vertices, f64::INFINITY);
-        let reference =
-            ranks::in_turn(|_| Reference::of(&self.study.scene, limits, folder, "reference"))?;
-        let reference = self.reference.get_or_init(|| reference);
-        let cases = self.study.cases(&reference.path, folder);
-        cases::run(folder, &cases, self.selection.shard)
-    }
-
-    fn summary(&self, folder: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let Some(reference) = self.reference.get() else { return Ok(Summary::default()) };
-        let results = Results {
-            scene: self.study.scene.clone(),
-            plan: self.study.plan.clone(),
-            reference: reference.summary.clone(),
-            rows: rows.to_vec(),
-        };
-        write::all(&results, folder)
     }
 }
 

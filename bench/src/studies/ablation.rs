@@ -3,13 +3,12 @@
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use serde_json::{Value, json};
+use serde_json::json;
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
 use crate::error::BenchError;
-use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings, Row};
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
 use crate::harness::statistics::{median, ratios};
 use crate::harness::{Folder, machine};
 
@@ -83,39 +82,20 @@ const COLUMNS: &[&str] = &[
 /// # Errors
 /// Those of a study's folder; a part that fails is a row.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
-    report::run(&Ablation(arguments), &arguments.selection.destination())
-}
-
-struct Ablation<'a>(&'a CaseArguments);
-
-impl Study for Ablation<'_> {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "ablation"
-    }
-
-    fn options(&self) -> Option<Value> {
-        let version = env!("CARGO_PKG_VERSION");
-        Some(json!({ "study": "ablation", "version": version, "quick": self.0.quick }))
-    }
-
-    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
-        let quick = self.0.quick;
-        let mut cases = Vec::new();
-        for scene in SCENES {
-            for part in PARTS {
-                let name = format!("{scene} with {}", part.name());
-                let work = move |advance: Advance<'_>| both(scene, part, quick, advance);
-                cases.push(Case::new(scene, name, work));
-            }
+    let (selection, quick) = (&arguments.selection, arguments.quick);
+    let version = env!("CARGO_PKG_VERSION");
+    let options = json!({ "study": "ablation", "version": version, "quick": quick });
+    let folder = Folder::open(&selection.out, &options, selection.force)?;
+    let mut cases = Vec::new();
+    for scene in SCENES {
+        for part in PARTS {
+            let name = format!("{scene} with {}", part.name());
+            let work = move |advance: Advance<'_>| both(scene, part, quick, advance);
+            cases.push(Case::new(scene, name, work));
         }
-        cases::run(folder, &cases, self.0.selection.shard)
     }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        Ok(cases::summary("ablation", " Scenes on their start meshes.", rows, COLUMNS))
-    }
+    let remark = " Scenes on their start meshes.";
+    cases::write(&folder, "ablation", (&cases, selection.shard), remark, COLUMNS)
 }
 
 /// A scene as the plan has it, and with `part` switched on, step by step in turns.

@@ -7,13 +7,11 @@ use yawara_embed::{ElementFormulation, FORMULATIONS, P1P1, formulation_by_name};
 
 use crate::bodies::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
 use crate::error::BenchError;
+use crate::harness::Progress;
 use crate::harness::arguments::Common;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
-use crate::harness::report::{
-    self, Claim, Limit, Measured, Study, Summary, curves, each_once, spread,
-};
-use crate::harness::{Folder, Progress};
+use crate::harness::report::{self, Claim, Limit, Summary, curves, each_once, spread};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-elements-1";
@@ -53,56 +51,43 @@ type Figure = fn(&Row) -> Option<f64>;
 /// [`BenchError`] for a directory that is in use (nothing is written then) or a mesh or factor that
 /// is refused.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    report::run(&Elements { quick: arguments.quick }, &arguments.destination)
+    let folder = arguments.destination.folder()?;
+    let rows = measure(arguments.quick)?;
+    let summary = summary(&rows);
+    report::write(&folder, "elements", &rows, summary)
 }
 
-struct Elements {
-    quick: bool,
-}
-
-impl Study for Elements {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "elements"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        measure(self.quick).map(Measured::All)
-    }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let claims = claims(rows);
-        let mut text = String::from(
-            "Relative L² errors in %, mean of tension and shear, on meshes of so many cubes along \
-             the block.\n\n",
-        );
-        let figures: [(&str, Figure); 4] = [
-            ("displacement", |r| Some(r.error)),
-            ("the reference, interpolated", |r| Some(r.interpolation_error)),
-            ("pressure", |r| r.pressure_error),
-            ("pressure above a quarter of the height", |r| r.pressure_error_above),
-        ];
-        for case in ["homogeneous", "sphere 1e3, laminate"] {
-            let rows: Vec<&Row> = rows.iter().filter(|r| r.case == case).collect();
-            let column = |r: &Row| format!("{}: {}", r.nu, r.cubes());
-            let heads = each_once(rows.iter().map(|r| column(r)));
-            for (name, figure) in figures {
-                let lines = spread(
-                    &heads,
-                    &rows,
-                    |r| (r.element.to_owned(), column(r)),
-                    |r| figure(r).map_or_else(String::new, |x| format!("{:.2}", 100.0 * x)),
-                );
-                text += &table(&format!("{case}: {name}"), &heads, &lines);
-            }
+fn summary(rows: &[Row]) -> Summary {
+    let claims = claims(rows);
+    let mut text = String::from(
+        "Relative L² errors in %, mean of tension and shear, on meshes of so many cubes along \
+         the block.\n\n",
+    );
+    let figures: [(&str, Figure); 4] = [
+        ("displacement", |r| Some(r.error)),
+        ("the reference, interpolated", |r| Some(r.interpolation_error)),
+        ("pressure", |r| r.pressure_error),
+        ("pressure above a quarter of the height", |r| r.pressure_error_above),
+    ];
+    for case in ["homogeneous", "sphere 1e3, laminate"] {
+        let rows: Vec<&Row> = rows.iter().filter(|r| r.case == case).collect();
+        let column = |r: &Row| format!("{}: {}", r.nu, r.cubes());
+        let heads = each_once(rows.iter().map(|r| column(r)));
+        for (name, figure) in figures {
+            let lines = spread(
+                &heads,
+                &rows,
+                |r| (r.element.to_owned(), column(r)),
+                |r| figure(r).map_or_else(String::new, |x| format!("{:.2}", 100.0 * x)),
+            );
+            text += &table(&format!("{case}: {name}"), &heads, &lines);
         }
-        text.extend(claims.iter().map(Claim::text));
-        Ok(Summary::new(text)
-            .with("schema", SCHEMA)
-            .with("claims", claims)
-            .with_file("elements.svg", plot(rows)))
     }
+    text.extend(claims.iter().map(Claim::text));
+    Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("claims", claims)
+        .with_file("elements.svg", plot(rows))
 }
 
 impl Row {

@@ -1,7 +1,7 @@
 //! The studies, each in a file or folder of its own, by its name on the command line.
 //!
-//! Start with `elements.rs`: a plain study on the scaffold of
-//! [`harness::report`](crate::harness::report). `race` is shared by `table1` and `scaling`, `sweep`
+//! Start with `elements.rs`: it measures its rows and hands them to
+//! [`harness::report::write`](crate::harness::report::write), as all others do. `race` is shared by `table1` and `scaling`, `sweep`
 //! by `stiff` and `extremes`.
 
 pub mod ablation;

@@ -1,16 +1,13 @@
 //! `scaling`: how the operations grow with the mesh, up to 30 000 vertices where a method can.
 
-use std::cell::RefCell;
-
 use serde::Serialize;
 
 use super::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
 use crate::error::BenchError;
-use crate::harness::Folder;
 use crate::harness::machine::Machine;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
-use crate::harness::report::{self, Measured, Study, Summary, spread};
+use crate::harness::report::{self, Summary, spread};
 use crate::solvers::direct::{Direct, in_one_thread};
 
 /// Version of the JSON layout.
@@ -53,55 +50,35 @@ struct Fit {
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let sizes = RefCell::default();
-    report::run(&Scaling { machine, settings, sizes }, &arguments.common.destination)
+    let folder = arguments.common.destination.folder()?;
+    let sizes = in_one_thread(|| race::run(&settings))?;
+    let rows = race::rows(&sizes);
+    let summary = summary(&rows, &sizes, &settings.vertices, &machine);
+    report::write(&folder, "scaling", &rows, summary)
 }
 
-struct Scaling {
-    machine: Machine,
-    settings: race::Settings,
-    /// What was measured beside the rows.
-    sizes: RefCell<Vec<AtSize>>,
-}
-
-impl Study for Scaling {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "scaling"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let sizes = in_one_thread(|| race::run(&self.settings))?;
-        let rows = sizes.iter().flat_map(|size| size.rows.iter().cloned()).collect();
-        self.sizes.replace(sizes);
-        Ok(Measured::All(rows))
-    }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let sizes = &self.settings.vertices;
-        let fits = fits(rows);
-        let mut text = race::head(&self.machine);
-        text += &race::families(rows, sizes, &[], |family| exponents(&fits, family));
-        let (ratios, left_out) = race::beside(&self.sizes.borrow());
-        text += &race::ratio_table(&ratios, sizes);
-        text += &race::left_out(&left_out);
-        let mut summary = Summary::new(text)
-            .with("schema", SCHEMA)
-            .with("machine", &self.machine)
-            .with("fits", fits)
-            .with("ratios", ratios)
-            .with("left_out", left_out);
-        for family in FAMILIES.map(|family| family.name) {
-            for (operation, value) in [OPERATIONS[0], OPERATIONS[3]] {
-                let curves = race::lines(rows, family, value);
-                let title = format!("{operation}, {family}");
-                let svg = log_log(&title, ["free vertices", "ms"], &curves);
-                summary = summary.with_file(format!("scaling_{operation}_{family}.svg"), svg);
-            }
+fn summary(rows: &[Row], found: &[AtSize], sizes: &[usize], machine: &Machine) -> Summary {
+    let fits = fits(rows);
+    let mut text = race::head(machine);
+    text += &race::families(rows, sizes, &[], |family| exponents(&fits, family));
+    let (ratios, left_out) = race::beside(found);
+    text += &race::ratio_table(&ratios, sizes);
+    text += &race::left_out(&left_out);
+    let mut summary = Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("machine", machine)
+        .with("fits", fits)
+        .with("ratios", ratios)
+        .with("left_out", left_out);
+    for family in FAMILIES.map(|family| family.name) {
+        for (operation, value) in [OPERATIONS[0], OPERATIONS[3]] {
+            let curves = race::lines(rows, family, value);
+            let title = format!("{operation}, {family}");
+            let svg = log_log(&title, ["free vertices", "ms"], &curves);
+            summary = summary.with_file(format!("scaling_{operation}_{family}.svg"), svg);
         }
-        Ok(summary)
     }
+    summary
 }
 
 /// Of all methods in both families, where at least two sizes were measured.

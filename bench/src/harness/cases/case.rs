@@ -9,7 +9,6 @@ use crate::harness::folder::Folder;
 use crate::harness::machine::Place;
 use crate::harness::progress::Progress;
 use crate::harness::ranks;
-use crate::harness::report::Measured;
 
 /// What a case found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,6 +66,14 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
     text.or_else(|| panic.downcast_ref::<String>().map(|text| &text[..])).unwrap_or("no message")
 }
 
+/// What this process has measured.
+pub enum Measured {
+    /// The rows of all cases, in order.
+    All(Vec<Row>),
+    /// Other processes still have cases to run: a message in place of the tables.
+    Waiting(String),
+}
+
 /// Runs the cases of `shard` that `folder` does not have yet, in order, keeping each as soon as it
 /// is finished. Returns the rows of all cases, in order, if every one of them is there, and else
 /// says how many are. Processes that mpirun has started together share them, whoever is free taking
@@ -75,7 +82,7 @@ fn panic_message(panic: &(dyn std::any::Any + Send)) -> &str {
 /// # Errors
 /// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
 /// those of [`ranks`].
-pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured<Row>, BenchError> {
+pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured, BenchError> {
     let place = Place::here();
     let mut waiting = Vec::new();
     for (number, case) in cases.iter().enumerate() {
@@ -147,7 +154,7 @@ mod tests {
         ]
     }
 
-    fn all(measured: Measured<Row>) -> Vec<Row> {
+    fn all(measured: Measured) -> Vec<Row> {
         match measured {
             Measured::All(rows) => rows,
             Measured::Waiting(message) => panic!("{message}"),

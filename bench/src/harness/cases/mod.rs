@@ -10,7 +10,7 @@ mod row;
 mod selection;
 mod table;
 
-pub use case::{Advance, Case, Findings, Work, run};
+pub use case::{Advance, Case, Findings, Measured, Work, run};
 pub use row::{Figures, Row};
 pub use selection::{CaseArguments, Selection, Shard};
-pub(crate) use table::{lines, markdown, rounded, summary};
+pub(crate) use table::{lines, markdown, rounded, write};

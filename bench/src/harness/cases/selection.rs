@@ -5,8 +5,6 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use crate::harness::arguments::Destination;
-
 /// Where a study of cases writes and what of it this process runs.
 #[derive(Args, Clone, Debug)]
 pub struct Selection {
@@ -22,13 +20,6 @@ pub struct Selection {
     /// `mpi`) no parts are needed: every process takes the next case when it is free.
     #[arg(long, value_name = "I/N", default_value = "1/1")]
     pub shard: Shard,
-}
-
-impl Selection {
-    /// Where it writes.
-    pub fn destination(&self) -> Destination {
-        Destination { out: self.out.clone(), force: self.force }
-    }
 }
 
 /// Which of a study's cases are run, and where to.

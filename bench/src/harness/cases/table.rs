@@ -2,21 +2,40 @@
 
 use serde_json::{Map, Value};
 
+use super::case::{Case, Measured, run};
 use super::row::Row;
+use super::selection::Shard;
+use crate::error::BenchError;
+use crate::harness::folder::Folder;
 use crate::harness::machine::Machine;
-use crate::harness::report::{Summary, markdown};
+use crate::harness::report::{self, Summary, each_once, markdown};
 
-/// What a study of cases says: its name and a remark, the machine, and the columns `names`.
-pub(crate) fn summary(study: &str, remark: &str, rows: &[Row], names: &[&str]) -> Summary {
+/// Runs the cases and writes the tables of a study that has nothing else to say than a remark; the
+/// table has the columns `names`. Returns what is printed.
+///
+/// # Errors
+/// Those of [`run`]; [`BenchError::Io`].
+pub(crate) fn write(
+    folder: &Folder,
+    study: &str,
+    (cases, shard): (&[Case<'_>], Shard),
+    remark: &str,
+    names: &[&str],
+) -> Result<String, BenchError> {
+    let rows = match run(folder, cases, shard)? {
+        Measured::All(rows) => rows,
+        Measured::Waiting(message) => return Ok(message),
+    };
     let machine = Machine::here();
     let text = format!(
         "# {study}\n\n{}, {} threads.{remark}\n\n{}",
         machine.cpu,
         machine.threads_available,
-        markdown(rows, names)
+        markdown(&rows, names)
     );
-    let summary = Summary { table: Some(lines(rows)), ..Summary::new(text) };
-    summary.with("study", study).with("machine", machine)
+    let summary = Summary { table: Some(lines(&rows)), ..Summary::new(text) };
+    let summary = summary.with("study", study).with("machine", machine);
+    report::write(folder, study, &rows, summary)
 }
 
 /// Rows as lines of CSV: group, case, every figure and then every measurement that a row has, in
@@ -57,7 +76,7 @@ pub(crate) fn markdown(rows: &[Row], names: &[&str]) -> String {
 fn columns(rows: &[Row]) -> Vec<String> {
     let figures = rows.iter().flat_map(|row| row.figures.names());
     let names = figures.chain(rows.iter().flat_map(|row| row.measured.names()));
-    crate::harness::report::each_once(names.map(str::to_owned))
+    each_once(names.map(str::to_owned))
 }
 
 /// A cell for people: three digits of what is not a whole number.

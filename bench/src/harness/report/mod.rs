@@ -1,6 +1,6 @@
 //! From the rows of a study to its files and to what it prints.
 //!
-//! `study.rs` has the trait and how it is run; `cells.rs` makes CSV of any rows that serde can
+//! `summary.rs` writes the files; `cells.rs` makes CSV of any rows that serde can
 //! write, `pivot.rs` spreads rows over tables and charts, `markdown.rs` writes the tables, `claim.rs`
 //! says what is claimed of a figure and whether it holds.
 
@@ -8,10 +8,10 @@ mod cells;
 mod claim;
 pub(crate) mod markdown;
 mod pivot;
-mod study;
+mod summary;
 
 pub(crate) use cells::{cell, csv, objects};
 pub use claim::Claim;
 pub(crate) use claim::Limit;
 pub(crate) use pivot::{curves, each_once, spread};
-pub use study::{Measured, Study, Summary, run};
+pub use summary::{Summary, write};

@@ -4,13 +4,12 @@ use clap::Args;
 use yawara_embed::Material;
 use yawara_inverse_update::{InverseMaintainer, StiffnessChange, build, drift};
 
-use super::report::{MONITORED, Row};
+use super::report::{MONITORED, Row, summary};
 use crate::bodies::organ::Organ;
 use crate::error::BenchError;
 use crate::harness::arguments::{Common, in_range, sizes};
 use crate::harness::machine::Machine;
-use crate::harness::report::{self, Measured, Study, Summary};
-use crate::harness::{Folder, Progress};
+use crate::harness::{Progress, report};
 use crate::solvers::direct::in_one_thread;
 use crate::solvers::reference::{Reference, relative_error};
 use crate::studies::race::{maintainers, three_slots, unit_loads};
@@ -67,42 +66,19 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let vertices = sizes(&arguments.vertices, if quick { &[192] } else { &[512] })?;
     let updates = arguments.updates.unwrap_or(if quick { 300 } else { 10_000 });
     in_range("--updates", updates, UPDATES)?;
-    let drift = Drift { quick, vertices, updates, seed: arguments.seed };
-    report::run(&drift, &arguments.common.destination)
-}
-
-struct Drift {
-    quick: bool,
-    vertices: Vec<usize>,
-    updates: usize,
-    seed: u64,
-}
-
-impl Study for Drift {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "drift"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let Self { updates, seed, .. } = *self;
-        let cases = cases(self.quick);
-        let mut progress = Progress::new((self.vertices.len() * cases.len() * updates) as f64);
-        let mut rows = Vec::new();
-        for &vertices in &self.vertices {
-            for &case in &cases {
-                let run = Run { case, vertices, updates, seed };
-                rows.extend(in_one_thread(|| run.rows(&mut progress))?);
-            }
+    let folder = arguments.common.destination.folder()?;
+    let (cases, seed) = (cases(quick), arguments.seed);
+    let mut progress = Progress::new((vertices.len() * cases.len() * updates) as f64);
+    let mut rows = Vec::new();
+    for &vertices in &vertices {
+        for &case in &cases {
+            let run = Run { case, vertices, updates, seed };
+            rows.extend(in_one_thread(|| run.rows(&mut progress))?);
         }
-        Ok(Measured::All(rows))
     }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let summary = super::report::summary(rows);
-        Ok(summary.with("machine", Machine::here()).with("seed", self.seed))
-    }
+    drop(progress);
+    let summary = summary(&rows).with("machine", Machine::here()).with("seed", seed);
+    report::write(&folder, "drift", &rows, summary)
 }
 
 fn cases(quick: bool) -> Vec<Case> {

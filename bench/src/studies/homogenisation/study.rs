@@ -14,51 +14,34 @@ use super::row::{PhantomCost, Row};
 use super::tables;
 use crate::bodies::organ::organ_materials;
 use crate::error::BenchError;
+use crate::harness::Progress;
 use crate::harness::arguments::Common;
-use crate::harness::report::{self, Measured, Study, Summary};
-use crate::harness::{Folder, Progress};
+use crate::harness::report::{self, Summary};
 
 /// Runs the study, writes its files and returns its tables.
 ///
 /// # Errors
 /// [`BenchError`] for bad arguments or a system that can't be solved; nothing is written then.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    report::run(&HomogenisationStudy { quick: arguments.quick }, &arguments.destination)
-}
-
-struct HomogenisationStudy {
-    quick: bool,
-}
-
-impl Study for HomogenisationStudy {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "homogenisation"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let (ratios, levels): (&[f64], &[u8]) =
-            if self.quick { (&[0.3], &[3]) } else { (&[0.3, 0.45, 0.49], &[3, 6]) };
-        let is_asked = |inside: &Inside| {
-            !self.quick || *inside == Inside::Homogeneous || inside.counts(levels[0])
-        };
-        let cases: Vec<Inside> = CASES.into_iter().filter(is_asked).collect();
-        let mut progress = Progress::new((cases.len() * ratios.len() * CHOICES.len()) as f64);
-        let mut rows = Vec::new();
-        for inside in cases {
-            let block = Block::new(inside)?;
-            for &nu in ratios {
-                rows.extend(case_rows(&block, nu, levels, &mut progress)?);
-            }
+    let quick = arguments.quick;
+    let folder = arguments.destination.folder()?;
+    let (ratios, levels): (&[f64], &[u8]) =
+        if quick { (&[0.3], &[3]) } else { (&[0.3, 0.45, 0.49], &[3, 6]) };
+    let is_asked =
+        |inside: &Inside| !quick || *inside == Inside::Homogeneous || inside.counts(levels[0]);
+    let cases: Vec<Inside> = CASES.into_iter().filter(is_asked).collect();
+    let mut progress = Progress::new((cases.len() * ratios.len() * CHOICES.len()) as f64);
+    let mut rows = Vec::new();
+    for inside in cases {
+        let block = Block::new(inside)?;
+        for &nu in ratios {
+            rows.extend(case_rows(&block, nu, levels, &mut progress)?);
         }
-        Ok(Measured::All(rows))
     }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let text = tables::tables(rows) + &tables::costs(&phantom_costs()?);
-        Ok(Summary::new(text).with_file("homogenisation.svg", tables::plot(rows)))
-    }
+    drop(progress);
+    let text = tables::tables(&rows) + &tables::costs(&phantom_costs()?);
+    let summary = Summary::new(text).with_file("homogenisation.svg", tables::plot(&rows));
+    report::write(&folder, "homogenisation", &rows, summary)
 }
 
 /// The local choices on the liver phantom, all levels: the better of two runs.

@@ -1,6 +1,5 @@
 //! All parts of the study.
 
-use std::cell::OnceCell;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -10,11 +9,10 @@ use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placem
 use super::updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
 use super::volumes::{self, VolumeRow};
 use crate::error::BenchError;
-use crate::harness::Folder;
 use crate::harness::arguments::Common;
 use crate::harness::plot::{Curve, log_log, slope};
 use crate::harness::report::markdown::table;
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::report::{self, Summary};
 use crate::workloads::random::SplitMix64;
 
 /// Version of the JSON layout.
@@ -79,13 +77,21 @@ impl Row {
 /// # Errors
 /// [`BenchError`] for bad arguments; nothing is written then.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let mesh = MeshStudy { quick: arguments.quick, found: OnceCell::new() };
-    report::run(&mesh, &arguments.destination)
-}
-
-struct MeshStudy {
-    quick: bool,
-    found: OnceCell<Found>,
+    let folder = arguments.destination.folder()?;
+    let (cells, sizes): (&[usize], &[usize]) = match arguments.quick {
+        true => (&[3, 6, 13], &[64, 96, 128]),
+        false => (&[3, 6, 13, 28], &[64, 96, 128, 192, 256]),
+    };
+    let found = Found {
+        updates: cells
+            .iter()
+            .map(|&n| update_row(&mut forest(n, 3, 6)?))
+            .collect::<Result<_, _>>()?,
+        volumes: sizes.iter().map(|&n| volumes::row(n)).collect::<Result<_, _>>()?,
+        shapes: shapes()?,
+        closures: closures()?,
+    };
+    report::write(&folder, "mesh", &found.rows(), found.summary())
 }
 
 /// Everything measured, table by table.
@@ -94,71 +100,6 @@ struct Found {
     closures: Vec<ClosureRow>,
     updates: Vec<UpdateRow>,
     volumes: Vec<VolumeRow>,
-}
-
-impl Study for MeshStudy {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "mesh"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let (cells, sizes): (&[usize], &[usize]) = match self.quick {
-            true => (&[3, 6, 13], &[64, 96, 128]),
-            false => (&[3, 6, 13, 28], &[64, 96, 128, 192, 256]),
-        };
-        let found = Found {
-            updates: cells
-                .iter()
-                .map(|&n| update_row(&mut forest(n, 3, 6)?))
-                .collect::<Result<_, _>>()?,
-            volumes: sizes.iter().map(|&n| volumes::row(n)).collect::<Result<_, _>>()?,
-            shapes: shapes()?,
-            closures: closures()?,
-        };
-        Ok(Measured::All(self.found.get_or_init(|| found).rows()))
-    }
-
-    fn summary(&self, _: &Folder, _: &[Row]) -> Result<Summary, BenchError> {
-        let Some(found) = self.found.get() else { return Ok(Summary::default()) };
-        let Found { shapes, closures, updates, volumes } = found;
-        let slopes = UpdateSlopes::of(updates);
-        let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
-        let forests: Vec<(f64, f64)> =
-            volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
-        let [tree_slope, forest_slope] = [slope(&trees), slope(&forests)];
-        let UpdateSlopes { random, local, ring_pass, random_ratio } = &slopes;
-        let text = found.element_tables()
-            + &found.update_table()
-            + &format!(
-                "Time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep; \
-                 at random places the pass with leaves^{ring_pass:.3}, the ratio with \
-                 leaves^{random_ratio:.3}.\n\n"
-            )
-            + &volumes::table(volumes)
-            + &format!(
-                "The tree's time goes with heterogeneous tetrahedra^{tree_slope:.2}, the forest's \
-                 with its leaves^{forest_slope:.2}.\n"
-            );
-        let name = "liver phantom, 64 to 256 voxels".to_owned();
-        let volumes_svg = log_log(
-            "Volume to label tree",
-            ["heterogeneous tetrahedra", "s"],
-            &[Curve { name, points: trees }],
-        );
-        Ok(Summary::new(text)
-            .with("schema", SCHEMA)
-            .with("shapes", shapes)
-            .with("closures", closures)
-            .with("updates", updates)
-            .with("update_slopes", slopes)
-            .with("volumes", volumes)
-            .with("volume_time_slope", tree_slope)
-            .with("forest_time_slope", forest_slope)
-            .with_file("mesh_updates.svg", found.update_chart())
-            .with_file("mesh_volumes.svg", volumes_svg))
-    }
 }
 
 fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest, BenchError> {
@@ -211,6 +152,45 @@ fn closures() -> Result<Vec<ClosureRow>, BenchError> {
 }
 
 impl Found {
+    fn summary(&self) -> Summary {
+        let Found { shapes, closures, updates, volumes } = self;
+        let slopes = UpdateSlopes::of(updates);
+        let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
+        let forests: Vec<(f64, f64)> =
+            volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
+        let [tree_slope, forest_slope] = [slope(&trees), slope(&forests)];
+        let UpdateSlopes { random, local, ring_pass, random_ratio } = &slopes;
+        let text = self.element_tables()
+            + &self.update_table()
+            + &format!(
+                "Time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep; \
+                 at random places the pass with leaves^{ring_pass:.3}, the ratio with \
+                 leaves^{random_ratio:.3}.\n\n"
+            )
+            + &volumes::table(volumes)
+            + &format!(
+                "The tree's time goes with heterogeneous tetrahedra^{tree_slope:.2}, the forest's \
+                 with its leaves^{forest_slope:.2}.\n"
+            );
+        let name = "liver phantom, 64 to 256 voxels".to_owned();
+        let volumes_svg = log_log(
+            "Volume to label tree",
+            ["heterogeneous tetrahedra", "s"],
+            &[Curve { name, points: trees }],
+        );
+        Summary::new(text)
+            .with("schema", SCHEMA)
+            .with("shapes", shapes)
+            .with("closures", closures)
+            .with("updates", updates)
+            .with("update_slopes", slopes)
+            .with("volumes", volumes)
+            .with("volume_time_slope", tree_slope)
+            .with("forest_time_slope", forest_slope)
+            .with_file("mesh_updates.svg", self.update_chart())
+            .with_file("mesh_volumes.svg", volumes_svg)
+    }
+
     fn rows(&self) -> Vec<Row> {
         let mut rows = Vec::new();
         for r in &self.shapes {

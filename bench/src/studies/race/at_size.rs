@@ -22,6 +22,11 @@ enum Side<'a> {
     Extrapolated(f64),
 }
 
+/// The rows of all sizes.
+pub(crate) fn rows(sizes: &[AtSize]) -> Vec<Row> {
+    sizes.iter().flat_map(|size| size.rows.iter().cloned()).collect()
+}
+
 impl AtSize {
     /// The name of a competitor's family.
     pub fn family(&self, competitor: &Competitor) -> &'static str {

@@ -21,10 +21,10 @@ mod workload;
 
 pub use arguments::Arguments;
 pub(crate) use arguments::Defaults;
-pub(crate) use at_size::AtSize;
+pub(crate) use at_size::{AtSize, rows};
 pub(crate) use ratios::beside;
 pub(crate) use row::Row;
 pub(crate) use run::run;
-pub(crate) use settings::{FAMILIES, Settings, maintainers};
+pub(crate) use settings::{FAMILIES, maintainers};
 pub(crate) use tables::{families, head, left_out, lines, ratio_table};
 pub(crate) use workload::{three_slots, unit_loads};

@@ -27,7 +27,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     points.extend(voxels(quick));
     points.extend(tools(quick));
     points.extend(updates(quick));
-    study::run("extremes", points, arguments)
+    study::run("extremes", &points, arguments)
 }
 
 fn point(group: &'static str, name: String, scene: &'static str, own: &[&str]) -> Point {

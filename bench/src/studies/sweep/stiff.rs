@@ -48,7 +48,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
             }
         }
     }
-    study::run("stiff", points, arguments)
+    study::run("stiff", &points, arguments)
 }
 
 fn point(

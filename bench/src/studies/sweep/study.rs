@@ -1,12 +1,11 @@
 //! A list of scenes, each measured against its own converged reference.
 
-use serde_json::{Value, json};
+use serde_json::json;
 use yawara::{Stages, scene_file};
 
 use crate::error::BenchError;
 use crate::harness::Folder;
-use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings, Row};
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
 use crate::pareto::{Reference, measure};
 
 /// A value of what is varied.
@@ -45,87 +44,61 @@ const COLUMNS: &[&str] = &[
 /// # Errors
 /// Those of [`Folder::open`]; [`BenchError::Io`]. A point that fails is a row.
 pub(super) fn run(
-    name: &'static str,
-    points: Vec<Point>,
+    name: &str,
+    points: &[Point],
     arguments: &CaseArguments,
 ) -> Result<String, BenchError> {
+    let selection = &arguments.selection;
     let cap_s = if arguments.quick { 20.0 } else { 120.0 };
-    let sweep = Sweep { name, points, cap_s, arguments };
-    report::run(&sweep, &arguments.selection.destination())
+    let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
+    let options = json!({
+        "study": name,
+        "version": env!("CARGO_PKG_VERSION"),
+        "cap_s": cap_s,
+        "points": points.iter().map(point).collect::<Vec<_>>(),
+    });
+    let folder = Folder::open(&selection.out, &options, selection.force)?;
+    let mut cases = Vec::new();
+    for (number, one) in points.iter().enumerate() {
+        let folder = &folder;
+        let work = move |advance: Advance<'_>| measured(number, one, cap_s, folder, advance);
+        cases.push(Case::new(one.group, &one.name, work));
+    }
+    cases::write(&folder, name, (&cases, selection.shard), "", COLUMNS)
 }
 
-struct Sweep<'a> {
-    name: &'static str,
-    points: Vec<Point>,
-    /// Seconds that a point may take, and as many its reference, without which it has no errors.
+/// A point, its reference in at most `cap_s` seconds and it in as many.
+fn measured(
+    number: usize,
+    one: &Point,
     cap_s: f64,
-    arguments: &'a CaseArguments,
-}
-
-impl Study for Sweep<'_> {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        self.name
+    folder: &Folder,
+    advance: Advance<'_>,
+) -> Result<Findings, BenchError> {
+    let mut overrides = one.overrides.clone();
+    if let Some(bytes) = &one.image {
+        let name = format!("cases/image-{number:03}.nrrd");
+        folder.write(&name, bytes)?;
+        overrides.push(format!("image.path={:?}", folder.at(&name).display().to_string()));
     }
-
-    fn options(&self) -> Option<Value> {
-        let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
-        Some(json!({
-            "study": self.name,
-            "version": env!("CARGO_PKG_VERSION"),
-            "cap_s": self.cap_s,
-            "points": self.points.iter().map(point).collect::<Vec<_>>(),
-        }))
-    }
-
-    fn measure(&self, folder: &Folder) -> Result<Measured<Row>, BenchError> {
-        let mut cases = Vec::new();
-        for (number, one) in self.points.iter().enumerate() {
-            let work = move |advance: Advance<'_>| self.point(number, one, folder, advance);
-            cases.push(Case::new(one.group, &one.name, work));
+    let (scene, _) = scene_file::load(one.scene, &overrides)?;
+    let limits = (one.reference_vertices, cap_s);
+    let name = format!("reference-{number:03}");
+    let reference = match Reference::of(&scene, limits, folder, &name) {
+        // Whether a value can be run is not for its reference to say.
+        Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
+        other => Ok(other?),
+    };
+    let stages = Stages::by_name(&scene.stages)?;
+    let path = reference.as_ref().ok().map(|reference| &reference.path);
+    let mut found = measure(&scene, stages, path, cap_s, advance, &mut |_| Ok(()))?;
+    let figures = &mut found.figures;
+    match &reference {
+        Ok(Reference { summary, .. }) => {
+            figures.put("reference_converged", summary.converged);
+            figures.put("reference_residual", summary.residual_max);
         }
-        cases::run(folder, &cases, self.arguments.selection.shard)
+        Err(ended) => figures.put("reference_failure", &ended[..]),
     }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        Ok(cases::summary(self.name, "", rows, COLUMNS))
-    }
-}
-
-impl Sweep<'_> {
-    fn point(
-        &self,
-        number: usize,
-        one: &Point,
-        folder: &Folder,
-        advance: Advance<'_>,
-    ) -> Result<Findings, BenchError> {
-        let mut overrides = one.overrides.clone();
-        if let Some(bytes) = &one.image {
-            let name = format!("cases/image-{number:03}.nrrd");
-            folder.write(&name, bytes)?;
-            overrides.push(format!("image.path={:?}", folder.at(&name).display().to_string()));
-        }
-        let (scene, _) = scene_file::load(one.scene, &overrides)?;
-        let limits = (one.reference_vertices, self.cap_s);
-        let name = format!("reference-{number:03}");
-        let reference = match Reference::of(&scene, limits, folder, &name) {
-            // Whether a value can be run is not for its reference to say.
-            Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
-            other => Ok(other?),
-        };
-        let stages = Stages::by_name(&scene.stages)?;
-        let path = reference.as_ref().ok().map(|reference| &reference.path);
-        let mut found = measure(&scene, stages, path, self.cap_s, advance, &mut |_| Ok(()))?;
-        let figures = &mut found.figures;
-        match &reference {
-            Ok(Reference { summary, .. }) => {
-                figures.put("reference_converged", summary.converged);
-                figures.put("reference_residual", summary.residual_max);
-            }
-            Err(ended) => figures.put("reference_failure", &ended[..]),
-        }
-        Ok(found)
-    }
+    Ok(found)
 }

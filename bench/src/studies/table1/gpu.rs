@@ -13,13 +13,12 @@ use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, buil
 
 use crate::bodies::organ::Organ;
 use crate::error::BenchError;
-use crate::harness::Folder;
 use crate::harness::machine::Machine;
 use crate::harness::report::markdown::table;
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::report::{self, Summary};
 use crate::harness::statistics::median;
 use crate::solvers::direct::DIRECT;
-use crate::studies::race::{Arguments, Defaults, Settings, three_slots};
+use crate::studies::race::{Arguments, Defaults, three_slots};
 use crate::workloads::history::{History, Update};
 use crate::workloads::random::SplitMix64;
 
@@ -136,77 +135,57 @@ pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, Bench
         Err(_) => AdapterChoice::Name(adapter.to_owned()),
     });
     let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
+    let folder = arguments.common.destination.folder()?;
     let copy = device.copy_rate(5)?;
-    let study = OnDevice { machine, settings, device, copy };
-    report::run(&study, &arguments.common.destination)
+    let mut rows = Vec::new();
+    for &vertices in &settings.vertices {
+        let organ = Organ::with_at_most(vertices)?;
+        for method in METHODS {
+            // Every method gets the same mesh and the same places.
+            let mut history = History::refined(&organ, "linear", vertices, 0, settings.seed)?;
+            rows.push(row(method, &mut history, copy, &device, settings.pairs)?);
+        }
+    }
+    report::write(&folder, "table1_gpu", &rows, summary(&rows, &machine, &device, copy))
 }
 
-struct OnDevice {
-    machine: Machine,
-    settings: Settings,
-    device: Arc<Device>,
-    /// Bytes per second of a copy on the device.
-    copy: f64,
-}
-
-impl Study for OnDevice {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "table1_gpu"
+/// `copy`: bytes per second of a copy on the device.
+fn summary(rows: &[Row], machine: &Machine, device: &Device, copy: f64) -> Summary {
+    let (device, copy_gb_s) = (device.report(), copy / 1e9);
+    let is_cpu = device.device_type == DeviceType::Cpu;
+    let mut text = format!("```\n{device}\n```\n\n");
+    if is_cpu {
+        text += "This device is a CPU: the figures say nothing about a card.\n\n";
     }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let Settings { vertices, pairs, seed, .. } = &self.settings;
-        let mut rows = Vec::new();
-        for &vertices in vertices {
-            let organ = Organ::with_at_most(vertices)?;
-            for method in METHODS {
-                // Every method gets the same mesh and the same places.
-                let mut history = History::refined(&organ, "linear", vertices, 0, *seed)?;
-                rows.push(row(method, &mut history, self.copy, &self.device, *pairs)?);
-            }
-        }
-        Ok(Measured::All(rows))
-    }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let (device, copy_gb_s) = (self.device.report(), self.copy / 1e9);
-        let is_cpu = device.device_type == DeviceType::Cpu;
-        let mut text = format!("```\n{device}\n```\n\n");
-        if is_cpu {
-            text += "This device is a CPU: the figures say nothing about a card.\n\n";
-        }
-        text += &format!(
-            "Copies on the device read and write {copy_gb_s:.1} GB/s. The bound is a read and write \
-             of half of C at that rate. Medians, ms; rings of rank 3.\n\n"
-        );
-        let heads =
-            ["build", "upload", "split", "merge", "put off", "solve", "columns", "bound", "drift"];
-        let line = |row: &Row| {
-            let three = |value: f64| format!("{value:.3}");
-            let cells = [
-                format!("{:.0}", row.build_ms),
-                row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
-                three(row.split_ms),
-                three(row.merge_ms),
-                three(row.put_off_ms),
-                three(row.solve_ms),
-                three(row.columns_ms),
-                row.bound_ms.map_or(String::new(), three),
-                format!("{:.0e}", row.drift),
-            ];
-            (format!("{}, {}", row.vertices, row.method), cells.to_vec())
-        };
-        let lines: Vec<_> = rows.iter().map(line).collect();
-        text += &table("vertices, method", &heads.map(str::to_owned), &lines);
-        Ok(Summary::new(text)
-            .with("schema", SCHEMA)
-            .with("machine", &self.machine)
-            .with("device", device.to_string())
-            .with("is_cpu", is_cpu)
-            .with("copy_gb_s", copy_gb_s))
-    }
+    text += &format!(
+        "Copies on the device read and write {copy_gb_s:.1} GB/s. The bound is a read and write \
+         of half of C at that rate. Medians, ms; rings of rank 3.\n\n"
+    );
+    let heads =
+        ["build", "upload", "split", "merge", "put off", "solve", "columns", "bound", "drift"];
+    let line = |row: &Row| {
+        let three = |value: f64| format!("{value:.3}");
+        let cells = [
+            format!("{:.0}", row.build_ms),
+            row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
+            three(row.split_ms),
+            three(row.merge_ms),
+            three(row.put_off_ms),
+            three(row.solve_ms),
+            three(row.columns_ms),
+            row.bound_ms.map_or(String::new(), three),
+            format!("{:.0e}", row.drift),
+        ];
+        (format!("{}, {}", row.vertices, row.method), cells.to_vec())
+    };
+    let lines: Vec<_> = rows.iter().map(line).collect();
+    text += &table("vertices, method", &heads.map(str::to_owned), &lines);
+    Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("machine", machine)
+        .with("device", device.to_string())
+        .with("is_cpu", is_cpu)
+        .with("copy_gb_s", copy_gb_s)
 }
 
 /// One method at one size.

@@ -1,15 +1,12 @@
 //! The study on the processor.
 
-use std::cell::RefCell;
-
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::error::BenchError;
-use crate::harness::Folder;
 use crate::harness::machine::Machine;
 use crate::harness::plot::{Curve, log_log};
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::report::{self, Summary};
 use crate::solvers::direct::{DIRECT, in_one_thread};
 use crate::studies::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
 
@@ -66,67 +63,46 @@ struct Speed {
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let sizes = RefCell::default();
-    report::run(&Table1 { machine, settings, sizes }, &arguments.common.destination)
+    let folder = arguments.common.destination.folder()?;
+    let sizes = in_one_thread(|| race::run(&settings))?;
+    let rows = race::rows(&sizes);
+    let summary = summary(&rows, &sizes, &settings.vertices, &machine);
+    report::write(&folder, "table1", &rows, summary)
 }
 
-struct Table1 {
-    machine: Machine,
-    settings: race::Settings,
-    /// What was measured beside the rows.
-    sizes: RefCell<Vec<AtSize>>,
-}
-
-impl Study for Table1 {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "table1"
+fn summary(rows: &[Row], found: &[AtSize], sizes: &[usize], machine: &Machine) -> Summary {
+    let memory: Vec<Speed> = found.iter().filter_map(speed).collect();
+    let mut text = race::head(machine);
+    text += &format!("The paper's figures, as printed: {PUBLISHED_ON}.\n\n");
+    let paper = [
+        printed("split", sizes, |p| p.split_ms),
+        printed("merge", sizes, |p| p.merge_ms),
+        printed("direct", sizes, |p| p.direct_ms),
+    ];
+    text += &race::families(rows, sizes, &paper, |_| String::new());
+    let (ratios, left_out) = race::beside(found);
+    text += &race::ratio_table(&ratios, sizes);
+    for speed in &memory {
+        let Speed { vertices, bytes, cold_pass_gb_s, pass_gb_s, memcpy_gb_s } = speed;
+        text += &format!(
+            "- {vertices} vertices: one pass over {:.1} MB reads and writes {pass_gb_s:.1} \
+             GB/s, the first of a burst {cold_pass_gb_s:.1} GB/s, a memcpy of them {memcpy_gb_s:.1} GB/s\n",
+            *bytes as f64 / 1e6
+        );
     }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        let sizes = in_one_thread(|| race::run(&self.settings))?;
-        let rows = sizes.iter().flat_map(|size| size.rows.iter().cloned()).collect();
-        self.sizes.replace(sizes);
-        Ok(Measured::All(rows))
-    }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let found = self.sizes.borrow();
-        let sizes = &self.settings.vertices;
-        let memory: Vec<Speed> = found.iter().filter_map(speed).collect();
-        let mut text = race::head(&self.machine);
-        text += &format!("The paper's figures, as printed: {PUBLISHED_ON}.\n\n");
-        let paper = [
-            printed("split", sizes, |p| p.split_ms),
-            printed("merge", sizes, |p| p.merge_ms),
-            printed("direct", sizes, |p| p.direct_ms),
-        ];
-        text += &race::families(rows, sizes, &paper, |_| String::new());
-        let (ratios, left_out) = race::beside(&found);
-        text += &race::ratio_table(&ratios, sizes);
-        for speed in &memory {
-            let Speed { vertices, bytes, cold_pass_gb_s, pass_gb_s, memcpy_gb_s } = speed;
-            text += &format!(
-                "- {vertices} vertices: one pass over {:.1} MB reads and writes {pass_gb_s:.1} \
-                 GB/s, the first of a burst {cold_pass_gb_s:.1} GB/s, a memcpy of them {memcpy_gb_s:.1} GB/s\n",
-                *bytes as f64 / 1e6
-            );
-        }
-        text += &race::left_out(&left_out);
-        let summary = Summary { table: Some(table(rows)), ..Summary::new(text) }
-            .with("schema", SCHEMA)
-            .with("machine", &self.machine)
-            .with("published_on", PUBLISHED_ON)
-            .with("published", PUBLISHED)
-            .with("ratios", ratios)
-            .with("memory", memory)
-            .with("left_out", left_out);
-        Ok(FAMILIES.into_iter().fold(summary, |summary, family| {
-            let name = if family == FAMILIES[0] { "table1.svg" } else { "table1_laminate.svg" };
-            summary.with_file(name, plot(rows, family.name))
-        }))
-    }
+    text += &race::left_out(&left_out);
+    let summary = Summary { table: Some(table(rows)), ..Summary::new(text) }
+        .with("schema", SCHEMA)
+        .with("machine", machine)
+        .with("published_on", PUBLISHED_ON)
+        .with("published", PUBLISHED)
+        .with("ratios", ratios)
+        .with("memory", memory)
+        .with("left_out", left_out);
+    FAMILIES.into_iter().fold(summary, |summary, family| {
+        let name = if family == FAMILIES[0] { "table1.svg" } else { "table1_laminate.svg" };
+        summary.with_file(name, plot(rows, family.name))
+    })
 }
 
 fn speed(size: &AtSize) -> Option<Speed> {

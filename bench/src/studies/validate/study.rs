@@ -5,10 +5,9 @@ use serde::Serialize;
 use super::row::Row;
 use super::{beams, corotated, paper_failure, spheres};
 use crate::error::BenchError;
-use crate::harness::Folder;
 use crate::harness::arguments::Common;
 use crate::harness::plot::{Curve, log_log};
-use crate::harness::report::{self, Measured, Study, Summary};
+use crate::harness::report::{self, Summary};
 
 /// The whole study.
 #[derive(Clone, Debug, Serialize)]
@@ -66,33 +65,15 @@ impl Report {
 /// # Errors
 /// [`BenchError`]; for bad arguments nothing is written.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    report::run(&Validate { quick: arguments.quick }, &arguments.destination)
-}
-
-struct Validate {
-    quick: bool,
-}
-
-impl Study for Validate {
-    type Row = Row;
-
-    fn name(&self) -> &str {
-        "validate"
-    }
-
-    fn measure(&self, _: &Folder) -> Result<Measured<Row>, BenchError> {
-        Ok(Measured::All(Report::new(self.quick)?.rows))
-    }
-
-    fn summary(&self, _: &Folder, rows: &[Row]) -> Result<Summary, BenchError> {
-        let report = Report { rows: rows.to_vec() };
-        let failure = paper_failure::rows(self.quick)?;
-        let text = format!("{}\n{}", report.table(), paper_failure::table(&failure));
-        Ok(Summary::new(text)
-            .with_file("paper_failure.csv", Some(report::csv(&report::objects(&failure))))
-            .with_file("validate.svg", report.plot())
-            .with_file("paper_failure.svg", paper_failure::plot(&failure)))
-    }
+    let folder = arguments.destination.folder()?;
+    let report = Report::new(arguments.quick)?;
+    let failure = paper_failure::rows(arguments.quick)?;
+    let text = format!("{}\n{}", report.table(), paper_failure::table(&failure));
+    let summary = Summary::new(text)
+        .with_file("paper_failure.csv", Some(report::csv(&report::objects(&failure))))
+        .with_file("validate.svg", report.plot())
+        .with_file("paper_failure.svg", paper_failure::plot(&failure));
+    report::write(&folder, "validate", &report.rows, summary)
 }
 
 impl Report {
