@@ -3,6 +3,7 @@
 //! This crate knows geometry and labels, no materials and no forces.
 #![forbid(unsafe_code)]
 
+pub mod atomic_file;
 pub mod bisection;
 pub mod image;
 pub mod isosurface;

@@ -5,6 +5,7 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use yawara_mesh::atomic_file::{self, PARTIAL};
 
 use super::cases::Row;
 use super::ranks;
@@ -15,9 +16,6 @@ const OPTIONS: &str = "options.json";
 
 /// Where the finished cases are.
 const CASES: &str = "cases";
-
-/// The end of the name of a file that is being written.
-const PARTIAL: &str = ".partial";
 
 /// The folder that a study writes to.
 ///
@@ -47,7 +45,7 @@ impl Folder {
             fs::create_dir(&path).map_err(at(&path))?;
             folder.made.push(path);
         }
-        let probe = folder.aside("probe");
+        let probe = folder.at(&format!(".probe.{}{PARTIAL}", std::process::id()));
         fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(at(&probe))?;
         Ok(folder)
     }
@@ -69,7 +67,7 @@ impl Folder {
         let folder = Self { path: path.into(), made: Vec::new() };
         // Options that a process was writing when it ended, and cases without options, are nothing.
         let left =
-            |name: &String| (name.starts_with(OPTIONS) && name.ends_with(PARTIAL)) || name == CASES;
+            |name: &String| (name.contains(OPTIONS) && name.ends_with(PARTIAL)) || name == CASES;
         let names = folder.names()?;
         match folder.read(OPTIONS)? {
             Some(found) if !force => folder.compare(&found, options)?,
@@ -118,18 +116,8 @@ impl Folder {
     /// # Errors
     /// [`BenchError::Io`].
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), BenchError> {
-        let (aside, path) = (self.aside(name), self.at(name));
-        let written = fs::write(&aside, bytes).and_then(|()| fs::rename(&aside, &path));
-        written.map_err(|error| {
-            // The first error is the one to report.
-            let _ = fs::remove_file(&aside);
-            at(&path)(error)
-        })
-    }
-
-    /// Several processes may write the same file; each has one of its own until it is whole.
-    fn aside(&self, name: &str) -> PathBuf {
-        self.at(&format!("{name}.{}{PARTIAL}", std::process::id()))
+        let path = self.at(name);
+        atomic_file::write(&path, bytes).map_err(at(&path))
     }
 
     /// The row of a finished case; its number counts from 0.

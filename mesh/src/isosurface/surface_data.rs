@@ -1,11 +1,11 @@
-//! What a surface file holds, checked; files replaced only once they are whole.
+//! What a surface file holds, checked.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 
 use super::error::SurfaceError;
+use crate::atomic_file;
 
 /// The content of a surface file, borrowed; checked when it is written.
 #[derive(Clone, Copy, Debug)]
@@ -54,24 +54,10 @@ fn finite(what: &'static str, vectors: &[Vector3<f64>]) -> Result<(), SurfaceErr
     Ok(())
 }
 
-/// Writes `bytes` beside `path`, then renames: whoever reads `path` sees the old file or the
-/// whole new one.
+/// Writes `bytes` to `path`, replacing what stands there only once the file is whole.
 ///
 /// # Errors
 /// [`SurfaceError::Io`], naming `path`.
 pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), SurfaceError> {
-    let io = |source| SurfaceError::Io { path: path.into(), source };
-    let Some(name) = path.file_name() else {
-        return Err(io(std::io::ErrorKind::InvalidFilename.into()));
-    };
-    let mut aside = std::ffi::OsString::from(".");
-    aside.push(name);
-    aside.push(format!(".{}.partial", std::process::id()));
-    let aside: PathBuf = path.with_file_name(aside);
-    let written = fs::write(&aside, bytes).and_then(|()| fs::rename(&aside, path));
-    if written.is_err() {
-        // The error is the one to report; a file that was never begun can't be removed.
-        let _ = fs::remove_file(&aside);
-    }
-    written.map_err(io)
+    atomic_file::write(path, bytes).map_err(|source| SurfaceError::Io { path: path.into(), source })
 }

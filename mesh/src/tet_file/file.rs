@@ -1,15 +1,15 @@
-//! Mesh files as wholes: read at once, written beside their name and renamed into place.
+//! What the readers and writers of mesh files share: bytes, units and what was read.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 
 use super::error::TetMeshError;
 use super::mesh::{PlainMesh, Repairs};
+use crate::atomic_file;
 
 /// What a mesh file holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,26 +47,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, TetMeshError> {
 
 /// Writes `bytes` to `path`, replacing what stands there only once the file is whole.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), TetMeshError> {
-    let io_error = |source| TetMeshError::Io { path: path.into(), source };
-    let name = path
-        .file_name()
-        .ok_or_else(|| io_error(io::Error::from(io::ErrorKind::InvalidFilename)))?;
-    let mut aside = OsString::from(".");
-    aside.push(name);
-    aside.push(format!(".{}.partial", std::process::id()));
-    let aside = Aside(path.with_file_name(aside));
-    fs::write(&aside.0, bytes).map_err(io_error)?;
-    fs::rename(&aside.0, path).map_err(io_error)
-}
-
-/// A file beside the one wanted; removed if it is still there when dropped.
-struct Aside(PathBuf);
-
-impl Drop for Aside {
-    fn drop(&mut self) {
-        // After the rename there is nothing left to remove, and that is no error.
-        let _ = fs::remove_file(&self.0);
-    }
+    atomic_file::write(path, bytes).map_err(|source| TetMeshError::Io { path: path.into(), source })
 }
 
 /// The points of a mesh in units of `unit_m` metres.

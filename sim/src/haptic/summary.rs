@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::device_loop::Ticks;
 use super::options::HapticOptions;
 use crate::error::SimError;
-use crate::output::write_whole;
+use crate::output::write_file;
 use crate::report::Percentiles;
 
 /// How a haptic loop went.
@@ -68,7 +68,7 @@ impl HapticSummary {
     pub fn write_json(&self, path: &Path) -> Result<(), SimError> {
         let io = |source| SimError::Io { path: path.into(), source };
         let json = serde_json::to_string_pretty(self).map_err(|error| io(error.into()))?;
-        write_whole(path, json + "\n")
+        write_file(path, json + "\n")
     }
 }
 

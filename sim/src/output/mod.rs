@@ -1,5 +1,6 @@
 //! What a run leaves on disk: a run directory, written aside and moved into place when whole.
 
+mod atomic_file;
 mod fields;
 #[cfg(feature = "gmsh")]
 mod msh;
@@ -7,10 +8,9 @@ mod pvd;
 mod run_directory;
 mod steps_csv;
 mod vtu;
-mod whole;
 
+pub(crate) use atomic_file::write_file;
 #[cfg(feature = "gmsh")]
 pub use msh::write_msh;
 pub use run_directory::RunDirectory;
 pub use vtu::write_vtu;
-pub(crate) use whole::write_whole;

@@ -8,7 +8,7 @@ use vtkio::model::{
     VertexNumbers, Vtk,
 };
 
-use super::write_whole;
+use super::write_file;
 use crate::SimError;
 use crate::report::Frame;
 
@@ -28,7 +28,7 @@ pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
     let mut bytes = Vec::new();
     model(frame).write_xml(&mut bytes).map_err(|error| refuse(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|error| refuse(error.to_string()))?;
-    write_whole(path, signed_topology(text))
+    write_file(path, signed_topology(text))
 }
 
 /// Declares connectivity and offsets as signed, as ParaView writes them: the bits are the same,

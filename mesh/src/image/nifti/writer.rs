@@ -1,14 +1,13 @@
 //! Writes volumes as single NIfTI-1 files (.nii, .nii.gz).
 
-use std::ffi::OsString;
-use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use nalgebra::{Rotation3, UnitQuaternion};
 
+use crate::atomic_file;
 use crate::image::ImageError;
 use crate::image::volume::{Grid, IntensityVolume, LabelVolume};
 
@@ -76,7 +75,7 @@ fn write<const N: usize>(
         }
         Ok(())
     };
-    let written = write_renamed(path, |file| {
+    let written = atomic_file::write_with(path, |file| {
         if !gzip {
             return write_all(file);
         }
@@ -85,27 +84,6 @@ fn write<const N: usize>(
         encoder.into_inner().map_err(io::IntoInnerError::into_error)?.finish().map(|_| ())
     });
     written.map_err(|source| ImageError::Io { path: path.into(), source })
-}
-
-/// Writes beside `path` and renames, so that no reader meets half a file.
-fn write_renamed(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.part", std::process::id()));
-    let part: PathBuf = path.with_file_name(name);
-    let mut file = BufWriter::new(File::create(&part)?);
-    let result = write(&mut file)
-        .and_then(|()| file.flush())
-        .and_then(|()| file.get_ref().sync_all())
-        .and_then(|()| fs::rename(&part, path));
-    if result.is_err() {
-        // The first error is the one to tell.
-        let _ = fs::remove_file(&part);
-    }
-    result
 }
 
 fn header(

@@ -1,0 +1,15 @@
+//! Files of a run, there whole or not at all.
+
+use std::path::Path;
+
+use yawara_mesh::atomic_file;
+
+use crate::SimError;
+
+/// Writes `bytes` to `path`, replacing what stands there only once the file is whole.
+///
+/// # Errors
+/// [`SimError::Io`]; what stood at `path` is still there then.
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), SimError> {
+    atomic_file::write(path, bytes).map_err(|source| SimError::Io { path: path.into(), source })
+}
