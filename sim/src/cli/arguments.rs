@@ -1,4 +1,4 @@
-//! What may be typed.
+//! The command-line arguments.
 
 use std::path::PathBuf;
 
@@ -106,7 +106,7 @@ pub struct HapticArguments {
 
 #[derive(Debug, Args)]
 pub struct MeshArguments {
-    /// A NIfTI label map, or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
     pub image: String,
     /// Edge of the base cells in mm, rounded to a power of two times the voxel edge
     /// [default: an eighth of the body's longest side].
@@ -141,7 +141,7 @@ pub struct LabelsArguments {
 
 #[derive(Debug, Args)]
 pub struct SurfaceArguments {
-    /// A label map, or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
     pub image: String,
     /// A label to outline; repeatable [default: all].
     #[arg(long, value_name = "N", allow_hyphen_values = true)]

@@ -78,7 +78,7 @@ fn solve(
             position: target,
             force: Vector3::from(felt.force_n),
             stiffness: Matrix3::from_fn(|i, j| rows[i][j]),
-            is_unilateral: felt.kind == "probe",
+            is_unilateral: felt.is_unilateral,
         };
         // What did not converge is no force to feel.
         if report.converged {

@@ -57,6 +57,7 @@ impl ToolForces<'_> {
             reference_mm: self.axes.to_ras_mm(&reference).into(),
             contacts,
             penetration_m: if obstacle.is_some() { penetration_m } else { 0.0 },
+            is_unilateral: obstacle.is_some(),
         }
     }
 
