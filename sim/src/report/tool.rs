@@ -1,4 +1,4 @@
-//! What tools feel.
+//! Forces on tools.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What tools and the support feel at the last equilibrium.
+//! The forces on tools and on the support at the last equilibrium.
 
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::VertexId;
@@ -20,7 +20,7 @@ pub(crate) struct ToolForces<'a> {
 }
 
 impl ToolForces<'_> {
-    /// What every tool feels.
+    /// The report of every tool.
     pub fn reports(&self, tools: &[Box<dyn Tool>]) -> Vec<ToolReport> {
         tools.iter().enumerate().map(|(number, tool)| self.report(number, tool.as_ref())).collect()
     }
