@@ -44,7 +44,7 @@ impl Simulation {
     /// Cost: as the mesh itself, and one combination of halves per heterogeneous tetrahedron.
     /// # Errors
     /// [`SimError::Value`] for a mesh from a file, which has no levels, or a level beyond
-    /// [`MAX_LEVEL`]; [`SimError::Mesh`], [`SimError::Embed`].
+    /// [`MAX_LEVEL`]; [`SimError::Bisection`], [`SimError::Embed`].
     pub fn probe(&self, level: u8) -> Result<Probe, SimError> {
         let refused = |key: &str, value: String, want: &str| SimError::Value {
             place: self.scene.name.clone(),

@@ -33,7 +33,7 @@ impl Simulation {
     /// Cost: O(voxels + tetrahedra); 10 bytes per voxel.
     ///
     /// # Errors
-    /// [`SimError::Mesh`] where a field is not finite (the state has diverged).
+    /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
         let Some(volume) = &self.volume else { return Ok(None) };
         let grid = volume.grid();

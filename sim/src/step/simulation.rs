@@ -298,7 +298,7 @@ impl Simulation {
     /// The current mesh with its fields and surfaces, for output.
     ///
     /// # Errors
-    /// [`SimError::Mesh`] if a position is not finite.
+    /// [`SimError::Surface`] if a position is not finite.
     pub fn frame(&self) -> Result<Frame, SimError> {
         let time_s = self.statistics.steps() as f64 * self.scene.time.step_s;
         let measured = self.refiner.as_ref().map(|refiner| |tet| refiner.measured(tet));
