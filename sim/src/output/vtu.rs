@@ -30,11 +30,13 @@ pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
         ("indicator", VtkValues::Float64(&frame.indicator)),
     ]
     .map(|(name, values)| VtkArray { name, components: 1, values });
-    let given = |arrays: &[VtkArray<'_>]| -> Vec<VtkArray<'_>> {
-        arrays.iter().filter(|array| !array.values.is_empty()).copied().collect()
-    };
     let points = frame.points_mm.as_flattened();
-    write_file(path, tetrahedra_xml(points, &frame.tets, &given(&point), &given(&cell)))
+    write_file(path, tetrahedra_xml(points, &frame.tets, &given(point), &given(cell)))
+}
+
+/// The arrays that hold something.
+fn given<'a, const N: usize>(arrays: [VtkArray<'a>; N]) -> Vec<VtkArray<'a>> {
+    arrays.into_iter().filter(|array| !array.values.is_empty()).collect()
 }
 
 fn check(frame: &Frame) -> Result<(), SimError> {
