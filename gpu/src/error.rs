@@ -67,7 +67,7 @@ pub enum GpuError {
         reason: String,
     },
 
-    /// There is no room for a buffer.
+    /// Memory does not suffice for a buffer.
     #[error(
         "{what} takes {bytes} bytes on the device, {left} are left: choose gpu_f32, fewer vertices \
          or another inverse"

@@ -1,13 +1,15 @@
-//! The two precisions in which C can lie on a device.
+//! The two precisions in which C can be stored on a device.
 
-use yawara_inverse_update::Stored;
+use yawara_inverse_update::Precision;
 
 use crate::GpuError;
 use crate::device::Device;
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, Translated};
 
 /// A number of C on a device: f32, refined by the host in f64, or f64 where shaders have it.
-pub trait DeviceScalar: Stored {
+///
+/// Only these two implement it, as [`Precision`] is sealed.
+pub trait DeviceScalar: Precision {
     /// Scene name of the maintainer.
     const NAME: &'static str;
     /// Bytes of a number.
@@ -26,12 +28,8 @@ pub trait DeviceScalar: Stored {
     fn prepare(device: &Device) -> Result<(), GpuError>;
 
     #[doc(hidden)]
-    fn kernels(device: &Device) -> &Held;
+    fn kernels(device: &Device) -> &Translated;
 }
-
-/// The kernels of a device: nothing that can be used outside of this crate.
-#[derive(Debug)]
-pub struct Held(pub(crate) Kernels);
 
 impl DeviceScalar for f32 {
     const NAME: &'static str = "gpu_f32";
@@ -50,8 +48,8 @@ impl DeviceScalar for f32 {
         device.check()
     }
 
-    fn kernels(device: &Device) -> &Held {
-        device.kernels_f32.get_or_init(|| Held(Kernels::new(device, "f32")))
+    fn kernels(device: &Device) -> &Translated {
+        device.kernels_f32.get_or_init(|| Translated(Kernels::new(&device.device, "f32")))
     }
 }
 
@@ -75,7 +73,7 @@ impl DeviceScalar for f64 {
         device.check()
     }
 
-    fn kernels(device: &Device) -> &Held {
-        device.kernels_f64.get_or_init(|| Held(Kernels::new(device, "f64")))
+    fn kernels(device: &Device) -> &Translated {
+        device.kernels_f64.get_or_init(|| Translated(Kernels::new(&device.device, "f64")))
     }
 }

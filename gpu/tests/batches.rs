@@ -112,8 +112,8 @@ fn a_batch_takes_as_many_submits_as_one_split() {
     }
     // With a spring that comes, one that goes, and a vertex that stands on the last one.
     let mut updates = changes;
-    updates.push(Update::Change(spring([vertices + 7, 3], true)));
-    updates.push(Update::Change(spring([10, 11], false)));
+    updates.push(Update::Content(spring([vertices + 7, 3], true)));
+    updates.push(Update::Content(spring([10, 11], false)));
     updates.push(Update::Split(bridge([vertices + 7, 10])));
     let mut inverse: DeviceInverse<f64> = on_device(row(vertices), &device).unwrap();
     let before = (device.submits(), device.answers());

@@ -9,14 +9,15 @@ pub mod inverse;
 pub mod output;
 pub mod report;
 pub mod scene;
-pub mod step;
+mod step;
 mod tools;
 
+pub use body::{BodyState, ScannerAxes};
 pub use choice::{MIXED_FROM, Stages, choose_element};
 pub use error::SimError;
 pub use haptic::{ForceModel, VirtualCoupling};
 pub use inverse::{InverseFactory, InverseLink};
 pub use report::{Fields, Probe};
 pub use scene::file as scene_file;
-pub use step::{Simulation, indicator};
-pub use tools::Pose;
+pub use step::{Simulation, SimulationBuilder, indicator};
+pub use tools::{BodyAtRest, Pose, SurfacePoints, Tool, ToolPath};

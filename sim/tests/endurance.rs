@@ -1,6 +1,6 @@
 //! A long run of random tool motion: no NaN, no drift, no growth.
 
-use yawara::scene::{Key, ToolEntry};
+use yawara::scene::{GrabEntry, Key, ToolEntry};
 use yawara::{Simulation, Stages, scene_file};
 
 /// A sequence of numbers in [−1, 1) that looks random (splitmix64).
@@ -58,7 +58,7 @@ fn endure(steps: usize, dynamic: bool) {
     let (mut scene, _) = scene_file::load("liver", &set).unwrap();
     let step_s = scene.time.step_s;
     for tool in &mut scene.tools {
-        let ToolEntry::Grab { path, release_s, .. } = tool else { panic!("{tool:?}") };
+        let ToolEntry::Grab(GrabEntry { path, release_s, .. }) = tool else { panic!("{tool:?}") };
         (*path, *release_s) = (walk(steps, step_s, scene.seed), None);
     }
     let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();

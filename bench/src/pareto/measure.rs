@@ -41,7 +41,8 @@ pub fn measure(
         true => BenchError::TimeIsUp { seconds: cap_s, step, steps },
         false => error.into(),
     };
-    let simulation = Simulation::with_progress(scene, stages, &mut |_| deadline.watch());
+    let simulation =
+        Simulation::builder(scene).stages(stages).progress(|_| deadline.watch()).build();
     let mut simulation = simulation.map_err(|error| ended(error, 0))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();

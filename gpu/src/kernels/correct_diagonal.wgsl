@@ -1,4 +1,4 @@
-// result, the diagonal of C, += Σ s y² over the columns put off and those staged behind them.
+// result, the diagonal of C, += Σ s y² over the deferred columns and those staged behind them.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) row: u32) {
     let i = group.x * TILE + row;

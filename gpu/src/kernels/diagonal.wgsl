@@ -1,4 +1,4 @@
-// result ← the diagonal of C, without what is put off. One workgroup per tile row.
+// result ← the diagonal of C, without the deferred terms. One workgroup per tile row.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) row: u32) {
     let tile = before(group.x) + group.x;

@@ -1,6 +1,6 @@
-// Panel column `target_column` + y ← column index[y] of C, without what is put off.
+// Panel column `target_column` + y ← column index[y] of C, without the deferred terms.
 //
-// One workgroup per tile row x and column y, one thread per row. Each number lies in one chunk, so
+// One workgroup per tile row x and column y, one thread per row. Each number is in one chunk, so
 // that over all chunks each is written once. In the upper half the tile is read along its row.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) row: u32) {

@@ -1,12 +1,12 @@
 // What all kernels share; `alias T = f32;` or `alias T = f64;` is put in front.
 //
-// C lies in tiles of 64 × 64, row-major, lower half: tile (I, J), J ≤ I, has the number
+// C is stored in tiles of 64 × 64, row-major, lower half: tile (I, J), J ≤ I, has the number
 // I (I + 1) / 2 + J. Chunks of consecutive tiles are buffers of their own; a kernel that reads or
 // writes C is dispatched once per chunk and leaves tiles of other chunks alone. Rows and columns
 // behind the last are 0 in tiles and panel alike.
 //
-// The panel holds long columns, `stride` numbers each. Its first `terms` columns are the Y that are
-// put off, their signs the first `terms` numbers of `small`: what is meant by C is C + Y Σ Yᵀ.
+// The panel holds long columns, `stride` numbers each. Its first `terms` columns are the
+// deferred Y, their signs the first `terms` numbers of `small`: what is meant by C is C + Y Σ Yᵀ.
 
 const TILE: u32 = 64u;
 const TILE_AREA: u32 = 4096u;
@@ -25,9 +25,9 @@ struct Work {
     sources: u32,
     target_column: u32,
     targets: u32,
-    // Columns put off.
+    // Deferred columns.
     terms: u32,
-    // Meaning of their own in each kernel.
+    // What they mean is said in each kernel.
     at: u32,
     other: u32,
 }

@@ -1,6 +1,7 @@
-// result[`other` + y · `terms` + x] ← s_x y_xᵀ (panel column `source` + y): what is put off, times X.
+// result[`other` + y · `terms` + x] ← s_x y_xᵀ (panel column `source` + y): the deferred terms,
+// times X.
 //
-// One workgroup per column put off and column of X; 64 sums are added pairwise.
+// One workgroup per deferred column and column of X; 64 sums are added pairwise.
 //
 // Barriers: the bounds of the loops are the same for all threads.
 var<workgroup> sums: array<T, 64>;

@@ -1,4 +1,4 @@
-// In the columns put off, `targets` rows from `rows` on move to `at` and leave 0.
+// In the deferred columns, `targets` rows from `rows` on move to `at` and leave 0.
 //
 // One thread per column.
 @compute @workgroup_size(64)

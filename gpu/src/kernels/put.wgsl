@@ -1,9 +1,10 @@
 // Rows of C, and with them columns, ← panel columns: row `at` + y from column `source` + y.
 //
-// `other` tells which. 0: rows appended, up to the diagonal. 1: rows of 0, up to the diagonal. 2: the
-// last slot's rows into the gap of a removed slot: `targets` rows from `at` on take their place; the
-// columns of the last slot, from `rows` on, become those of the gap. One workgroup per tile column x
-// and row y. Each number is written by one thread: those of the gap's own block by the later row.
+// `other` tells which. 0: rows appended, up to the diagonal. 1: rows of 0, up to the diagonal. 2:
+// the last slot's rows into the gap of a removed slot: `targets` rows from `at` on take their
+// place; the columns of the last slot, from `rows` on, become those of the gap. One workgroup per
+// tile column x and row y. Each number is written by one thread: those of the gap's own block by
+// the later row.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let i = work.at + group.y;

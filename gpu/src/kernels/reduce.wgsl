@@ -1,4 +1,5 @@
-// result[y · `stride` + row] ← column y of C X: the tiles' shares, and Y times what inner.wgsl found.
+// result[y · `stride` + row] ← column y of C X: the tiles' shares, and Y times what inner.wgsl
+// found.
 //
 // One workgroup per tile row x and column y. Four threads per row take every fourth tile, and their
 // sums are added pairwise: a fixed order.

@@ -1,10 +1,10 @@
-// What each tile of the chunk gives to C X: for tile (I, J) and column y, A x_J to the rows of I and,
-// off the diagonal, Aᵀ x_I to the rows of J.
+// What each tile of the chunk gives to C X: for tile (I, J) and column y, A x_J to the rows of I
+// and, off the diagonal, Aᵀ x_I to the rows of J.
 //
-// partial[((y · `at` + tile) · 2 + side) · 64 + row], with `at` the number of all tiles; reduce.wgsl
-// adds them in a fixed order. One workgroup per tile and column, 256 threads: four rows at a time
-// are read along the row. 16 rows of products lie in workgroup memory for the sums along rows, with
-// a width of 65 so that a column of them falls on different banks.
+// partial[((y · `at` + tile) · 2 + side) · 64 + row], with `at` the number of all tiles;
+// reduce.wgsl adds them in a fixed order. One workgroup per tile and column, 256 threads: four rows
+// at a time are read along the row. 16 rows of products are held in workgroup memory for the sums
+// along rows, with a width of 65 so that a column of them falls on different banks.
 //
 // Barriers: both loops have constant bounds, and no thread leaves early.
 var<workgroup> products: array<T, 1040>;

@@ -1,7 +1,7 @@
 // Panel columns `target_column`… ← columns `source`… times X, a small matrix of `sources` rows and
 // `targets` columns in `small` from `at` on, row after row; added to what is there if `other` is 1.
 //
-// One workgroup per 64 rows x, also behind the last tile row, where it writes 0: columns put off
+// One workgroup per 64 rows x, also behind the last tile row, where it writes 0: deferred columns
 // have to be 0 there when rows are appended.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) row: u32) {

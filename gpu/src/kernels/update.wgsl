@@ -1,9 +1,10 @@
 // C ← C + Y Σ Yᵀ with the first `terms` columns of the panel: every tile of the chunk is read and
 // written once.
 //
-// One workgroup per tile, 16 × 16 threads with 4 × 4 numbers each, rows and columns 16 apart so that
-// neighbours touch neighbours. Eight columns at a time lie in workgroup memory: 2 · 64 · 8 numbers,
-// 8 KiB in f64. (s y_i) y_j is (s y_j) y_i to the last bit, so tiles on the diagonal stay symmetric.
+// One workgroup per tile, 16 × 16 threads with 4 × 4 numbers each, rows and columns 16 apart so
+// that neighbours touch neighbours. Eight columns at a time are held in workgroup memory: 2 · 64 ·
+// 8 numbers, 8 KiB in f64. (s y_i) y_j is (s y_j) y_i to the last bit, so tiles on the diagonal
+// stay symmetric.
 //
 // Barriers: `terms` is the same for all threads, and no thread leaves early.
 const DEPTH: u32 = 8u;

@@ -1,19 +1,19 @@
-//! What changes C: terms put off and folded in, rows that come and go.
+//! Changing C: terms deferred and folded in, rows appended and removed.
 
 use faer::MatRef;
 use yawara_inverse_update::Staged;
 
-use super::DeviceStore;
+use super::device_store::DeviceStore;
 use super::recording::From;
-use crate::kernels::{Kernel, Work};
-use crate::layout::{TILE, before, tile_rows};
+use super::upload;
+use crate::GpuError;
+use crate::kernels::{Kernel, TILE, Work, before, tile_rows};
 use crate::scalar::DeviceScalar;
-use crate::{GpuError, upload};
 
 impl<E: DeviceScalar> DeviceStore<E> {
     pub(super) fn load_now(&mut self, lower: MatRef<'_, f64>) -> Result<(), GpuError> {
         self.device.check()?;
-        self.make_room(lower.nrows(), 0, 0)?;
+        self.make_space(lower.nrows(), 0, 0)?;
         upload::all(self, lower)?;
         (self.rows, self.pending, self.staged, self.gathered) = (lower.nrows(), 0, 0, None);
         Ok(())
@@ -21,15 +21,15 @@ impl<E: DeviceScalar> DeviceStore<E> {
 
     pub(super) fn stage_now(&mut self, staged: &Staged<'_>) -> Result<Vec<f64>, GpuError> {
         let (k, all) = (staged.signs.len(), staged.x.ncols());
-        self.make_room(self.rows + all - k, all, staged.rows.len())?;
+        self.make_space(self.rows + all - k, all, staged.rows.len())?;
         let gathering = self.gathering(staged.rows)?;
         let signs: Vec<E> = staged.signs.iter().map(|&sign| E::of(sign)).collect();
-        self.room.write_small(self.pending, &signs);
+        self.buffers.write_small(self.pending, &signs);
         if let Some(plus) = staged.plus {
             self.write_columns(self.pending, plus);
         }
         let (kernel, work) = self.multiply_gathered(staged.x, self.pending, staged.plus.is_some());
-        let (blocks, tiles) = (self.room.stride() / TILE, tile_rows(self.rows));
+        let (blocks, tiles) = (self.buffers.stride() / TILE, tile_rows(self.rows));
         let diagonal = Work { terms: self.pending + k, ..self.work() };
         let encoder = self.record(|record| {
             record.gather(gathering.as_ref());
@@ -38,7 +38,7 @@ impl<E: DeviceScalar> DeviceStore<E> {
             record.run(Kernel::CorrectDiagonal, diagonal, (tiles, 1));
         });
         let diagonal = self.fetch(encoder, From::Result, self.rows)?;
-        self.stands(gathering);
+        self.note_gathered(gathering);
         self.staged = k;
         Ok(diagonal)
     }
@@ -50,7 +50,7 @@ impl<E: DeviceScalar> DeviceStore<E> {
         let border = self.pending + self.staged;
         for a in 0..m {
             let corner: Vec<E> = (0..m).map(|b| E::of(own[(a.max(b), a.min(b))])).collect();
-            self.room.write_panel(border + a, old, &corner);
+            self.buffers.write_panel(border + a, old, &corner);
         }
         if m > 0 {
             let rows = old + m;
@@ -70,9 +70,9 @@ impl<E: DeviceScalar> DeviceStore<E> {
     pub(super) fn remove_now(&mut self, slot: usize, block: usize) -> Result<(), GpuError> {
         let (first, kept) = (block * slot, self.rows - block);
         let last: Vec<usize> = (kept..self.rows).collect();
-        let front = self.room.front();
+        let front = self.buffers.front();
         let all = self.work();
-        self.room.write_index(&last);
+        self.buffers.write_index(&last);
         let gather = Work { target: front, ..all };
         let gap = Work { source: front, targets: block, at: first, rows: kept, other: 2, ..all };
         let none = Work { at: kept, other: 1, ..all };

@@ -1,9 +1,8 @@
 //! Commands of one submit, and the numbers that come back from it.
 
-use super::DeviceStore;
+use super::device_store::DeviceStore;
 use crate::GpuError;
-use crate::kernels::{Kernel, Work};
-use crate::layout::{before, tile_rows};
+use crate::kernels::{Kernel, Work, before, tile_rows};
 use crate::scalar::DeviceScalar;
 
 /// Commands of one submit.
@@ -16,7 +15,7 @@ impl<E: DeviceScalar> Recording<'_, E> {
     /// A kernel that leaves C alone.
     pub(super) fn run(&mut self, kernel: Kernel, work: Work, groups: (usize, usize)) {
         let store = self.store;
-        if let Some(group) = store.room.group(0) {
+        if let Some(group) = store.buffers.group(0) {
             let kernels = &E::kernels(&store.device).0;
             kernels.dispatch(&mut self.pass, kernel, group, &work, groups);
         }
@@ -32,10 +31,10 @@ impl<E: DeviceScalar> Recording<'_, E> {
         groups: (Option<usize>, usize),
     ) {
         let store = self.store;
-        let (each, end) = (store.room.chunk_tiles(), before(tile_rows(rows)));
+        let (each, end) = (store.buffers.chunk_tiles(), before(tile_rows(rows)));
         let kernels = &E::kernels(&store.device).0;
         for chunk in first / each..end.div_ceil(each) {
-            let Some(group) = store.room.group(chunk) else { return };
+            let Some(group) = store.buffers.group(chunk) else { return };
             let first_tile = chunk * each;
             let tiles = each.min(end - first_tile);
             let work = Work { first_tile, tiles, ..work };
@@ -55,7 +54,7 @@ impl<E: DeviceScalar> Recording<'_, E> {
     }
 }
 
-/// Columns of C on their way into the panel.
+/// Columns of C to be gathered into the panel.
 pub(super) struct Gathering {
     pub(super) work: Work,
     /// The rows that they belong to.
@@ -71,7 +70,27 @@ pub(super) enum From {
 }
 
 impl<E: DeviceScalar> DeviceStore<E> {
-    /// Records commands; nothing is handed over yet.
+    /// The work that brings the columns of some rows, with the deferred terms, into the panel;
+    /// `None` where they are there. To be recorded in front of what reads them.
+    pub(super) fn gathering(&mut self, rows: &[usize]) -> Result<Option<Gathering>, GpuError> {
+        if self.gathered.as_deref() == Some(rows) {
+            return Ok(None);
+        }
+        self.gathered = None;
+        self.make_space(self.rows, 0, rows.len())?;
+        self.buffers.write_index(rows);
+        let work = Work { target: self.buffers.front(), ..self.work() };
+        Ok(Some(Gathering { work, rows: rows.to_vec() }))
+    }
+
+    /// Notes what the panel holds, once the commands were submitted without an error.
+    pub(super) fn note_gathered(&mut self, gathering: Option<Gathering>) {
+        if let Some(Gathering { rows, .. }) = gathering {
+            self.gathered = Some(rows);
+        }
+    }
+
+    /// Records commands without submitting them.
     pub(super) fn record(
         &self,
         commands: impl FnOnce(&mut Recording<'_, E>),
@@ -91,21 +110,21 @@ impl<E: DeviceScalar> DeviceStore<E> {
         self.device.submit(self.record(commands))
     }
 
-    /// Hands commands over and waits for numbers to come back.
+    /// Submits commands and reads numbers back.
     pub(super) fn fetch(
         &self,
         mut encoder: wgpu::CommandEncoder,
         from: From,
         numbers: usize,
     ) -> Result<Vec<f64>, GpuError> {
-        let Some((panel, result, readback)) = self.room.ways_back() else { return Ok(vec![]) };
+        let Some((panel, result, readback)) = self.buffers.ways_back() else { return Ok(vec![]) };
         let bytes = numbers as u64 * E::BYTES;
         if bytes == 0 {
             self.device.submit(encoder)?;
             return Ok(vec![]);
         }
         let (source, at) = match from {
-            From::Panel(column) => (panel, (column * self.room.stride()) as u64 * E::BYTES),
+            From::Panel(column) => (panel, (column * self.buffers.stride()) as u64 * E::BYTES),
             From::Result => (result, 0),
         };
         encoder.copy_buffer_to_buffer(source, at, &readback.buffer, 0, bytes);

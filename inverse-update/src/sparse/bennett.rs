@@ -1,27 +1,28 @@
-//! Low-rank changes of the factor: one walk down the elimination tree.
+//! Low-rank changes of the factor, each a walk: from the vertices concerned along the elimination
+//! tree to its root.
 //!
 //! K + U Σ Uᵀ has the factor that this recurrence makes of L and D, column by column, with w the
-//! rows of U on what is left and Θ = Σ at the start (block Bennett):
+//! rows of U still to be eliminated and Θ = Σ at the start (block Bennett):
 //! - D' = D + w_j Θ w_jᵀ, G = Θ w_jᵀ D'⁻¹, Θ ← Θ − G w_j Θ,
 //! - rows i below: w_i ← w_i − L_ij w_j, then L_ij ← L_ij + w_i G.
 //!
-//! Only columns that the change reaches are touched. Positive columns go first, with a Θ of their
+//! Only columns on the path are touched. Positive columns of U go first, with a Θ of their
 //! own: with both signs at once G can be large where D' is not, a hyperbolic rotation near its
 //! pole, which lost two digits more in a thousand updates. Quasi-definite matrices have no such
 //! choice.
 
 use faer::MatRef;
 
-use super::factor::{Factor, LANES, NONE, Panel};
+use super::by_rows::by_rows;
+use super::factor::{CHUNK, Factor, NONE, Panel};
 use super::pivot::BadPivot;
-use super::sweep::{Lane, Sweep, place};
+use super::sweep::{SignGroup, Sweep, place};
 use super::symbolic::blocks;
 
-/// The most columns of a change to a positive definite K that go together; more make several
-/// lanes.
+/// The most columns of U that go together where K is positive definite; more make several groups.
 const MOST: usize = 32;
 
-/// What a walk carries along, kept from one to the next.
+/// Working memory of walks, reused from one to the next.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     /// Rows of w by position, as the last panel left them and as the next one has them.
@@ -31,10 +32,10 @@ pub(crate) struct Scratch {
     index_of: Vec<u32>,
     /// Index in `from` of each row in `to`.
     source: Vec<u32>,
-    /// Columns of one sign each; a column of the factor is changed by one lane after the other
-    /// while it is in the cache, to the same end as by walks of their own.
-    lanes: Vec<Lane>,
-    /// The largest ratio of what a pivot was made of to the pivot, over all walks so far.
+    /// Columns of U of one sign each. A column of the factor is changed by one group after the
+    /// other while it is in the cache, with the same result as by one walk per group.
+    groups: Vec<SignGroup>,
+    /// The largest ratio of a pivot's terms to the pivot, over all walks so far.
     pub loss: f64,
     /// Products of numbers, over all walks so far.
     pub operations: f64,
@@ -58,12 +59,7 @@ impl Factor {
     ) -> Result<(), BadPivot> {
         scratch.start(self, positions, columns, signs);
         scratch.walks += 1;
-        match self.block {
-            1 => self.walk::<1>(scratch),
-            2 => self.walk::<2>(scratch),
-            3 => self.walk::<3>(scratch),
-            _ => self.walk::<4>(scratch),
-        }
+        by_rows!(self.block, M => self.walk::<M>(scratch))
     }
 
     fn walk<const M: usize>(&mut self, scratch: &mut Scratch) -> Result<(), BadPivot> {
@@ -75,19 +71,19 @@ impl Factor {
             scratch.enter::<M>(panel, start);
             let width = panel.width - start;
             let passed = (blocks(width, panel.rows.len()) * 2 * M * M) as f64;
-            let rank: usize = scratch.lanes.iter().map(|lane| lane.core.rank).sum();
+            let rank: usize = scratch.groups.iter().map(|group| group.core.rank).sum();
             scratch.operations += passed * rank as f64;
             self.blocks += panel.width * (panel.rows.len() - before);
-            let (negative, lanes, loss) = (self.negative, &mut scratch.lanes, &mut scratch.loss);
-            let sweep = Sweep::<M> { start, negative, lanes, loss, panel };
+            let (negative, groups, loss) = (self.negative, &mut scratch.groups, &mut scratch.loss);
+            let sweep = Sweep::<M> { start, negative, groups, loss, panel };
             if let Err(bad) = pulp::Arch::new().dispatch(sweep) {
                 scratch.index_of.fill(NONE);
                 return Err(bad);
             }
             first = panel.width - start;
             std::mem::swap(&mut scratch.from, &mut scratch.to);
-            for lane in &mut scratch.lanes {
-                std::mem::swap(&mut lane.from, &mut lane.to);
+            for group in &mut scratch.groups {
+                std::mem::swap(&mut group.from, &mut group.to);
             }
             for (at, &row) in scratch.from.iter().enumerate().skip(first) {
                 scratch.index_of[row as usize] = at as u32;
@@ -98,13 +94,13 @@ impl Factor {
 }
 
 impl Scratch {
-    /// Another factor takes the place of the one that was walked on.
+    /// Prepares for another factor.
     pub(crate) fn forget(&mut self) {
         self.index_of.clear();
         self.loss = 0.0;
     }
 
-    /// Takes up U.
+    /// Takes U over, in groups.
     fn start(
         &mut self,
         factor: &Factor,
@@ -128,16 +124,16 @@ impl Scratch {
             _ => (vec![(0..signs.len()).collect()], signs.len()),
         };
         let parts = order.iter().flat_map(|one| one.chunks(most));
-        self.lanes.resize_with(parts.clone().count(), Lane::default);
-        for (lane, part) in self.lanes.iter_mut().zip(parts) {
-            lane.core.start(part.iter().map(|&q| signs[q]), factor.block);
+        self.groups.resize_with(parts.clone().count(), SignGroup::default);
+        for (group, part) in self.groups.iter_mut().zip(parts) {
+            group.core.start(part.iter().map(|&q| signs[q]), factor.block);
             let (rank, rows) = (part.len(), factor.block * positions.len());
-            lane.from.clear();
-            lane.from.resize(rows.next_multiple_of(LANES) * rank, 0.0);
+            group.from.clear();
+            group.from.resize(rows.next_multiple_of(CHUNK) * rank, 0.0);
             for row in 0..rows {
                 let to = place(row, rank);
                 for (q, &column) in part.iter().enumerate() {
-                    lane.from[to + LANES * q] = columns[(row, column)];
+                    group.from[to + CHUNK * q] = columns[(row, column)];
                 }
             }
         }
@@ -146,10 +142,8 @@ impl Scratch {
     /// Brings w into the order of a panel's rows from its column `start` on. Rows that the panel
     /// does not have are added to it.
     fn enter<const M: usize>(&mut self, panel: &mut Panel, start: usize) {
-        let highest = (panel.low + panel.width - start) as u32;
         self.to.clear();
-        self.to.extend((panel.low as u32..highest).rev());
-        self.to.extend_from_slice(&panel.rows);
+        self.to.extend(panel.positions_from(start).map(|row| row as u32));
         self.source.clear();
         for &row in &self.to {
             self.source.push(std::mem::replace(&mut self.index_of[row as usize], NONE));
@@ -162,8 +156,8 @@ impl Scratch {
                 self.source.push(at as u32);
             }
         }
-        for lane in &mut self.lanes {
-            lane.enter::<M>(&self.source);
+        for group in &mut self.groups {
+            group.enter::<M>(&self.source);
         }
     }
 }

@@ -3,6 +3,7 @@
 use faer::Mat;
 use pulp::{Simd, WithSimd};
 
+use super::by_rows::by_rows;
 use super::factor::Factor;
 use super::substitution::TOGETHER;
 
@@ -41,12 +42,7 @@ impl Factor {
                 let position = self.position_of[slots[j / m]] as usize;
                 x[m * position + j % m][j - first] = 1.0;
             }
-            match m {
-                1 => arch.dispatch(Forward::<1> { factor: self, x: &mut x }),
-                2 => arch.dispatch(Forward::<2> { factor: self, x: &mut x }),
-                3 => arch.dispatch(Forward::<3> { factor: self, x: &mut x }),
-                _ => arch.dispatch(Forward::<4> { factor: self, x: &mut x }),
-            }
+            by_rows!(m, M => arch.dispatch(Forward::<M> { factor: self, x: &mut x }));
             for (position, rows) in x.chunks_exact(m).enumerate() {
                 if rows.as_flattened().iter().all(|&value| value == 0.0) {
                     continue;

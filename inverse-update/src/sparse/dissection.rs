@@ -1,23 +1,23 @@
-//! The elimination order: nested dissection by planes where the vertices have places, minimum
+//! The elimination order: nested dissection by planes where the vertices have positions, minimum
 //! degree where they have none.
 //!
-//! Minimum degree makes fewer blocks, but longer paths, which a split or merge has to walk; and
-//! they grow faster, because its tree has more branches that a split can join.
+//! Minimum degree makes fewer blocks, but longer paths for a split or merge; and they
+//! grow faster, because its tree has more branches that a split can join.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
-use super::cover::smallest_cover;
 use super::pattern::Pattern;
+use super::vertex_cover::smallest_cover;
 
-/// Parts of at most so many vertices are not cut any more.
+/// Regions of at most so many vertices are not divided further.
 const LEAF: usize = 8;
 
-/// A plane may leave this part of the vertices on its smaller side.
+/// The least share of the vertices on the smaller side of a plane.
 const SMALLEST_SIDE: f64 = 0.3;
 
-/// Planes looked at along one direction: more find hardly better ones.
+/// Planes considered along one direction: more find hardly better ones.
 const PLANES: usize = 3;
 
 /// Planes of all directions for which the fewest separating vertices are found.
@@ -40,7 +40,7 @@ const DIRECTIONS: [[i32; 3]; 9] = [
 /// One number per direction.
 type Along = [i32; DIRECTIONS.len()];
 
-/// The vertices in the order of their elimination: first to go, first listed.
+/// The vertices in the order of their elimination.
 ///
 /// Cost: O(n log n) for the planes, some hundred edges per separating vertex for the covers.
 /// # Source
@@ -49,7 +49,7 @@ type Along = [i32; DIRECTIONS.len()];
 pub(crate) fn order(pattern: &Pattern) -> Vec<usize> {
     let mut keys = pattern.keys.clone();
     keys.sort_unstable();
-    // Two vertices in one place: these are not places.
+    // Two vertices with one key: the keys are not positions.
     if keys.windows(2).any(|pair| pair[0] == pair[1]) {
         return minimum_degree(pattern);
     }
@@ -58,7 +58,7 @@ pub(crate) fn order(pattern: &Pattern) -> Vec<usize> {
     dissection.order
 }
 
-/// Where the lattice point of a key lies: 3 × 21 bits, x lowest.
+/// The lattice point of a key, 3 × 21 bits with x lowest, along every direction.
 fn place(key: u64) -> Along {
     let point = [0, 21, 42].map(|shift| (key >> shift) as i32 & 0x1f_ffff);
     DIRECTIONS.map(|direction| (0..3).map(|i| direction[i] * point[i]).sum())
@@ -78,7 +78,7 @@ fn minimum_degree(pattern: &Pattern) -> Vec<usize> {
         amd::Control::default(),
         MemStack::new(&mut memory),
     );
-    // It fails for want of memory alone; any order is right, this one is only slow.
+    // It can only fail for lack of memory. Any order is right, this one is slow.
     if done.is_ok() { forward } else { (0..n).collect() }
 }
 
@@ -91,15 +91,15 @@ const BETWEEN: u8 = 4;
 struct Dissection<'a> {
     pattern: &'a Pattern,
     places: Vec<Along>,
-    /// Of the part at hand: on which side each of its vertices is.
+    /// The side of each vertex of the current region.
     side: Vec<u8>,
     order: Vec<usize>,
 }
 
 /// Vertices, sorted along every direction.
-struct Part([Vec<usize>; DIRECTIONS.len()]);
+struct Region([Vec<usize>; DIRECTIONS.len()]);
 
-impl Part {
+impl Region {
     fn vertices(&self) -> &[usize] {
         &self.0[0]
     }
@@ -109,19 +109,19 @@ impl Part {
     }
 }
 
-/// A way to cut a part: vertices up to `last` along a direction are low.
+/// A way to divide a region: vertices up to `last` along a direction are low.
 #[derive(Clone, Copy)]
 struct Plane {
     direction: usize,
     last: i32,
-    /// How many those are.
+    /// The number of low vertices.
     low: usize,
-    /// How many of either side have a neighbour on the other.
+    /// The number of vertices on either side with a neighbour on the other.
     ends: [usize; 2],
 }
 
-/// An update walks up one side only: a separator costs its square, a side less than that for every
-/// vertex more.
+/// The path of an update runs through one side only: a separator costs its square, a larger side
+/// less than that per vertex.
 fn cost(between: usize, larger: usize, all: usize) -> f64 {
     (between as f64 + 1.0) * (larger as f64 / all as f64 + 0.5)
 }
@@ -133,52 +133,52 @@ impl<'a> Dissection<'a> {
         Self { pattern, places, side: vec![OUTSIDE; n], order: Vec::with_capacity(n) }
     }
 
-    fn part(&self, vertices: &[usize]) -> Part {
-        Part(std::array::from_fn(|d| {
+    fn region(&self, vertices: &[usize]) -> Region {
+        Region(std::array::from_fn(|d| {
             let mut sorted = vertices.to_vec();
             sorted.sort_unstable_by_key(|&v| (self.places[v][d], v));
             sorted
         }))
     }
 
-    fn whole(&self) -> Part {
-        self.part(&(0..self.places.len()).collect::<Vec<_>>())
+    fn whole(&self) -> Region {
+        self.region(&(0..self.places.len()).collect::<Vec<_>>())
     }
 
-    /// Orders a part: its two sides first, what separates them last.
-    fn divide(&mut self, part: Part) {
-        if part.len() <= LEAF {
-            self.order.extend(part.vertices());
+    /// Orders a region: its two sides first, their separator last.
+    fn divide(&mut self, region: Region) {
+        if region.len() <= LEAF {
+            self.order.extend(region.vertices());
             return;
         }
-        let between = self.separate(&part);
+        let between = self.separate(&region);
         let sides = [LOW, HIGH].map(|side| {
             let of = |sorted: &Vec<usize>| {
                 sorted.iter().copied().filter(|&v| self.side[v] == side).collect()
             };
-            Part(part.0.each_ref().map(of))
+            Region(region.0.each_ref().map(of))
         });
-        part.vertices().iter().for_each(|&v| self.side[v] = OUTSIDE);
+        region.vertices().iter().for_each(|&v| self.side[v] = OUTSIDE);
         match between {
             Some(between) => {
                 sides.into_iter().for_each(|side| self.divide(side));
                 self.order.extend(between);
             }
-            None => self.order.extend(part.vertices()),
+            None => self.order.extend(region.vertices()),
         }
     }
 
-    /// Marks the sides of the best cut; the vertices between them, none if there is no cut.
-    fn separate(&mut self, part: &Part) -> Option<Vec<usize>> {
-        let all = part.len();
-        let mut planes = self.planes(part);
+    /// Marks the sides of the best division and returns its separator; `None` if there is none.
+    fn separate(&mut self, region: &Region) -> Option<Vec<usize>> {
+        let all = region.len();
+        let mut planes = self.planes(region);
         // The vertices of the smaller end separate as well; mostly a few less do.
         let guess = |p: &Plane| cost(p.ends[0].min(p.ends[1]), p.low.max(all - p.low), all);
         planes.sort_by(|a, b| guess(a).total_cmp(&guess(b)));
         let mut best: Option<(f64, Plane, Vec<usize>)> = None;
         for &plane in planes.iter().take(TRIED) {
-            let between = self.cut(part, plane);
-            let low = part.vertices().iter().filter(|&&v| self.side[v] == LOW).count();
+            let between = self.cut(region, plane);
+            let low = region.vertices().iter().filter(|&&v| self.side[v] == LOW).count();
             let larger = low.max(all - between.len() - low);
             let cost = cost(between.len(), larger, all);
             if larger < all && best.as_ref().is_none_or(|(least, _, _)| cost < *least) {
@@ -186,17 +186,17 @@ impl<'a> Dissection<'a> {
             }
         }
         let (_, plane, between) = best?;
-        self.mark(part, plane);
+        self.mark(region, plane);
         between.iter().for_each(|&v| self.side[v] = BETWEEN);
         Some(between)
     }
 
     /// Planes near the middle along every direction.
-    fn planes(&mut self, part: &Part) -> Vec<Plane> {
+    fn planes(&mut self, region: &Region) -> Vec<Plane> {
         let mut planes: Vec<Plane> = Vec::with_capacity(PLANES * DIRECTIONS.len());
-        (0..DIRECTIONS.len()).for_each(|d| planes.extend(self.planes_along(part, d)));
-        part.vertices().iter().for_each(|&v| self.side[v] = INSIDE);
-        for &v in part.vertices() {
+        (0..DIRECTIONS.len()).for_each(|d| planes.extend(self.planes_along(region, d)));
+        region.vertices().iter().for_each(|&v| self.side[v] = INSIDE);
+        for &v in region.vertices() {
             let place = self.places[v];
             let (mut least, mut most) = (place, place);
             for &w in self.pattern.neighbours(v) {
@@ -215,9 +215,9 @@ impl<'a> Dissection<'a> {
         planes
     }
 
-    /// Planes behind the vertices next to the middle that another coordinate follows.
-    fn planes_along(&self, part: &Part, direction: usize) -> Vec<Plane> {
-        let sorted = &part.0[direction];
+    /// Planes near the median vertex, each between two different coordinates.
+    fn planes_along(&self, region: &Region, direction: usize) -> Vec<Plane> {
+        let sorted = &region.0[direction];
         let place = |i: usize| self.places[sorted[i]][direction];
         let n = sorted.len();
         let smallest = ((SMALLEST_SIDE * n as f64) as usize).max(1);
@@ -235,17 +235,17 @@ impl<'a> Dissection<'a> {
         cuts.into_iter().take(PLANES).map(plane).collect()
     }
 
-    fn mark(&mut self, part: &Part, plane: Plane) {
-        for (i, &v) in part.0[plane.direction].iter().enumerate() {
+    fn mark(&mut self, region: &Region, plane: Plane) {
+        for (i, &v) in region.0[plane.direction].iter().enumerate() {
             self.side[v] = if i < plane.low { LOW } else { HIGH };
         }
     }
 
     /// The fewest vertices that all edges across a plane end at; they are marked so.
-    fn cut(&mut self, part: &Part, plane: Plane) -> Vec<usize> {
-        self.mark(part, plane);
+    fn cut(&mut self, region: &Region, plane: Plane) -> Vec<usize> {
+        self.mark(region, plane);
         let mut edges = Vec::new();
-        for &v in &part.0[plane.direction][..plane.low] {
+        for &v in &region.0[plane.direction][..plane.low] {
             for &w in self.pattern.neighbours(v) {
                 if self.side[w as usize] == HIGH {
                     edges.push((v, w as usize));
@@ -316,8 +316,8 @@ mod tests {
         let pattern = grid([10, 6, 5], true);
         let mut dissection = Dissection::new(&pattern);
         let some: Vec<usize> = (0..pattern.vertices()).filter(|v| v % 11 != 3).collect();
-        let part = dissection.part(&some);
-        let between = dissection.separate(&part).unwrap();
+        let region = dissection.region(&some);
+        let between = dissection.separate(&region).unwrap();
         let count = |wanted| some.iter().filter(|&&v| dissection.side[v] == wanted).count();
         // A plane across the longest side has 30 vertices.
         assert!(between.len() == count(BETWEEN) && between.len() < 60, "{}", between.len());

@@ -1,17 +1,18 @@
-//! What a split, a merge or a change does to the factor: in slots, so that it can be replayed on
-//! a factor of another order.
+//! What an update does to the factor: in slots, so that it can be replayed on a factor with another
+//! elimination order.
 
-use faer::{Mat, MatRef, Side};
+use faer::{Mat, MatRef};
 
 use super::bennett::Scratch;
-use super::factor::{Factor, Panel};
+use super::by_rows::by_rows;
+use super::factor::{Factor, NONE, Panel};
 use super::pivot::{BadPivot, Pivot, square};
-use crate::capacitance::Capacitance;
-use crate::{InverseError, RingChange, StiffnessChange};
+use crate::InverseError;
+use crate::change::{Capacitance, RingChange, UpdateRef, eigenvectors};
 
 /// U Σ Uᵀ on the rows of some slots, Σ = diag(`signs`).
 #[derive(Debug, Clone)]
-pub(crate) struct LowRank {
+pub(crate) struct SlotChange {
     pub slots: Vec<usize>,
     pub columns: Mat<f64>,
     pub signs: Vec<f64>,
@@ -22,21 +23,21 @@ pub(crate) struct LowRank {
 pub(crate) enum Edit {
     /// The old rows change by M; the new vertex comes with L = a12 A22⁻¹ and D = A22.
     Split {
-        old: LowRank,
+        old: SlotChange,
         lower: Mat<f64>,
         own: Mat<f64>,
     },
-    /// The reverse: the old rows change by −M, and by −a12 A22⁻¹ a12ᵀ where the elimination of
-    /// the vertex did not begin with its own row.
+    /// The reverse: the old rows change by −M, and by −a12 A22⁻¹ a12ᵀ where a vertex of the ring is
+    /// eliminated before the one that is removed.
     Merge {
         slot: usize,
-        old: LowRank,
-        border: LowRank,
+        old: SlotChange,
+        border: SlotChange,
     },
-    Change(LowRank),
+    Change(SlotChange),
 }
 
-impl LowRank {
+impl SlotChange {
     fn new(slots: &[usize], parts: &[(MatRef<'_, f64>, f64)]) -> Self {
         let rows = parts.first().map_or(0, |(part, _)| part.nrows());
         let count = parts.iter().map(|(part, _)| part.ncols()).sum();
@@ -50,38 +51,27 @@ impl LowRank {
     }
 }
 
-impl LowRank {
+impl SlotChange {
     /// The same U Σ Uᵀ with as few columns as it takes, after what cancels has cancelled.
     ///
-    /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; walking with such
-    /// columns would harden the factor and soften it again, which costs as many digits as they
+    /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; a walk with such
+    /// columns would make the factor stiffer and softer again, which costs as many digits as they
     /// differ in. The rows are scaled to equal size first, so that soft ones keep their digits.
     /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k
     /// columns.
     fn compressed(self) -> Self {
-        let (rows, count) = self.columns.shape();
+        let rows = self.columns.nrows();
         if rows == 0 || self.signs.windows(2).all(|pair| pair[0] == pair[1]) {
             return self;
         }
-        let size = |i: usize| self.columns.row(i).norm_l2();
-        let scale: Vec<f64> =
-            (0..rows).map(|i| if size(i) > 0.0 { size(i) } else { 1.0 }).collect();
-        let scaled = Mat::from_fn(rows, count, |i, j| self.columns[(i, j)] / scale[i]);
-        let qr = scaled.qr();
-        let (basis, upper) = (qr.compute_thin_Q(), qr.thin_R());
-        let signed = Mat::from_fn(upper.nrows(), count, |i, j| self.signs[j] * upper[(i, j)]);
-        let Ok(eigen) = (signed * upper.transpose()).self_adjoint_eigen(Side::Lower) else {
+        let Ok((vectors, values)) = eigenvectors(self.columns.as_ref(), &self.signs, true) else {
             return self;
         };
-        let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
-        let vectors = basis * eigen.U();
         // Smaller eigenvalues are rounding of the largest.
         let floor = f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         let kept: Vec<usize> = (0..values.len()).filter(|&j| values[j].abs() > floor).collect();
         Self {
-            columns: Mat::from_fn(rows, kept.len(), |i, j| {
-                scale[i] * vectors[(i, kept[j])] * values[kept[j]].abs().sqrt()
-            }),
+            columns: Mat::from_fn(rows, kept.len(), |i, j| vectors[(i, kept[j])]),
             signs: kept.iter().map(|&j| values[j].signum()).collect(),
             slots: self.slots,
         }
@@ -91,7 +81,18 @@ impl LowRank {
 impl Edit {
     /// # Errors
     /// [`InverseError::Singular`] if the ring's own algebra fails.
-    pub(crate) fn split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
+    pub(crate) fn of(update: UpdateRef<'_>, negative: usize) -> Result<Self, InverseError> {
+        match update {
+            UpdateRef::Split(change) => Self::split(change, negative),
+            UpdateRef::Merge(slot, change) => Self::merge(slot, change, negative),
+            UpdateRef::Content(change) => {
+                let parts = [(change.added.as_ref(), 1.0), (change.removed.as_ref(), -1.0)];
+                Ok(Self::Change(SlotChange::new(&change.slots, &parts).compressed()))
+            }
+        }
+    }
+
+    fn split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         let released = a22.half_solve(change.b.as_ref());
         let (lost, gained) = released.split_at_col(released.ncols() - negative);
@@ -99,7 +100,7 @@ impl Edit {
         let parts = [(more, 1.0), (gained, 1.0), (lost, -1.0), (less, -1.0)];
         let own = &change.a22;
         Ok(Self::Split {
-            old: LowRank::new(&change.slots, &parts).compressed(),
+            old: SlotChange::new(&change.slots, &parts).compressed(),
             lower: a22.solve(change.a12.as_ref()),
             own: Mat::from_fn(own.nrows(), own.ncols(), |i, j| {
                 0.5 * own[(i, j)] + 0.5 * own[(j, i)]
@@ -107,13 +108,7 @@ impl Edit {
         })
     }
 
-    /// # Errors
-    /// As [`split`](Self::split).
-    pub(crate) fn merge(
-        slot: usize,
-        change: &RingChange,
-        negative: usize,
-    ) -> Result<Self, InverseError> {
+    fn merge(slot: usize, change: &RingChange, negative: usize) -> Result<Self, InverseError> {
         let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         let released = a22.half_solve(change.b.as_ref());
         let border = a22.half_solve(change.a12.as_ref());
@@ -124,14 +119,9 @@ impl Edit {
         let (goes, comes) = border.split_at_col(first);
         Ok(Self::Merge {
             slot,
-            old: LowRank::new(&change.slots, &old).compressed(),
-            border: LowRank::new(&change.slots, &[(goes, -1.0), (comes, 1.0)]),
+            old: SlotChange::new(&change.slots, &old).compressed(),
+            border: SlotChange::new(&change.slots, &[(goes, -1.0), (comes, 1.0)]),
         })
-    }
-
-    pub(crate) fn change(change: &StiffnessChange) -> Self {
-        let parts = [(change.added.as_ref(), 1.0), (change.removed.as_ref(), -1.0)];
-        Self::Change(LowRank::new(&change.slots, &parts).compressed())
     }
 }
 
@@ -143,12 +133,7 @@ impl Factor {
             Edit::Change(change) => self.change(change, scratch),
             Edit::Split { old, lower, own } => {
                 self.change(old, scratch)?;
-                match self.block {
-                    1 => self.insert::<1>(&old.slots, lower, own),
-                    2 => self.insert::<2>(&old.slots, lower, own),
-                    3 => self.insert::<3>(&old.slots, lower, own),
-                    _ => self.insert::<4>(&old.slots, lower, own),
-                }
+                by_rows!(self.block, M => self.insert::<M>(&old.slots, lower, own))
             }
             Edit::Merge { slot, old, border } => {
                 let own = self.position_of[*slot];
@@ -157,12 +142,7 @@ impl Factor {
                     self.remove(*slot);
                     return self.change(&old, scratch);
                 }
-                let whole = match self.block {
-                    1 => self.released::<1>(*slot, [old, border]),
-                    2 => self.released::<2>(*slot, [old, border]),
-                    3 => self.released::<3>(*slot, [old, border]),
-                    _ => self.released::<4>(*slot, [old, border]),
-                };
+                let whole = by_rows!(self.block, M => self.released::<M>(*slot, [old, border]));
                 let whole = self.after_removal(*slot, &whole).compressed();
                 self.remove(*slot);
                 self.change(&whole, scratch)
@@ -170,13 +150,13 @@ impl Factor {
         }
     }
 
-    fn change(&mut self, change: &LowRank, scratch: &mut Scratch) -> Result<(), BadPivot> {
+    fn change(&mut self, change: &SlotChange, scratch: &mut Scratch) -> Result<(), BadPivot> {
         let positions: Vec<u32> = change.slots.iter().map(|&slot| self.position_of[slot]).collect();
         self.update(&positions, change.columns.as_ref(), &change.signs, scratch)
     }
 
     /// The same change in the slots as they are once `slot` is gone.
-    fn after_removal(&self, slot: usize, change: &LowRank) -> LowRank {
+    fn after_removal(&self, slot: usize, change: &SlotChange) -> SlotChange {
         let mut change = change.clone();
         let last = self.vertices() - 1;
         change.slots.iter_mut().filter(|other| **other == last).for_each(|other| *other = slot);
@@ -206,32 +186,26 @@ impl Factor {
             }
         }
         let floor = std::array::from_fn(|a| f64::EPSILON * own[(a, a)].abs());
-        let pivot = Pivot::<M>::new(&square(&panel.diagonal), &floor, self.negative)
-            .map_err(|(row, value)| BadPivot { position: low, row, value, limit: floor[row] })?;
+        let pivot = Pivot::<M>::new(&square(&panel.diagonal), &floor, self.negative, low)?;
         pivot.write(&mut panel.pivots);
         self.push(panel);
         Ok(())
     }
 
-    /// Two changes on the same rows, and what the elimination of a vertex has taken off the others:
-    /// l D lᵀ of its own column.
-    fn released<const M: usize>(&self, slot: usize, changes: [&LowRank; 2]) -> LowRank {
+    /// Two changes on the same rows, and what the elimination of a vertex has subtracted from the
+    /// others: l D lᵀ of its own column.
+    fn released<const M: usize>(&self, slot: usize, changes: [&SlotChange; 2]) -> SlotChange {
         let position = self.position_of[slot] as usize;
         let panel = &self.panels[self.panel_of[position] as usize];
         let local = panel.local(position);
         let mut slots = changes[0].slots.clone();
         let mut place = Vec::new();
-        let own = (panel.low..position).rev();
-        for row in own.chain(panel.rows.iter().map(|&row| row as usize)) {
+        for row in panel.positions_from(local + 1) {
             let slot = self.slot_of[row];
             let at = slots.iter().position(|&other| other == slot as usize);
             // A row of the panel whose vertex is gone holds zeros.
-            place.push(if slot == super::factor::NONE {
-                None
-            } else {
-                Some(at.unwrap_or(slots.len()))
-            });
-            if at.is_none() && slot != super::factor::NONE {
+            place.push((slot != NONE).then(|| at.unwrap_or(slots.len())));
+            if at.is_none() && slot != NONE {
                 slots.push(slot as usize);
             }
         }
@@ -257,6 +231,6 @@ impl Factor {
             }
         }
         signs.extend((0..M).map(|j| if j + self.negative < M { 1.0 } else { -1.0 }));
-        LowRank { slots, columns, signs }
+        SlotChange { slots, columns, signs }
     }
 }

@@ -1,14 +1,14 @@
 //! The factor K = L D Lᵀ: dense panels of block columns, newest vertex first.
 
-use crate::sparse::symbolic::blocks;
+use super::symbolic::blocks;
 
-/// Entries that kernels handle at once, whatever the vector unit: so sums don't depend on it.
-pub(crate) const LANES: usize = 8;
+/// Scalar rows that kernels handle at once on any vector unit, so that sums don't depend on it.
+pub(crate) const CHUNK: usize = 8;
 
 /// No position, no slot, no index.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Rows that may come to a panel before it has to be laid out anew.
+/// Rows that can be added to a panel before it is reallocated.
 fn slack(rows: usize) -> usize {
     6 + rows / 8
 }
@@ -55,7 +55,7 @@ pub(crate) struct Panel {
 }
 
 impl Panel {
-    /// A panel of zeros with room for some more rows.
+    /// A panel of zeros with spare capacity for some more rows.
     pub(crate) fn zeros(low: usize, width: usize, rows: Vec<u32>, block: usize) -> Self {
         let stride = Self::stride(width, rows.len(), block);
         let square = block * block * width;
@@ -71,7 +71,7 @@ impl Panel {
     }
 
     fn stride(width: usize, rows: usize, block: usize) -> usize {
-        block * (width + rows + slack(rows)) + LANES
+        block * (width + rows + slack(rows)) + CHUNK
     }
 
     /// Local row of one of the panel's own positions.
@@ -79,11 +79,23 @@ impl Panel {
         self.low + self.width - 1 - position
     }
 
+    /// Position of one of the panel's own columns.
+    #[inline(always)]
+    pub(crate) fn position(&self, column: usize) -> usize {
+        self.low + self.width - 1 - column
+    }
+
+    /// The position of every local row from that of column `start` on.
+    pub(crate) fn positions_from(&self, start: usize) -> impl Iterator<Item = usize> {
+        let own = (self.low..self.low + self.width - start).rev();
+        own.chain(self.rows.iter().map(|&row| row as usize))
+    }
+
     /// Adds a row of zeros.
     pub(crate) fn push_row(&mut self, position: u32, block: usize) {
         self.rows.push(position);
         let used = block * (self.width + self.rows.len());
-        if used + LANES <= self.stride {
+        if used + CHUNK <= self.stride {
             return;
         }
         let stride = Self::stride(self.width, self.rows.len(), block);
@@ -96,7 +108,7 @@ impl Panel {
         self.stride = stride;
     }
 
-    /// Takes a row out; the last one moves into its place. False if there is none of `position`.
+    /// Removes a row; the last one takes its place. False if there is none of `position`.
     pub(crate) fn drop_row(&mut self, position: u32, block: usize) -> bool {
         let Some(at) = self.rows.iter().position(|&row| row == position) else { return false };
         self.rows.swap_remove(at);
@@ -134,7 +146,7 @@ impl Factor {
         self.position_of.len()
     }
 
-    /// Products of numbers that it takes to make such a factor: half the square of each column.
+    /// The multiplications that make such a factor: half the square of each column.
     pub(crate) fn operations(&self) -> f64 {
         let column = |panel: &Panel, at: usize| (panel.width - at + panel.rows.len()) as f64;
         let panel = |p: &Panel| (0..p.width).map(|at| 0.5 * column(p, at).powi(2)).sum::<f64>();
@@ -145,7 +157,7 @@ impl Factor {
         self.panel_of.len()
     }
 
-    /// Puts a new column in front of all others, with a panel of its own.
+    /// Adds a column that is eliminated before all others, in a panel of its own.
     pub(crate) fn push(&mut self, panel: Panel) {
         debug_assert_eq!((panel.low, panel.width), (self.positions(), 1));
         self.blocks += panel.blocks();
@@ -155,7 +167,7 @@ impl Factor {
         self.panels.push(panel);
     }
 
-    /// Takes a vertex out as if its row and column of K were those of the identity; what its
+    /// Removes a vertex as if its row and column of K were those of the identity; what its
     /// elimination has subtracted from the others stays subtracted. The last slot takes its slot.
     pub(crate) fn remove(&mut self, slot: usize) {
         let position = self.position_of.swap_remove(slot);

@@ -4,14 +4,15 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::prelude::IntoConst;
 use faer::{Accum, MatMut, MatRef, Par};
 
+use super::by_rows::by_rows;
 use super::factor::{Factor, NONE, Panel};
+use super::panel_kernels::{PanelColumns, Scatter};
 use super::pattern::Pattern;
 use super::pivot::BadPivot;
-use super::strip::{Scatter, Strip};
 use super::symbolic::Symbolic;
 
-/// Columns of a panel factored before the rest of it is changed by them, in one product.
-const STRIP: usize = 16;
+/// Columns of a panel that are eliminated before one product applies them to the rest of the panel.
+const TOGETHER: usize = 16;
 
 impl Factor {
     /// Factors a matrix in an order. Cost: the operations of the factorisation.
@@ -21,12 +22,7 @@ impl Factor {
     pub(crate) fn new(pattern: &Pattern, symbolic: &Symbolic) -> Result<Self, BadPivot> {
         let mut factor = Self::zeros(pattern, symbolic);
         factor.assemble(pattern);
-        match pattern.block {
-            1 => factor.factor::<1>(pattern)?,
-            2 => factor.factor::<2>(pattern)?,
-            3 => factor.factor::<3>(pattern)?,
-            _ => factor.factor::<4>(pattern)?,
-        }
+        by_rows!(pattern.block, M => factor.factor::<M>(pattern))?;
         Ok(factor)
     }
 
@@ -56,17 +52,16 @@ impl Factor {
         factor
     }
 
-    /// Puts K where L and D will be; the diagonal blocks into the panels' values for now.
+    /// Writes K where L and D will be; its diagonal blocks into the panels' values.
     fn assemble(&mut self, pattern: &Pattern) {
         let m = self.block;
         let mut index_of = vec![NONE; self.positions()];
         for panel in &mut self.panels {
-            let own = (panel.low..panel.low + panel.width).rev();
-            for (at, row) in own.chain(panel.rows.iter().map(|&row| row as usize)).enumerate() {
+            for (at, row) in panel.positions_from(0).enumerate() {
                 index_of[row] = at as u32;
             }
             for column in 0..panel.width {
-                let position = panel.low + panel.width - 1 - column;
+                let position = panel.position(column);
                 let slot = self.slot_of[position] as usize;
                 for &other in pattern.neighbours(slot) {
                     let row = self.position_of[other as usize] as usize;
@@ -87,7 +82,7 @@ impl Factor {
     fn factor<const M: usize>(&mut self, pattern: &Pattern) -> Result<(), BadPivot> {
         let limit = (M * pattern.vertices()) as f64 * f64::EPSILON;
         let mut index_of = vec![NONE; self.positions()];
-        // Products of a panel with itself, to be taken off the panels above.
+        // Products of a panel with itself, to be subtracted from the panels above.
         let mut product: Vec<f64> = Vec::new();
         for at in (0..self.panels.len()).rev() {
             let (above, own) = self.panels.split_at_mut(at);
@@ -120,18 +115,18 @@ impl Panel {
         let (width, height) = (M * self.width, M * (self.width + self.rows.len()));
         let mut scaled = vec![0.0; height * width];
         let floors: Vec<[f64; M]> = (0..self.width)
-            .map(|column| self.low + self.width - 1 - column)
-            .map(|position| std::array::from_fn(|a| floor(position, a)))
+            .map(|column| std::array::from_fn(|a| floor(self.position(column), a)))
             .collect();
-        for strip in (0..self.width).step_by(STRIP) {
-            let end = (strip + STRIP).min(self.width);
+        for strip in (0..self.width).step_by(TOGETHER) {
+            let end = (strip + TOGETHER).min(self.width);
             let (scaled, floors) = (&mut scaled[..], &floors[..]);
-            let kernel = Strip::<M> { panel: self, first: strip, end, scaled, negative, floors };
+            let kernel =
+                PanelColumns::<M> { panel: self, first: strip, end, scaled, negative, floors };
             pulp::Arch::new().dispatch(kernel)?;
             if end == self.width {
                 break;
             }
-            // The strip's change of the columns behind it.
+            // What these columns change in those behind them.
             let (done, rest) = self.values.split_at_mut(self.stride * M * end);
             let lower = MatRef::from_column_major_slice_with_stride(
                 &done[self.stride * M * strip..],
@@ -157,7 +152,7 @@ impl Panel {
                 Par::Seq,
             );
         }
-        // Above the diagonal there is rubbish; kernels want zeros there.
+        // The factorisation leaves values above the diagonal; kernels need zeros there.
         for column in 0..width {
             let zeros = M * (column / M + 1);
             self.values[self.stride * column..self.stride * column + zeros].fill(0.0);
@@ -188,7 +183,7 @@ impl Panel {
         );
     }
 
-    /// Takes the product off the panels above; the rows are ordered here as they are eliminated.
+    /// Subtracts the product from the panels above; the rows are in elimination order here.
     fn subtract<const M: usize>(
         &self,
         product: &[f64],

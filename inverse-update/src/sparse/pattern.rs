@@ -1,13 +1,13 @@
 //! The matrix as a factorisation wants it: one flat copy of the lower half, and its graph.
 
-use crate::SparseStiffness;
+use crate::matrix::SparseStiffness;
 
 /// A snapshot of K: cheap to take, and another thread can work on it.
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     pub block: usize,
     pub negative: usize,
-    /// Where each vertex lies, packed; see [`SparseStiffness::set_order_keys`].
+    /// The position of each vertex in space, packed; see [`SparseStiffness::set_order_keys`].
     pub keys: Vec<u64>,
     /// Row i has the neighbours `columns[starts[i]..starts[i + 1]]`, itself included, ascending.
     pub starts: Vec<usize>,

@@ -1,4 +1,4 @@
-//! The diagonal blocks of the factor, each factored by itself.
+//! The diagonal blocks of the factor, each with its own small LDLᵀ.
 
 use crate::InverseError;
 
@@ -30,13 +30,15 @@ pub(crate) struct Pivot<const M: usize> {
 }
 
 impl<const M: usize> Pivot<M> {
-    /// Factors a symmetric D. `floor` is the least |Δ| by row; a wrong sign fails as well.
+    /// Factors a symmetric D, that of `position`. `floor` is the least |Δ| by row; a wrong sign
+    /// fails as well.
     #[inline(always)]
     pub(crate) fn new(
         d: &[[f64; M]; M],
         floor: &[f64; M],
         negative: usize,
-    ) -> Result<Self, (usize, f64)> {
+        position: usize,
+    ) -> Result<Self, BadPivot> {
         let mut lower = *d;
         let mut delta = [0.0; M];
         for j in 0..M {
@@ -47,7 +49,7 @@ impl<const M: usize> Pivot<M> {
             }
             // Not `pivot <= floor`: a NaN has to fail as well.
             if !(sign * pivot > floor[j] && pivot.is_finite()) {
-                return Err((j, pivot));
+                return Err(BadPivot { position, row: j, value: pivot, limit: floor[j] });
             }
             delta[j] = pivot;
             lower[j][j] = 1.0 / pivot;
@@ -116,24 +118,27 @@ mod tests {
     #[test]
     fn a_definite_and_a_quasi_definite_block_by_hand() {
         // [4, 2; 2, 5] = [1, 0; ½, 1] diag(4, 4) [1, ½; 0, 1]
-        let pivot = Pivot::new(&[[4.0, 2.0], [2.0, 5.0]], &[0.0; 2], 0).unwrap();
+        let pivot = Pivot::new(&[[4.0, 2.0], [2.0, 5.0]], &[0.0; 2], 0, 0).unwrap();
         assert_eq!(pivot.lower[1], [0.5, 0.25]);
         let mut x = [8.0, 12.0];
         pivot.solve(&mut x);
         assert_eq!(x, [1.0, 2.0]);
         assert_eq!(pivot.half(), [[2.0, 0.0], [1.0, 2.0]]);
         // [4, 2; 2, −8]: second pivot −8 − 1
-        let pivot = Pivot::new(&[[4.0, 2.0], [2.0, -8.0]], &[0.0; 2], 1).unwrap();
+        let pivot = Pivot::new(&[[4.0, 2.0], [2.0, -8.0]], &[0.0; 2], 1, 0).unwrap();
         assert_eq!(pivot.lower[1], [0.5, -1.0 / 9.0]);
         assert_eq!(pivot.half(), [[2.0, 0.0], [1.0, 3.0]]);
     }
 
     #[test]
     fn wrong_signs_small_pivots_and_nan_fail() {
-        assert!(Pivot::new(&[[1.0, 2.0], [2.0, 1.0]], &[0.0; 2], 0).is_err());
-        assert_eq!(Pivot::new(&[[1.0, 0.0], [0.0, 1.0]], &[0.0; 2], 1).err(), Some((1, 1.0)));
-        assert_eq!(Pivot::new(&[[1e-9]], &[1e-8], 0).err(), Some((0, 1e-9)));
-        assert!(Pivot::new(&[[f64::NAN]], &[0.0], 0).is_err());
-        assert!(Pivot::new(&[[f64::INFINITY]], &[0.0], 0).is_err());
+        let failed =
+            |pivot: Result<Pivot<2>, BadPivot>| pivot.map_err(|bad| (bad.row, bad.value)).err();
+        assert_eq!(failed(Pivot::new(&[[1.0, 2.0], [2.0, 1.0]], &[0.0; 2], 0, 0)), Some((1, -3.0)));
+        assert_eq!(failed(Pivot::new(&[[1.0, 0.0], [0.0, 1.0]], &[0.0; 2], 1, 0)), Some((1, 1.0)));
+        let small = Pivot::new(&[[1e-9]], &[1e-8], 0, 7).unwrap_err();
+        assert_eq!((small.position, small.row, small.value, small.limit), (7, 0, 1e-9, 1e-8));
+        assert!(Pivot::new(&[[f64::NAN]], &[0.0], 0, 0).is_err());
+        assert!(Pivot::new(&[[f64::INFINITY]], &[0.0], 0, 0).is_err());
     }
 }

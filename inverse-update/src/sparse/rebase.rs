@@ -1,4 +1,4 @@
-//! A factor of a fresh order, made while the old one goes on working.
+//! A factor with a fresh elimination order, made while the old one is in use.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
@@ -12,12 +12,12 @@ use super::pattern::Pattern;
 use super::pivot::BadPivot;
 use super::symbolic::Symbolic;
 
-/// A factor as it was made, and as it is after some edits.
+/// A factor as it was made, its base, and as it is after some edits.
 pub(crate) struct Based {
-    /// As it was made, once there is an edit.
+    /// A copy of the factor as it was made; `None` before the first edit.
     base: Option<Factor>,
     pub factor: Factor,
-    /// Blocks of the base, and products of numbers that it took.
+    /// Blocks of the base, and the operations that it took.
     pub blocks: usize,
     pub operations: f64,
 }
@@ -45,7 +45,7 @@ impl Based {
         self.factor.apply(edit, scratch)
     }
 
-    /// Makes the factor again as it was after these edits, to the last bit.
+    /// Reproduces the factor as it was after these edits, to the last bit.
     pub(crate) fn restore(&mut self, edits: &[Arc<Edit>], scratch: &mut Scratch) {
         let Some(base) = &self.base else { return };
         self.factor = base.clone();
@@ -65,17 +65,18 @@ impl Based {
     }
 }
 
-/// A re-base on its way. What it returns does not depend on who does the work, or when.
+/// A factor with a fresh order, being made. The result does not depend on which thread does the
+/// work, or when.
 pub(crate) enum Rebase {
     /// A thread makes the factor and follows the edits that are sent to it.
     Thread { edits: Sender<Arc<Edit>>, worker: JoinHandle<Option<Based>> },
-    /// All is left to the end.
+    /// All work is done at the end.
     Later { pattern: Arc<Pattern>, edits: Vec<Arc<Edit>> },
 }
 
 impl Rebase {
-    /// Starts from a snapshot. Without a thread, wanted or to be had, the work is done at the end.
-    /// What was in use before, if any, is let go of on the way: to free it takes time as well.
+    /// Starts from a snapshot. If no thread is wanted, or none can be started, the work is done at
+    /// the end. The thread also frees the old factor, which takes time too.
     pub(crate) fn start(pattern: Pattern, background: bool, old: Option<Based>) -> Self {
         let pattern = Arc::new(pattern);
         if background {

@@ -2,6 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::by_rows::by_rows;
 use super::factor::{Factor, Panel};
 use super::pivot::Pivot;
 
@@ -39,12 +40,7 @@ impl Factor {
 
     fn solve_block<const R: usize>(&self, block: usize, sides: [&mut &mut [f64]; R]) {
         let arch = pulp::Arch::new();
-        match block {
-            1 => arch.dispatch(Solve::<1, R> { factor: self, sides }),
-            2 => arch.dispatch(Solve::<2, R> { factor: self, sides }),
-            3 => arch.dispatch(Solve::<3, R> { factor: self, sides }),
-            _ => arch.dispatch(Solve::<4, R> { factor: self, sides }),
-        }
+        by_rows!(block, M => arch.dispatch(Solve::<M, R> { factor: self, sides }));
     }
 
     #[inline(always)]
@@ -87,11 +83,11 @@ impl Factor {
         if x[own.clone()].as_flattened().iter().all(|&value| value == 0.0) {
             return;
         }
-        // What is taken off the rows: the panel's own first, highest position first.
+        // What is subtracted from the rows: the panel's own first, highest position first.
         local.clear();
         local.resize(M * (panel.width + panel.rows.len()), [0.0; R]);
         for column in 0..panel.width {
-            let first = M * (panel.low + panel.width - 1 - column);
+            let first = M * panel.position(column);
             let mut head = [[0.0; M]; R];
             for a in 0..M {
                 for r in 0..R {
@@ -143,7 +139,7 @@ impl Factor {
             local.extend_from_slice(&x[M * row as usize..M * (row as usize + 1)]);
         }
         for column in (0..panel.width).rev() {
-            let first = M * (panel.low + panel.width - 1 - column);
+            let first = M * panel.position(column);
             let below = &local[M * (column + 1)..];
             let sums = products(panel.below::<M>(column, below.len()), below);
             for a in 0..M {
@@ -167,7 +163,8 @@ impl Panel {
     }
 }
 
-/// Σ_i l_i x_i for every column l and right-hand side, in sums that don't wait for each other.
+/// Σ_i l_i x_i for every column l and right-hand side, in four sums each, so that additions don't
+/// wait for each other.
 #[inline(always)]
 fn products<const M: usize, const R: usize>(l: [&[f64]; M], x: &[[f64; R]]) -> [[f64; R]; M] {
     const SUMS: usize = 4;

@@ -1,20 +1,21 @@
-//! The kernel of a walk: all columns of one panel, on the vector unit at hand.
+//! The kernel of a walk: all columns of one panel, compiled for each vector unit.
 
 use pulp::{Simd, WithSimd};
 
-use super::factor::{LANES, NONE, Panel};
+use super::factor::{CHUNK, NONE, Panel};
 use super::pivot::{BadPivot, Pivot, square};
-use crate::capacitance::PIVOT_FLOOR;
+use crate::change::PIVOT_FLOOR;
 
-/// w in chunks of [`LANES`] scalar rows, in which it goes column by column, and Θ.
+/// w and Θ of some columns of U. w is stored in chunks of [`CHUNK`] scalar rows, each column by
+/// column.
 #[derive(Debug, Default)]
-pub(crate) struct Lane {
+pub(crate) struct SignGroup {
     pub from: Vec<f64>,
     pub to: Vec<f64>,
     pub core: Core,
 }
 
-/// Θ and what the kernel makes of it, all padded to `padded` columns.
+/// Θ and intermediate results, all padded to `padded` columns.
 #[derive(Debug, Default)]
 pub(crate) struct Core {
     pub rank: usize,
@@ -29,8 +30,8 @@ pub(crate) struct Core {
     gain_by_column: Vec<f64>,
 }
 
-impl Lane {
-    /// Moves w_j out of what is carried; false if it is 0.
+impl SignGroup {
+    /// Moves w_j out of w; false if it is 0.
     #[inline(always)]
     fn take_head<const M: usize>(&mut self, row: usize) -> bool {
         let (rank, padded) = (self.core.rank, self.core.padded);
@@ -38,7 +39,7 @@ impl Lane {
         for a in 0..M {
             let at = place(M * row + a, rank);
             for q in 0..rank {
-                let value = std::mem::take(&mut self.to[at + LANES * q]);
+                let value = std::mem::take(&mut self.to[at + CHUNK * q]);
                 any |= value != 0.0;
                 self.core.head[padded * a + q] = value;
                 self.core.head_by_column[M * q + a] = value;
@@ -51,7 +52,7 @@ impl Lane {
     pub(crate) fn enter<const M: usize>(&mut self, source: &[u32]) {
         let rank = self.core.rank;
         self.to.clear();
-        self.to.resize((M * source.len()).next_multiple_of(LANES) * rank, 0.0);
+        self.to.resize((M * source.len()).next_multiple_of(CHUNK) * rank, 0.0);
         for (at, &source) in source.iter().enumerate() {
             if source == NONE {
                 continue;
@@ -59,8 +60,8 @@ impl Lane {
             for a in 0..M {
                 let from = place(M * source as usize + a, rank);
                 let to = place(M * at + a, rank);
-                let from = self.from[from..].iter().step_by(LANES).take(rank);
-                let to = self.to[to..].iter_mut().step_by(LANES).take(rank);
+                let from = self.from[from..].iter().step_by(CHUNK).take(rank);
+                let to = self.to[to..].iter_mut().step_by(CHUNK).take(rank);
                 to.zip(from).for_each(|(to, &from)| *to = from);
             }
         }
@@ -70,13 +71,13 @@ impl Lane {
 /// Where a scalar row of w starts.
 #[inline(always)]
 pub(crate) fn place(row: usize, rank: usize) -> usize {
-    row / LANES * LANES * rank + row % LANES
+    row / CHUNK * CHUNK * rank + row % CHUNK
 }
 
 impl Core {
     pub(crate) fn start(&mut self, signs: impl ExactSizeIterator<Item = f64>, block: usize) {
         self.rank = signs.len();
-        self.padded = self.rank.next_multiple_of(LANES / 2);
+        self.padded = self.rank.next_multiple_of(CHUNK / 2);
         let n = self.padded;
         self.theta.clear();
         self.theta.resize(n * n, 0.0);
@@ -99,7 +100,7 @@ pub(crate) struct Sweep<'a, const M: usize> {
     pub panel: &'a mut Panel,
     pub start: usize,
     pub negative: usize,
-    pub lanes: &'a mut [Lane],
+    pub groups: &'a mut [SignGroup],
     pub loss: &'a mut f64,
 }
 
@@ -123,10 +124,10 @@ impl<const M: usize> Sweep<'_, M> {
     #[inline(always)]
     fn run<const FUSED: bool>(mut self) -> Result<(), BadPivot> {
         for column in self.start..self.panel.width {
-            for lane in 0..self.lanes.len() {
-                if self.lanes[lane].take_head::<M>(column - self.start) {
-                    self.turn::<FUSED>(column, lane)?;
-                    self.rows::<FUSED>(column, lane);
+            for group in 0..self.groups.len() {
+                if self.groups[group].take_head::<M>(column - self.start) {
+                    self.turn::<FUSED>(column, group)?;
+                    self.rows::<FUSED>(column, group);
                 }
             }
         }
@@ -135,8 +136,8 @@ impl<const M: usize> Sweep<'_, M> {
 
     /// D' and its factors, G, and Θ for the columns to come.
     #[inline(always)]
-    fn turn<const FUSED: bool>(&mut self, column: usize, lane: usize) -> Result<(), BadPivot> {
-        let core = &mut self.lanes[lane].core;
+    fn turn<const FUSED: bool>(&mut self, column: usize, group: usize) -> Result<(), BadPivot> {
+        let core = &mut self.groups[group].core;
         let n = core.padded;
         core.product.fill(0.0);
         for (r, theta) in core.theta.chunks_exact(n).enumerate() {
@@ -163,12 +164,7 @@ impl<const M: usize> Sweep<'_, M> {
                 }
             }
         }
-        let pivot = Pivot::new(&d, &floor, self.negative).map_err(|(row, value)| BadPivot {
-            position: self.panel.low + self.panel.width - 1 - column,
-            row,
-            value,
-            limit: floor[row],
-        })?;
+        let pivot = Pivot::new(&d, &floor, self.negative, self.panel.position(column))?;
         for a in 0..M {
             *self.loss = self.loss.max(floor[a] * pivot.lower[a][a].abs() / PIVOT_FLOOR);
         }
@@ -180,34 +176,34 @@ impl<const M: usize> Sweep<'_, M> {
 
     /// w and L below a column.
     #[inline(always)]
-    fn rows<const FUSED: bool>(&mut self, column: usize, lane: usize) {
-        let Lane { to: carried, core, .. } = &mut self.lanes[lane];
+    fn rows<const FUSED: bool>(&mut self, column: usize, group: usize) {
+        let SignGroup { to: carried, core, .. } = &mut self.groups[group];
         let rank = core.rank;
-        let first = M * (column + 1 - self.start) / LANES;
-        let carried = &mut carried[first * LANES * rank..];
-        let offset = M * self.start + first * LANES;
+        let first = M * (column + 1 - self.start) / CHUNK;
+        let carried = &mut carried[first * CHUNK * rank..];
+        let offset = M * self.start + first * CHUNK;
         let stride = self.panel.stride;
         let mut columns = self.panel.values[stride * M * column..stride * M * (column + 1)]
             .chunks_exact_mut(stride);
-        let lower: [&mut [[f64; LANES]]; M] = std::array::from_fn(|_| {
-            columns.next().map_or(&mut [][..], |c| c[offset..].as_chunks_mut::<LANES>().0)
+        let lower: [&mut [[f64; CHUNK]]; M] = std::array::from_fn(|_| {
+            columns.next().map_or(&mut [][..], |c| c[offset..].as_chunks_mut::<CHUNK>().0)
         });
         let heads = core.head_by_column.as_chunks::<M>().0;
         let gains = core.gain_by_column.as_chunks::<M>().0;
-        for (at, chunk) in carried.chunks_exact_mut(LANES * rank).enumerate() {
-            let before: [[f64; LANES]; M] = std::array::from_fn(|a| lower[a][at]);
+        for (at, chunk) in carried.chunks_exact_mut(CHUNK * rank).enumerate() {
+            let before: [[f64; CHUNK]; M] = std::array::from_fn(|a| lower[a][at]);
             let mut after = before;
-            let chunk = chunk.as_chunks_mut::<LANES>().0;
+            let chunk = chunk.as_chunks_mut::<CHUNK>().0;
             for ((w, head), gain) in chunk.iter_mut().zip(heads).zip(gains) {
                 let mut x = *w;
                 for a in 0..M {
-                    for lane in 0..LANES {
+                    for lane in 0..CHUNK {
                         x[lane] = multiply_add::<FUSED>(-head[a], before[a][lane], x[lane]);
                     }
                 }
                 *w = x;
                 for a in 0..M {
-                    for lane in 0..LANES {
+                    for lane in 0..CHUNK {
                         after[a][lane] = multiply_add::<FUSED>(gain[a], x[lane], after[a][lane]);
                     }
                 }
@@ -219,12 +215,12 @@ impl<const M: usize> Sweep<'_, M> {
     }
 }
 
-/// In four sums: one would wait for itself.
+/// In four sums, so that additions don't wait for each other.
 #[inline(always)]
 fn dot<const FUSED: bool>(x: &[f64], y: &[f64]) -> f64 {
-    let mut sums = [0.0; LANES / 2];
-    for (x, y) in x.as_chunks::<{ LANES / 2 }>().0.iter().zip(y.as_chunks::<{ LANES / 2 }>().0) {
-        for lane in 0..LANES / 2 {
+    let mut sums = [0.0; CHUNK / 2];
+    for (x, y) in x.as_chunks::<{ CHUNK / 2 }>().0.iter().zip(y.as_chunks::<{ CHUNK / 2 }>().0) {
+        for lane in 0..CHUNK / 2 {
             sums[lane] = multiply_add::<FUSED>(x[lane], y[lane], sums[lane]);
         }
     }

@@ -1,8 +1,8 @@
-//! Where the factor has blocks: the elimination tree, and panels of columns that share rows.
+//! The nonzero pattern of the factor: the elimination tree, and panels of columns that share rows.
 
 use super::pattern::Pattern;
 
-/// Part of a panel's blocks that may be zero for the sake of wider panels.
+/// The share of a panel's blocks that may be zero, so that panels become wider.
 const ZEROS: f64 = 0.05;
 
 /// Panels of at most this many columns are worth twice as many zeros.
@@ -19,7 +19,7 @@ pub(crate) struct PanelShape {
 
 /// An elimination order with the panels of its factor, leaves first.
 pub(crate) struct Symbolic {
-    /// The vertex that goes at each step.
+    /// The vertex that is eliminated at each step.
     pub order: Vec<usize>,
     pub panels: Vec<PanelShape>,
 }
@@ -71,8 +71,8 @@ fn elimination_tree(pattern: &Pattern, order: &[usize]) -> Vec<usize> {
     parent
 }
 
-/// The steps such that every subtree is in one piece, the largest right before its root: that one
-/// can share a panel with it.
+/// An order of the steps in which every subtree is contiguous, the largest subtree right before its
+/// root, so that it can share a panel with it.
 fn postorder(parent: &[usize]) -> Vec<usize> {
     let n = parent.len();
     let mut size = vec![1; n];
@@ -95,8 +95,8 @@ fn postorder(parent: &[usize]) -> Vec<usize> {
     result
 }
 
-/// Panels of equal or nearly equal columns. A panel that follows its only or last child takes the
-/// child in as long as few zeros come with it.
+/// Panels of columns with equal or nearly equal rows. A panel absorbs the child right before it as
+/// long as that adds few zeros.
 fn panels(pattern: &Pattern, order: &[usize], parent: &[usize]) -> Vec<PanelShape> {
     let step = steps(order);
     let n = order.len();

@@ -5,7 +5,7 @@ use yawara_mesh::volume::Grid;
 
 /// How solver coordinates (m) lie in the scanner.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ScannerAxes {
+pub struct ScannerAxes {
     /// Solver axes → scanner axes.
     rotation: Matrix3<f64>,
     /// Scanner RAS position of the solver's origin, mm.
@@ -13,7 +13,7 @@ pub(crate) struct ScannerAxes {
 }
 
 impl ScannerAxes {
-    pub fn of_grid(grid: &Grid) -> Self {
+    pub(crate) fn of_grid(grid: &Grid) -> Self {
         Self { rotation: grid.rotation, origin_mm: grid.origin_mm }
     }
 
@@ -27,10 +27,12 @@ impl ScannerAxes {
         self.origin_mm + self.rotation * (x * 1e3)
     }
 
+    /// A direction or displacement in scanner axes (right, anterior, superior), same unit.
     pub fn to_ras_direction(self, direction: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * direction
     }
 
+    /// A direction or displacement in solver axes, same unit.
     pub fn to_solver_direction(self, direction: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.transpose() * direction
     }

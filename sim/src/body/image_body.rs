@@ -34,8 +34,11 @@ pub(crate) struct ImageBody {
 
 impl ImageBody {
     /// Reads the image and builds everything that does not depend on stages.
-    pub fn new(scene: &Scene) -> Result<Self, SimError> {
-        let source = ImageSource::read(scene)?;
+    pub fn new(scene: &Scene, volume: Option<LabelVolume>) -> Result<Self, SimError> {
+        let source = match volume {
+            Some(volume) => ImageSource::of_memory(scene, volume)?,
+            None => ImageSource::read(scene)?,
+        };
         let materials = source.materials(scene)?;
         let ImageSource { volume, summary: image, .. } = source;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image.name.clone() })?;

@@ -40,6 +40,15 @@ impl ImageSource {
         }
     }
 
+    /// Takes labels that are in memory.
+    pub fn of_memory(scene: &Scene, volume: LabelVolume) -> Result<Self, SimError> {
+        let summary = ImageSummary {
+            format: "in memory".into(),
+            ..summary("the volume in memory".into(), LABELS, &volume, None)
+        };
+        labels(scene, volume, summary)
+    }
+
     /// One material per dense label, void first.
     pub fn materials(&self, scene: &Scene) -> Result<Vec<Material>, SimError> {
         let mut softest = f64::INFINITY;

@@ -17,15 +17,16 @@ mod start;
 mod state;
 mod summary;
 
+pub use axes::ScannerAxes;
+pub use state::BodyState;
 pub use summary::{
     BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
     Part,
 };
 
-pub(crate) use axes::ScannerAxes;
 pub(crate) use image_body::{ImageBody, touches_solid};
 pub(crate) use mesh_file::FileMesh;
 pub(crate) use organ_box::OrganBox;
 pub(crate) use outline::{carrier, surface_level};
 pub(crate) use start::{Origin, Start};
-pub(crate) use state::{BodyState, Cell, Hold};
+pub(crate) use state::{Cell, Hold};

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use yawara_mesh::VertexId;
+use yawara_mesh::volume::LabelVolume;
 
 use super::axes::ScannerAxes;
 use super::image_body::ImageBody;
@@ -33,10 +34,12 @@ pub(crate) struct Start {
 
 impl Start {
     /// Reads the image or the mesh file of a scene and builds what depends on no stage.
-    pub fn new(scene: &Scene) -> Result<Self, SimError> {
+    ///
+    /// `volume` takes the place of the image.
+    pub fn new(scene: &Scene, volume: Option<LabelVolume>) -> Result<Self, SimError> {
         match &scene.mesh.path {
             Some(path) => Ok(Self::of_file(FileMesh::new(scene, path)?)),
-            None => Ok(Self::of_image(ImageBody::new(scene)?)),
+            None => Ok(Self::of_image(ImageBody::new(scene, volume)?)),
         }
     }
 

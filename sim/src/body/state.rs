@@ -1,4 +1,4 @@
-//! The deformable body as the solver and the output see it: vertices, elements, positions.
+//! The body while the simulation moves it: vertices, elements, positions.
 
 use nalgebra::Vector3;
 use yawara_corot::{Body, Element};
@@ -23,21 +23,23 @@ pub(crate) struct Cell {
     pub is_void: bool,
 }
 
-/// The current mesh: whatever changes it keeps this up to date.
+/// The body as it is now: the current mesh, and where its vertices are.
+///
+/// Numbers of vertices and tetrahedra have gaps, because a mesh that changes keeps the numbers of
+/// what stays; arrays are by number.
 #[derive(Default)]
-pub(crate) struct BodyState {
-    pub body: Body,
-    /// Rest and current positions by vertex number, m.
-    pub rest: Vec<Vector3<f64>>,
-    pub positions: Vec<Vector3<f64>>,
-    pub holds: Vec<Hold>,
-    /// By vertex number, m/s; in a quasi-static body those of the last step, zero where nothing
-    /// goes on.
-    pub velocities: Vec<Vector3<f64>>,
+pub struct BodyState {
+    pub(crate) body: Body,
+    pub(crate) rest: Vec<Vector3<f64>>,
+    pub(crate) positions: Vec<Vector3<f64>>,
+    pub(crate) holds: Vec<Hold>,
+    /// By vertex number, m/s. In a quasi-static body the velocities of the last step if the next
+    /// one may continue it, else zero.
+    pub(crate) velocities: Vec<Vector3<f64>>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
-    pub masses: Vec<f64>,
-    /// Whether velocities mean anything.
-    pub is_dynamic: bool,
+    pub(crate) masses: Vec<f64>,
+    /// Whether the body has inertia.
+    pub(crate) is_dynamic: bool,
     is_active: Vec<bool>,
     vertex_count: usize,
     /// By tetrahedron number.
@@ -51,52 +53,79 @@ pub(crate) struct Standing {
 }
 
 impl BodyState {
-    /// Nothing yet, of the elements of an empty `body`.
-    pub fn new(body: Body) -> Self {
+    /// Nothing yet; `body` is empty and says of which elements it will be.
+    pub(crate) fn new(body: Body) -> Self {
         Self { body, ..Self::default() }
     }
 
     /// Where the body stands.
-    pub fn standing(&self) -> Standing {
+    pub(crate) fn standing(&self) -> Standing {
         Standing { positions: self.positions.clone(), pressures: self.body.pressures() }
     }
 
     /// Moves the body back to where it stood.
-    pub fn return_to(&mut self, standing: Standing) {
+    pub(crate) fn return_to(&mut self, standing: Standing) {
         self.positions = standing.positions;
         self.body.set_pressures(&standing.pressures);
     }
 
     /// Moves the body to rest.
-    pub fn rest(&mut self) {
+    pub(crate) fn rest(&mut self) {
         self.positions.clone_from(&self.rest);
         self.body.set_pressures(&[]);
     }
 
-    /// Active vertices, ascending numbers.
+    /// Rest positions by vertex number, solver axes, m.
+    pub fn rest_positions(&self) -> &[Vector3<f64>] {
+        &self.rest
+    }
+
+    /// Current positions by vertex number, solver axes, m.
+    pub fn positions(&self) -> &[Vector3<f64>] {
+        &self.positions
+    }
+
+    /// The tetrahedra with their rest geometry, elasticity and rotation, in no order.
+    pub fn elements(&self) -> &[Element] {
+        self.body.elements()
+    }
+
+    /// The tetrahedron of a number, if it is in the current mesh.
+    pub fn element(&self, tet: TetId) -> Option<&Element> {
+        self.body.element(tet)
+    }
+
+    /// The label, as in the image, of most of a tetrahedron's volume; 0 is void.
+    pub fn label(&self, tet: TetId) -> i64 {
+        self.cell(tet).label
+    }
+
+    /// The vertices of the current mesh, ascending numbers.
     pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
         (0..self.is_active.len()).filter(|&i| self.is_active[i]).map(|i| VertexId(i as u32))
     }
 
+    /// How many vertices the current mesh has.
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
 
+    /// How many tetrahedra the current mesh has.
     pub fn tet_count(&self) -> usize {
         self.body.elements().len()
     }
 
     /// One more than the largest vertex number ever in use.
-    pub fn vertex_capacity(&self) -> usize {
+    pub(crate) fn vertex_capacity(&self) -> usize {
         self.is_active.len()
     }
 
-    pub fn cell(&self, tet: TetId) -> &Cell {
+    pub(crate) fn cell(&self, tet: TetId) -> &Cell {
         &self.cells[tet.index()]
     }
 
     /// `vertex` comes in (its number must not be in use).
-    pub fn add_vertex(
+    pub(crate) fn add_vertex(
         &mut self,
         vertex: VertexId,
         rest: Vector3<f64>,
@@ -119,14 +148,14 @@ impl BodyState {
     }
 
     /// `vertex` goes out.
-    pub fn remove_vertex(&mut self, vertex: VertexId) {
+    pub(crate) fn remove_vertex(&mut self, vertex: VertexId) {
         self.is_active[vertex.index()] = false;
         self.holds[vertex.index()] = Hold::Free;
         self.vertex_count -= 1;
     }
 
     /// A tetrahedron comes in.
-    pub fn add_tet(&mut self, element: Element, cell: Cell) {
+    pub(crate) fn add_tet(&mut self, element: Element, cell: Cell) {
         let at = element.tet.index();
         if self.cells.len() <= at {
             self.cells.resize(at + 1, Cell::default());
@@ -138,7 +167,7 @@ impl BodyState {
     }
 
     /// A tetrahedron goes out; its element, if it was there.
-    pub fn remove_tet(&mut self, tet: TetId) -> Option<Element> {
+    pub(crate) fn remove_tet(&mut self, tet: TetId) -> Option<Element> {
         let element = self.body.remove(tet)?;
         let quarter = 0.25 * element.geometry.volume * self.cell(tet).density_kg_m3;
         element.vertices.iter().for_each(|&v| self.masses[v] -= quarter);

@@ -246,8 +246,8 @@ fn budget(scene: &Scene) -> PlanRow {
 
 fn compliance(scene: &Scene) -> PlanRow {
     let count = |is: fn(&ToolEntry) -> bool| scene.tools.iter().filter(|tool| is(tool)).count();
-    let grabs = count(|tool| matches!(tool, ToolEntry::Grab { .. }));
-    let probes = count(|tool| matches!(tool, ToolEntry::Probe { .. }));
+    let grabs = count(|tool| matches!(tool, ToolEntry::Grab(_)));
+    let probes = count(|tool| matches!(tool, ToolEntry::Probe(_)));
     match (grabs, probes) {
         (0, 0) => row("compliance columns", "none", false, "no tool touches the body"),
         (_, 0) => row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)")),

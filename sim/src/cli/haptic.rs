@@ -1,7 +1,7 @@
 //! `yawara haptic`: a simulated hand that follows a scene's path in real time.
 
 use yawara::haptic::{self, HapticOptions, HapticSummary};
-use yawara::{SimError, Simulation, Stages, VirtualCoupling, scene_file};
+use yawara::{SimError, Simulation, VirtualCoupling, scene_file};
 
 use super::arguments::HapticArguments;
 use super::printer::Printer;
@@ -15,7 +15,7 @@ const MOST_POINTS: usize = 10_000_000;
 /// Runs the scene in a hand and prints how that went; writes it as JSON where asked.
 pub fn run(arguments: &HapticArguments, out: &mut Printer) -> Result<(), SimError> {
     let (scene, _) = scene_file::load(&arguments.scene, &arguments.set)?;
-    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+    let mut simulation = Simulation::builder(&scene).build()?;
     let options = HapticOptions {
         tool: arguments.tool,
         seconds: arguments.seconds,

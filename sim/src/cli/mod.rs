@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
-use yawara::{SimError, Simulation, Stages, scene_file};
+use yawara::{SimError, Simulation, scene_file};
 
 use arguments::{Arguments, Command, PlanArguments, RunArguments, paragraph};
 use printer::Printer;
@@ -83,7 +83,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
 
 fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {
     let (scene, _) = scene_file::load(&arguments.scene, &arguments.set)?;
-    let simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+    let simulation = Simulation::builder(&scene).build()?;
     if !arguments.json {
         return out.print(&console::plan(simulation.plan()));
     }

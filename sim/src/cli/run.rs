@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use yawara::output::RunDirectory;
 use yawara::report::Summary;
 use yawara::scene::Scene;
-use yawara::{SimError, Simulation, Stages, scene_file};
+use yawara::{SimError, Simulation, scene_file};
 use yawara_inverse_update::InverseError;
 
 use super::arguments::RunArguments;
@@ -29,12 +29,13 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     };
     // Before the work, so that a wrong place is known at once.
     let directory = RunDirectory::create(&target, arguments.force)?;
-    let stages = Stages::by_name(&scene.stages)?;
     let bar = bar(PERMILLE, "homogenising {percent} % {wide_bar} {eta}");
-    let simulation = Simulation::with_progress(&scene, stages, &mut |done| {
-        bar.set_position((done * PERMILLE as f64) as u64);
-        ControlFlow::Continue(())
-    })?;
+    let simulation = Simulation::builder(&scene)
+        .progress(|done| {
+            bar.set_position((done * PERMILLE as f64) as u64);
+            ControlFlow::Continue(())
+        })
+        .build()?;
     bar.finish_and_clear();
     out.print(&console::plan(simulation.plan()))?;
     let (summary, written) = run_scene(&scene, simulation, directory)?;

@@ -72,5 +72,5 @@ impl SlotMap {
 /// The ring of a vertex without unknowns: what the children are stiffer or softer, if anything.
 fn stiffness_change(slots: Vec<usize>, added: Mat<f64>, removed: Mat<f64>) -> Option<Update> {
     let is_change = !slots.is_empty() && added.ncols() + removed.ncols() > 0;
-    is_change.then_some(Update::Change(StiffnessChange { slots, added, removed }))
+    is_change.then_some(Update::Content(StiffnessChange { slots, added, removed }))
 }

@@ -1,13 +1,11 @@
 //! Points that are the same for every mesh of a body: what meshes are compared by.
 
 use nalgebra::Vector3;
-use yawara_embed::{DetailMesh, Follower};
-use yawara_mesh::lattice::MAX_LEVEL;
-use yawara_mesh::{BisectionForest, Domain, Lattice, VertexId};
+use yawara_embed::{DetailMesh, Embedding, Follower};
+use yawara_mesh::{BisectionForest, Domain, Lattice, Placement, VertexId};
 
 use super::surfaces::rotation;
 use crate::error::SimError;
-use crate::step::Simulation;
 
 /// The vertices of a uniformly fine mesh that belong to something else than void, and where the
 /// embedding carries them while a simulation's own mesh moves and changes.
@@ -35,77 +33,58 @@ impl Probe {
     pub fn tets(&self) -> &[[u32; 4]] {
         &self.tets
     }
-}
 
-impl Simulation {
-    /// The vertices of the uniform mesh of `level` on the same base cells, or of the finest level
-    /// that this simulation may refine to if that is finer.
-    ///
-    /// Cost: as the mesh itself, and one combination of halves per heterogeneous tetrahedron.
-    /// # Errors
-    /// [`SimError::Value`] for a mesh from a file, which has no levels, or a level beyond
-    /// [`MAX_LEVEL`]; [`SimError::Bisection`], [`SimError::Embed`].
-    pub fn probe(&self, level: u8) -> Result<Probe, SimError> {
-        let refused = |key: &str, value: String, want: &str| SimError::Value {
-            place: self.scene.name.clone(),
-            key: key.into(),
-            value,
-            want: want.into(),
-        };
-        let Some(refiner) = &self.refiner else {
-            let path = format!("{:?}", self.scene.mesh.path);
-            let want = "an image: a mesh from a file has no finer levels to measure it on";
-            return Err(refused("mesh.path", path, want));
-        };
-        let coarse = refiner.forest.domain();
-        let level = level.max(refiner.forest.max_level());
-        if level > MAX_LEVEL {
-            let want = format!("at most {MAX_LEVEL}");
-            return Err(refused("level of the probe", level.to_string(), &want));
-        }
-        let tree = refiner.forest.tree();
+    /// The vertices of the uniform mesh of `level`, or of the finest level of `forest` if that is
+    /// finer, on the base cells of `forest`; `placement` is that of `forest`.
+    pub(crate) fn new(
+        forest: &BisectionForest,
+        embedding: &Embedding,
+        mut placement: Placement,
+        level: u8,
+    ) -> Result<Self, SimError> {
+        let coarse = forest.domain();
+        let level = level.max(forest.max_level());
+        let tree = forest.tree();
         let lattice = Lattice::new(coarse.lattice().cells, level);
         let mut domain = Domain::of_labels(lattice, tree);
         let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
         domain.exclude(&dropped);
-        let forest = BisectionForest::new(domain, tree.clone(), level, level)?;
-        let units = f64::from(lattice.units) / f64::from(coarse.lattice().units);
-        let mut placement = refiner.placement;
-        placement.unit /= units;
-        let mut number = vec![u32::MAX; forest.vertex_capacity()];
+        let fine = BisectionForest::new(domain, tree.clone(), level, level)?;
+        placement.unit /= f64::from(lattice.units) / f64::from(coarse.lattice().units);
+        let mut number = vec![u32::MAX; fine.vertex_capacity()];
         let (mut vertices, mut rest, mut tets) = (Vec::new(), Vec::new(), Vec::new());
-        for tet in forest.leaves().filter(|tet| tree.majority(tet.node) != 0) {
+        for tet in fine.leaves().filter(|tet| tree.majority(tet.node) != 0) {
             tets.push(tet.vertices.map(|v| {
                 if number[v.index()] == u32::MAX {
                     number[v.index()] = vertices.len() as u32;
                     vertices.push(v);
-                    rest.push(placement.position(forest.point(v)));
+                    rest.push(placement.position(fine.point(v)));
                 }
                 number[v.index()]
             }));
         }
-        let detail = DetailMesh::embedded(forest, &refiner.embedding, placement.unit)?;
+        let detail = DetailMesh::embedded(fine, embedding, placement.unit)?;
         let follower = Follower::new(&detail, vertices.iter().copied());
-        Ok(Probe { detail, follower, vertices, rest, tets })
+        Ok(Self { detail, follower, vertices, rest, tets })
     }
 
-    /// Where the points of `probe` now are, solver axes, m, in the order of [`Probe::rest`].
-    ///
-    /// Cost: a look at every point; arithmetic only where something has moved.
-    /// # Errors
-    /// [`SimError::Embed`] if `probe` is of another body.
-    pub fn probe_positions(&self, probe: &mut Probe) -> Result<Vec<Vector3<f64>>, SimError> {
-        let Some(refiner) = &self.refiner else { return Ok(probe.rest.clone()) };
-        let Probe { detail, follower, vertices, .. } = probe;
-        let now = follower.follow(detail, &refiner.forest, &self.state.positions, &rotation)?;
-        Ok(vertices.iter().map(|v| now[v.index()]).collect())
+    /// Where the points are while `forest` carries them with its vertices at `positions`, m.
+    pub(crate) fn follow(
+        &mut self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+    ) -> Result<Vec<Vector3<f64>>, SimError> {
+        let now = self.follower.follow(&self.detail, forest, positions, &rotation)?;
+        Ok(self.vertices.iter().map(|v| now[v.index()]).collect())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use yawara_mesh::bisection::lattice::MAX_LEVEL;
+
     use super::*;
-    use crate::{Stages, scene_file};
+    use crate::{Simulation, Stages, scene_file};
 
     fn beam(overrides: &[&str]) -> Simulation {
         let overrides: Vec<String> = overrides.iter().map(|&one| one.into()).collect();

@@ -7,7 +7,6 @@ use yawara_mesh::volume::{IntensityVolume, LabelVolume};
 use super::capture::von_mises;
 use crate::body::BodyState;
 use crate::error::SimError;
-use crate::step::Simulation;
 
 /// How far outside a tetrahedron a voxel's centre may be and count as inside, in barycentric
 /// coordinates: centres lie on faces, and rounding puts them to either side.
@@ -27,21 +26,15 @@ pub struct Fields {
     pub label: LabelVolume,
 }
 
-impl Simulation {
-    /// The current state on the image's grid, or `None` unless the scene sets `output.field`.
-    ///
-    /// Cost: O(voxels + tetrahedra); 10 bytes per voxel.
-    ///
-    /// # Errors
-    /// [`SimError::Image`] where a field is not finite (the state has diverged).
-    pub fn fields(&self) -> Result<Option<Fields>, SimError> {
-        let Some(volume) = &self.volume else { return Ok(None) };
+impl Fields {
+    /// The current state of a body on the grid of `volume`, its labels.
+    pub(crate) fn of(state: &BodyState, volume: &LabelVolume) -> Result<Self, SimError> {
         let grid = volume.grid();
         let count = volume.labels().len();
         let mut displacement = vec![0f32; count];
         let mut stress = vec![0f32; count];
         let mut label = vec![0u16; count];
-        let BodyState { body, rest, positions, .. } = &self.state;
+        let BodyState { body, rest, positions, .. } = state;
         let mut elements: Vec<&Element> = body.elements().iter().collect();
         elements.sort_unstable_by_key(|element| element.tet);
         for element in elements {
@@ -60,11 +53,11 @@ impl Simulation {
                 stress[voxel] = here as f32;
             });
         }
-        Ok(Some(Fields {
+        Ok(Fields {
             displacement_mm: IntensityVolume::new(grid.clone(), displacement)?,
             von_mises_pa: IntensityVolume::new(grid.clone(), stress)?,
             label: LabelVolume::new(grid.clone(), label, volume.values().to_vec())?,
-        }))
+        })
     }
 }
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use yawara_corot::Outcome;
 use yawara_mesh::Quality;
 
 use super::records::{
@@ -18,6 +17,18 @@ use crate::scene::Scene;
 /// Layout version of [`Summary`].
 const SCHEMA: u32 = 1;
 
+/// What the solver did in a step besides what its report tells.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Work {
+    /// How often the step or a part of it was cut in two.
+    pub halvings: usize,
+    /// The method of the solver that brought each attempt to its tolerance.
+    pub converged_by: Vec<&'static str>,
+    /// Time of each application of the inverse, ms.
+    pub solve_ms: Vec<f64>,
+}
+
+/// Sums, extremes and times over the steps of a run.
 pub(crate) struct RunStatistics {
     begin: Instant,
     setup_s: f64,
@@ -32,11 +43,11 @@ pub(crate) struct RunStatistics {
     converged: usize,
     converged_by: BTreeMap<&'static str, usize>,
     /// How often a step or a part of one was cut in two.
-    pub halvings: usize,
+    halvings: usize,
     residual_max: f64,
     step_ms: Vec<f64>,
     /// Time of each application of the inverse.
-    pub solve_ms: Vec<f64>,
+    solve_ms: Vec<f64>,
     force_max: f64,
     force_end: f64,
     tools: Vec<ToolSummary>,
@@ -73,15 +84,14 @@ impl RunStatistics {
         self.steps
     }
 
-    /// Counts which method solved an attempt.
-    pub fn count(&mut self, attempt: &Outcome) {
-        if attempt.converged {
-            *self.converged_by.entry(attempt.method).or_default() += 1;
-        }
-    }
-
-    pub fn add(&mut self, report: &StepReport, state: &BodyState, step_ms: f64) {
+    /// Adds a step that took `step_ms` in all.
+    pub fn add(&mut self, report: &StepReport, work: &Work, state: &BodyState, step_ms: f64) {
         self.steps += 1;
+        self.halvings += work.halvings;
+        self.solve_ms.extend_from_slice(&work.solve_ms);
+        for method in &work.converged_by {
+            *self.converged_by.entry(method).or_default() += 1;
+        }
         self.splits += report.splits;
         self.merges += report.merges;
         self.waiting_max = self.waiting_max.max(report.waiting);

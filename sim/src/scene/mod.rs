@@ -22,6 +22,6 @@ pub use description::{
     Region, Scene, Solver, SurfaceEntry, Time, Void,
 };
 pub use stage_names::StageNames;
-pub use tool::{Key, Normal, PressureKey, ToolEntry};
+pub use tool::{GrabEntry, Key, Normal, PressureEntry, PressureKey, ProbeEntry, ToolEntry};
 
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

@@ -11,9 +11,9 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Adapter, Budget, Dynamics, Image, Key, MaterialEntry, MeshOptions, Normal, Output, Phantom,
-    PressureKey, Refinement, Region, Scene, Solver, StageNames, SurfaceEntry, Time, ToolEntry,
-    Void,
+    Adapter, Budget, Dynamics, GrabEntry, Image, Key, MaterialEntry, MeshOptions, Normal, Output,
+    Phantom, PressureEntry, PressureKey, ProbeEntry, Refinement, Region, Scene, Solver, StageNames,
+    SurfaceEntry, Time, ToolEntry, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -249,25 +249,29 @@ fn example(phantom: Phantom) -> Scene {
         poisson_ratio: 0.45,
         density_kg_m3: 1e3,
     };
-    let grab = |region| ToolEntry::Grab {
-        region,
-        path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
-        path_csv: Some("path.csv".into()),
-        turn_axis: [0.0, 0.0, 1.0],
-        release_s: Some(1.0),
+    let grab = |region| {
+        ToolEntry::Grab(GrabEntry {
+            region,
+            path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
+            path_csv: Some("path.csv".into()),
+            turn_axis: [0.0, 0.0, 1.0],
+            release_s: Some(1.0),
+        })
     };
-    let probe = ToolEntry::Probe {
+    let probe = ToolEntry::Probe(ProbeEntry {
         centre: [0.5; 3],
         radius_m: 0.01,
         path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
         path_csv: Some("path.csv".into()),
         spacing_m: Some(1e-3),
         release_s: Some(1.0),
-    };
-    let press = |region| ToolEntry::Pressure {
-        region,
-        pressure: vec![PressureKey { time_s: 0.0, pressure_pa: 1.0 }],
-        normal: Normal::Dead,
+    });
+    let press = |region| {
+        ToolEntry::Pressure(PressureEntry {
+            region,
+            pressure: vec![PressureKey { time_s: 0.0, pressure_pa: 1.0 }],
+            normal: Normal::Dead,
+        })
     };
     let mesh = MeshOptions {
         path: Some("tets.msh".into()),

@@ -6,57 +6,71 @@ use serde::{Deserialize, Serialize};
 
 use super::description::Region;
 
-/// What touches the body.
+/// A tool by its `kind`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 pub enum ToolEntry {
-    /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
-    Grab {
-        /// What it takes hold of, at rest.
-        region: Region,
-        /// Positions over time, ascending times; linear in between, held at both ends.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        path: Vec<Key>,
-        /// The same from a file with the columns time_s, x_m, y_m, z_m and, if there, turn_deg.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        path_csv: Option<PathBuf>,
-        /// Axis of `turn_deg` in scanner axes, through the region's centre.
-        #[serde(default = "default_axis")]
-        turn_axis: [f64; 3],
-        /// When it lets go, s; never if absent.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        release_s: Option<f64>,
-    },
-    /// A ball without friction that pushes the body's surface along a path, and never pulls.
-    Probe {
-        /// Where its centre is before it moves, fractions of the organ's bounding box.
-        centre: [f64; 3],
-        /// Its radius, m.
-        radius_m: f64,
-        /// As for a grab; turns do nothing.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        path: Vec<Key>,
-        /// As for a grab.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        path_csv: Option<PathBuf>,
-        /// Distance between the surface points that may touch it, m; a quarter of the radius if
-        /// absent.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        spacing_m: Option<f64>,
-        /// When it is taken away, s; never if absent.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        release_s: Option<f64>,
-    },
-    /// A pressure on the part of the surface that lies in a region at rest.
-    Pressure {
-        /// Where.
-        region: Region,
-        /// How much over time, ascending times; linear in between, held at both ends.
-        pressure: Vec<PressureKey>,
-        /// Which way it acts while the surface turns.
-        #[serde(default)]
-        normal: Normal,
-    },
+    /// Takes hold of vertices and moves them.
+    Grab(GrabEntry),
+    /// A ball that pushes the surface.
+    Probe(ProbeEntry),
+    /// A pressure on a part of the surface.
+    Pressure(PressureEntry),
+}
+
+/// Takes hold of the body's vertices in a region and moves them rigidly along a path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrabEntry {
+    /// What it takes hold of, at rest.
+    pub region: Region,
+    /// Positions over time, ascending times; linear in between, held at both ends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<Key>,
+    /// The same from a file with the columns time_s, x_m, y_m, z_m and, if there, turn_deg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path_csv: Option<PathBuf>,
+    /// Axis of `turn_deg` in scanner axes, through the region's centre.
+    #[serde(default = "default_axis")]
+    pub turn_axis: [f64; 3],
+    /// When it lets go, s; never if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub release_s: Option<f64>,
+}
+
+/// A ball without friction that pushes the body's surface along a path, and never pulls.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeEntry {
+    /// Where its centre is before it moves, fractions of the organ's bounding box.
+    pub centre: [f64; 3],
+    /// Its radius, m.
+    pub radius_m: f64,
+    /// As for a grab; turns do nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<Key>,
+    /// As for a grab.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path_csv: Option<PathBuf>,
+    /// Distance between the surface points that may touch it, m; a quarter of the radius if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spacing_m: Option<f64>,
+    /// When it is taken away, s; never if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub release_s: Option<f64>,
+}
+
+/// A pressure on the part of the surface that lies in a region at rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PressureEntry {
+    /// Where.
+    pub region: Region,
+    /// How much over time, ascending times; linear in between, held at both ends.
+    pub pressure: Vec<PressureKey>,
+    /// Which way it acts while the surface turns.
+    #[serde(default)]
+    pub normal: Normal,
 }
 
 /// Which way a pressure acts on a surface that has moved.

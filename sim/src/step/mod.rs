@@ -1,17 +1,24 @@
 //! One step of the simulation, and the loop over all of them.
 //!
-//! `simulation` is the file to open first: it owns the parts and runs them in order. `equilibrium`
-//! brings the body to rest under its loads, starting from what `predictor` expects, with inertia by
-//! `dynamics` and probes by `contact`; `refinement` splits and merges where the
+//! `simulation` is the file to open first: it owns the parts, which do not know it, and runs them in
+//! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads,
+//! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
+//! probes by `contact`. `refinement` splits and merges the mesh of `content` where the
 //! [`indicator`] asks for it; `tool_forces` measures what tools feel.
 
+mod builder;
 mod contact;
+mod content;
 mod dynamics;
 mod equilibrium;
+mod held;
 pub mod indicator;
 mod predictor;
 mod refinement;
+mod settling;
 mod simulation;
+mod span;
 mod tool_forces;
 
+pub use builder::SimulationBuilder;
 pub use simulation::Simulation;

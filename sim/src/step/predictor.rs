@@ -1,26 +1,25 @@
-//! The first iterate of a pressed body: what the last step did, done again.
+//! The first iterate of a body that probes press: it moves on as in the last step.
 
 use nalgebra::Vector3;
 
 use super::contact::Probing;
-use super::equilibrium::StepOutcome;
-use super::simulation::Simulation;
-use crate::body::Hold;
+use crate::body::{BodyState, Hold};
 
-/// A probe that goes on by less than this fraction of its move as it went before has turned: what
-/// the body did then says nothing about now.
+/// The largest part of the probes' moves, as a fraction, that may lie off the direction of their
+/// last ones. Beyond it they have turned, and the last step says nothing about this one.
 const ALIKE: f64 = 0.5;
 
-/// The most that the last step is stretched.
+/// The largest multiple of the last step that is taken again.
 const LONGEST: f64 = 2.0;
 
-/// How probes moved in the last step and move in the one under way.
+/// How probes moved in the last step and move in the current one.
 #[derive(Default)]
 pub(crate) struct Predictor {
     /// Where vertices were when the step began, m.
     from: Vec<Vector3<f64>>,
-    /// Of each probe, m; empty unless the last step went as a whole.
+    /// The move of each probe in the last step, m; empty if it does not count.
     last: Vec<(usize, Vector3<f64>)>,
+    /// The same in this step.
     now: Vec<(usize, Vector3<f64>)>,
 }
 
@@ -40,51 +39,39 @@ impl Predictor {
         // A NaN where nothing moved is not alike either.
         if is_alike { share } else { 0.0 }
     }
-}
 
-impl Simulation {
-    /// Begins a step.
-    pub(crate) fn begin_trend(&mut self) {
-        self.predictor.from.clone_from(&self.state.positions);
-        self.contact.begin();
+    /// Begins a step at `positions`.
+    pub fn begin(&mut self, positions: &[Vector3<f64>]) {
+        self.from.clear();
+        self.from.extend_from_slice(positions);
     }
 
-    /// Moves the free vertices of a quasi-static body that probes press as the last step did,
-    /// stretched as the probes' moves are. Returns that factor, which is also that of the probes'
-    /// forces; 0 where nothing goes on.
+    /// Moves the free vertices as the last step did, scaled as the moves of the probes are. Returns
+    /// that factor, which also holds for the growth of the probes' forces; 0 if the probes move
+    /// otherwise than before.
     ///
     /// Under a steady push this leaves a residual of second order in the step.
-    pub(crate) fn follow_trend(&mut self, probing: &[Probing]) -> f64 {
-        if self.motion.is_some() {
-            return 0.0;
-        }
-        self.predictor.now = probing.iter().map(|probe| (probe.tool, probe.moved)).collect();
-        let share = self.predictor.share();
-        let state = &mut self.state;
+    pub fn follow(&mut self, probing: &[Probing], state: &mut BodyState, step_s: f64) -> f64 {
+        self.now = probing.iter().map(|probe| (probe.tool, probe.moved)).collect();
+        let share = self.share();
         for v in 0..state.positions.len() {
             if share > 0.0 && state.holds[v] == Hold::Free {
-                state.positions[v] += share * self.scene.time.step_s * state.velocities[v];
+                state.positions[v] += share * step_s * state.velocities[v];
             }
         }
         share
     }
 
-    /// Ends a step of a quasi-static body: its velocities are those that the next step begins with.
-    pub(crate) fn end_trend(&mut self, outcome: &StepOutcome) {
-        if self.motion.is_some() {
-            return;
+    /// Ends a step; `continues` tells whether the next one may start as this one went. Sets the
+    /// velocities that it then starts with.
+    pub fn end(&mut self, continues: bool, state: &mut BodyState, step_s: f64) {
+        self.last.clear();
+        if continues {
+            std::mem::swap(&mut self.last, &mut self.now);
         }
-        let goes_on = outcome.converged && outcome.substeps == 1 && self.contact.is_pressed();
-        self.predictor.last.clear();
-        if goes_on {
-            std::mem::swap(&mut self.predictor.last, &mut self.predictor.now);
-        }
-        self.contact.end(goes_on);
-        let state = &mut self.state;
-        for (v, from) in self.predictor.from.iter().enumerate() {
+        for (v, from) in self.from.iter().enumerate() {
             let moved = state.positions[v] - from;
-            state.velocities[v] =
-                if goes_on { moved / self.scene.time.step_s } else { Vector3::zeros() };
+            state.velocities[v] = if continues { moved / step_s } else { Vector3::zeros() };
         }
     }
 }

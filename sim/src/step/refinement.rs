@@ -1,30 +1,23 @@
-//! Splits and merges: who comes in, who goes out, and the repair of all later stages.
+//! Splits and merges: which vertices come in and go out, and the repair of all later stages.
 
 use std::time::Instant;
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
-use yawara_corot::rotation::polar_warm;
-use yawara_corot::{Body, Element};
-use yawara_embed::{Embedding, LinearTet, MixedModuli};
-use yawara_mesh::kuhn::bisected_corner;
-use yawara_mesh::{
-    BisectionForest, ClosureQueue, Lattice, MeshDelta, Placement, Point, Tet, TetId, VertexId,
-};
+use nalgebra::Matrix3;
+use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
+use super::content::Content;
 use super::indicator::{Indicator, RingMember};
-use crate::body::{BodyState, Cell, Hold};
+use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::report::{StageTimes, milliseconds};
 use crate::scene::Refinement;
-use crate::tools::Regions;
+use crate::tools::{Regions, Tool};
 
-/// What splits and merges go by: the forest and its content. It changes a [`BodyState`].
+/// Refines the mesh of a body and coarsens it again.
 pub(crate) struct Refiner {
-    pub forest: BisectionForest,
-    pub embedding: Embedding,
-    pub placement: Placement,
-    label_values: Vec<i64>,
+    pub content: Content,
+    rules: Rules,
     /// Where new vertices are held.
     regions: Regions,
     /// Step in which each vertex came in.
@@ -38,6 +31,24 @@ pub(crate) struct Refiner {
     waiting: ClosureQueue,
 }
 
+/// When the mesh is to be refined, and how far.
+pub(crate) struct Rules {
+    pub refinement: Refinement,
+    pub max_vertices: usize,
+    pub indicator: Box<dyn Indicator>,
+}
+
+/// What splits and merges act on, and what they need to know besides.
+pub(crate) struct Round<'a> {
+    pub state: &'a mut BodyState,
+    pub inverse: &'a mut InverseLink,
+    pub tools: &'a [Box<dyn Tool>],
+    /// Number of the step.
+    pub step: usize,
+    /// When the time for splits is over.
+    pub deadline: Option<Instant>,
+}
+
 /// What one round of remeshing did.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Remeshed {
@@ -45,77 +56,20 @@ pub(crate) struct Remeshed {
     pub merges: usize,
 }
 
-/// What asks for refinement, and how much of it there may be.
-pub(crate) struct Demand<'a> {
-    pub rules: &'a Refinement,
-    pub max_vertices: usize,
-    pub indicator: &'a dyn Indicator,
-    /// When the time for splits is over.
-    pub deadline: Option<Instant>,
-}
-
-impl Demand<'_> {
-    fn is_over(&self) -> bool {
-        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
-    }
-}
-
 impl Refiner {
-    /// Takes a start mesh over; the state it starts in comes with it, made of the elements of an
-    /// empty `body`. `holds` is by vertex number.
-    pub fn new(
-        forest: BisectionForest,
-        embedding: Embedding,
-        placement: Placement,
-        label_values: Vec<i64>,
-        holds: &[Hold],
-        regions: Regions,
-        body: Body,
-    ) -> (Self, BodyState) {
-        let refiner = Self {
-            born: vec![0; forest.vertex_capacity()],
-            forest,
-            embedding,
-            placement,
-            label_values,
+    /// For the start mesh of `content`.
+    pub fn new(content: Content, rules: Rules, regions: Regions) -> Self {
+        Self {
+            born: vec![0; content.forest.vertex_capacity()],
+            content,
+            rules,
             regions,
             measured: Vec::new(),
             delta: MeshDelta::empty(),
             ring: Vec::new(),
             members: Vec::new(),
             waiting: ClosureQueue::new(),
-        };
-        let mut state = BodyState::new(body);
-        for v in refiner.forest.vertices() {
-            let rest = refiner.placement.position(refiner.forest.point(v));
-            state.add_vertex(v, rest, rest, holds[v.index()]);
         }
-        for tet in refiner.forest.leaves() {
-            refiner.add_tet(&mut state, &tet, Matrix3::identity());
-        }
-        (refiner, state)
-    }
-
-    fn add_tet(&self, state: &mut BodyState, tet: &Tet, rotation: Matrix3<f64>) {
-        let element = Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: rest_geometry(state, tet),
-            elasticity: self.embedding.elasticity(tet.node),
-            rotation,
-        };
-        let label = self.embedding.tree().majority(tet.node);
-        let cell = Cell {
-            level: tet.level,
-            label: self.label_values[usize::from(label)],
-            density_kg_m3: self.embedding.density(tet.node),
-            is_void: self.is_void(tet),
-        };
-        state.add_tet(element, cell);
-    }
-
-    fn is_void(&self, tet: &Tet) -> bool {
-        self.embedding.tree().labels(tet.node).as_slice() == [0]
     }
 
     /// Last measured indicator of a leaf's ring; 0 if never measured.
@@ -131,157 +85,107 @@ impl Refiner {
     /// Merges where the indicator has become small, then splits where it is large.
     pub fn remesh(
         &mut self,
-        state: &mut BodyState,
-        step: usize,
-        demand: &Demand<'_>,
-        inverse: &mut InverseLink,
+        round: &mut Round<'_>,
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
-        let leaving = self.wanted_merges(state, step, demand);
-        self.rank_splits(state, demand)?;
+        let leaving = self.wanted_merges(round.state, round.step);
+        self.rank_splits(round.state)?;
         times.indicator_ms = milliseconds(begin);
 
         let begin = Instant::now();
-        let inverse_before = inverse.total_ms;
+        let inverse_before = round.inverse.total_ms;
         let mut done = Remeshed::default();
         for v in leaving {
-            self.merge(state, v, inverse)?;
+            self.merge(round, v)?;
             done.merges += 1;
         }
-        for _ in 0..demand.rules.max_splits_per_step {
-            let full = self.forest.vertex_count() >= demand.max_vertices;
-            let Some((p, _)) = self.waiting.best().filter(|_| !full && !demand.is_over()) else {
+        for _ in 0..self.rules.refinement.max_splits_per_step {
+            let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
+            let is_late = round.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            let Some((p, _)) = self.waiting.best().filter(|_| !is_full && !is_late) else {
                 break;
             };
             self.waiting.remove(p);
             // A merge of this round may have taken an older vertex that `p` needs.
-            if self.forest.split_ring(p, &mut self.ring) {
-                self.split(state, p, step, inverse)?;
+            if self.content.forest.split_ring(p, &mut self.ring) {
+                self.split(round, p)?;
                 done.splits += 1;
                 // A clock has to see what each split costs.
-                if demand.deadline.is_some() {
-                    inverse.flush()?;
+                if round.deadline.is_some() {
+                    round.inverse.flush()?;
                 }
             }
         }
-        inverse.flush()?;
-        times.inverse_ms = inverse.total_ms - inverse_before;
+        round.inverse.flush()?;
+        times.inverse_ms = round.inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
         Ok(done)
     }
 
-    /// Has all splits that are wanted now wait, the largest indicator first. What waited before is
-    /// measured again with all others: no wish outlives its cause, and none loses its place.
-    fn rank_splits(&mut self, state: &BodyState, demand: &Demand<'_>) -> Result<(), SimError> {
+    /// Queues all splits that are wanted now, the largest indicator first. What waited before is
+    /// measured again with all others: a split is wanted only while its cause lasts, and it keeps
+    /// its place.
+    fn rank_splits(&mut self, state: &BodyState) -> Result<(), SimError> {
         self.measured.clear();
-        self.measured.resize(self.forest.tet_capacity(), 0.0);
+        self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
-        for p in self.forest.candidates() {
-            if !self.forest.split_ring(p, &mut self.ring) {
+        for p in self.content.forest.candidates() {
+            if !self.content.forest.split_ring(p, &mut self.ring) {
                 continue;
             }
-            let value = self.measure_ring(state, demand.indicator);
+            let value = self.measure_ring(state);
             for tet in &self.ring {
                 self.measured[tet.id.index()] = value;
             }
-            if value > demand.rules.split_above {
-                // Beyond all numbers is still a wish like others.
+            if value > self.rules.refinement.split_above {
+                // An infinite indicator has to be ranked like any other.
                 self.waiting.push(p, value.min(f64::MAX))?;
             }
         }
         Ok(())
     }
 
-    fn wanted_merges(
-        &mut self,
-        state: &BodyState,
-        step: usize,
-        demand: &Demand<'_>,
-    ) -> Vec<VertexId> {
-        let rules = demand.rules;
-        let limit = rules.merge_fraction * rules.split_above;
+    fn wanted_merges(&mut self, state: &BodyState, step: usize) -> Vec<VertexId> {
+        let Refinement { merge_fraction, split_above, dwell_steps, .. } = self.rules.refinement;
+        let limit = merge_fraction * split_above;
         let settled: Vec<VertexId> = self
+            .content
             .forest
             .vertices()
-            .filter(|v| step >= self.born[v.index()] + rules.dwell_steps)
+            .filter(|v| step >= self.born[v.index()] + dwell_steps)
             // A tool keeps what it holds until it lets go.
             .filter(|v| !matches!(state.holds[v.index()], Hold::Grabbed(_)))
             .collect();
         settled
             .into_iter()
             .filter(|&v| {
-                self.forest.merge_ring(v, &mut self.ring)
-                    && self.measure_ring(state, demand.indicator) <= limit
+                self.content.forest.merge_ring(v, &mut self.ring)
+                    && self.measure_ring(state) <= limit
             })
             .collect()
     }
 
     /// The indicator of the coarse tetrahedra now in `self.ring`.
-    fn measure_ring(&mut self, state: &BodyState, indicator: &dyn Indicator) -> f64 {
+    fn measure_ring(&mut self, state: &BodyState) -> f64 {
         self.members.clear();
         for tet in &self.ring {
-            self.members.push(self.member(state, tet));
+            self.members.push(self.content.member(state, tet));
         }
-        indicator.measure(&self.members)
-    }
-
-    fn member(&self, state: &BodyState, tet: &Tet) -> RingMember {
-        let (geometry, rotation) = match state.body.element(tet.id) {
-            Some(element) => (element.geometry, Some(element.rotation)),
-            None => (rest_geometry(state, tet), None),
-        };
-        let (halves, parent) = self.embedding.combine(tet.node, &geometry, tet.level);
-        let f = geometry.gradient(&tet.vertices.map(|v| state.positions[v.index()]));
-        let [a, b] = [0, bisected_corner(tet.level)].map(|corner| tet.vertices[corner].index());
-        // A vertex that came in since the last evaluation has no rotation of its own yet.
-        let turned = |v: usize| state.body.vertex_rotations().get(v).copied();
-        RingMember {
-            parent,
-            halves,
-            edge: state.rest[b] - state.rest[a],
-            end_rotations: [a, b].map(|v| turned(v).unwrap_or_else(Matrix3::identity)),
-            deformation_gradient: f,
-            rotation: rotation.unwrap_or_else(|| {
-                polar_warm(&f, &state.body.vertex_rotations()[tet.vertices[0].index()])
-            }),
-            geometry,
-            pressed_dilation: pressed_dilation(state, tet, &parent.elasticity),
-            is_void: self.is_void(tet),
-        }
-    }
-
-    /// Where the embedding has the midpoint of the ring now in `self.ring`:
-    /// ½(x_a+x_b) + Σ V R X ε / Σ V.
-    fn embedded_midpoint(&self, state: &BodyState) -> Vector3<f64> {
-        let tet = self.ring[0];
-        let ends = [tet.vertices[0], tet.vertices[bisected_corner(tet.level)]];
-        let middle = 0.5 * (state.positions[ends[0].index()] + state.positions[ends[1].index()]);
-        let (mut offset, mut volume) = (Vector3::zeros(), 0.0);
-        for tet in &self.ring {
-            let member = self.member(state, tet);
-            offset += member.midpoint_offset() * member.geometry.volume;
-            volume += member.geometry.volume;
-        }
-        middle + offset / volume
+        self.rules.indicator.measure(&self.members)
     }
 
     /// Splits at `p`, whose ring is in `self.ring`.
-    fn split(
-        &mut self,
-        state: &mut BodyState,
-        p: Point,
-        step: usize,
-        inverse: &mut InverseLink,
-    ) -> Result<(), SimError> {
-        let midpoint = self.embedded_midpoint(state);
+    fn split(&mut self, round: &mut Round<'_>, p: Point) -> Result<(), SimError> {
+        let Round { state, tools, step, .. } = round;
+        let midpoint = self.content.embedded_midpoint(state, &self.ring);
         let mut around = old_vertices(&self.ring);
         let momentum = state.momentum_of(&around);
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
-        let vertex = self.forest.split(p, &mut delta)?;
-        let rest = self.placement.position(p);
-        let hold = self.regions.hold(&rest, around.iter().map(|&v| state.holds[v]));
-        // The strain around it would put it elsewhere.
+        let vertex = self.content.forest.split(p, &mut delta)?;
+        let rest = self.content.placement.position(p);
+        let hold = self.regions.hold(&rest, around.iter().map(|&v| state.holds[v]), tools);
+        // The strain around a fixed vertex would put it elsewhere.
         let position = if hold == Hold::Fixed { rest } else { midpoint };
         state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
@@ -289,31 +193,27 @@ impl Refiner {
         let [a, b] = delta.edge.map(|v| state.velocities[v.index()]);
         state.velocities[vertex.index()] = 0.5 * (a + b);
         self.born.resize(state.vertex_capacity(), 0);
-        self.born[vertex.index()] = step;
+        self.born[vertex.index()] = *step;
         for ring_tet in &delta.ring {
             let parent = state.remove_tet(ring_tet.parent.id);
             let rotation = parent.map_or_else(Matrix3::identity, |e| e.rotation);
             for child in &ring_tet.children {
-                self.add_tet(state, child, rotation);
+                self.content.add_tet(state, child, rotation);
             }
         }
         if state.is_dynamic {
             around.push(vertex.index());
             state.pass_on(&around, momentum);
         }
-        self.update_inverse(state, &delta, inverse);
+        self.update_inverse(&delta, round);
         self.delta = delta;
         Ok(())
     }
 
-    fn merge(
-        &mut self,
-        state: &mut BodyState,
-        vertex: VertexId,
-        inverse: &mut InverseLink,
-    ) -> Result<(), SimError> {
+    fn merge(&mut self, round: &mut Round<'_>, vertex: VertexId) -> Result<(), SimError> {
+        let state = &mut *round.state;
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
-        self.forest.merge(vertex, &mut delta)?;
+        self.content.forest.merge(vertex, &mut delta)?;
         let parents: Vec<Tet> = delta.ring.iter().map(|ring_tet| ring_tet.parent).collect();
         let mut around = old_vertices(&parents);
         around.push(vertex.index());
@@ -325,22 +225,24 @@ impl Refiner {
                     rotation = element.rotation;
                 }
             }
-            self.add_tet(state, &ring_tet.parent, rotation);
+            self.content.add_tet(state, &ring_tet.parent, rotation);
         }
         if state.is_dynamic {
             around.pop();
             state.pass_on(&around, momentum);
         }
-        self.update_inverse(state, &delta, inverse);
-        state.remove_vertex(vertex);
+        self.update_inverse(&delta, round);
+        round.state.remove_vertex(vertex);
         self.delta = delta;
         Ok(())
     }
 
-    fn update_inverse(&self, state: &BodyState, delta: &MeshDelta, inverse: &mut InverseLink) {
-        let ring = inverse.element().ring(delta, &self.embedding, &|v| state.rest[v.index()]);
+    fn update_inverse(&self, delta: &MeshDelta, round: &mut Round<'_>) {
+        let (state, inverse) = (&*round.state, &mut *round.inverse);
+        let embedding = &self.content.embedding;
+        let ring = inverse.element().ring(delta, embedding, &|v| state.rest[v.index()]);
         let is_fixed = |v: VertexId| state.holds[v.index()] == Hold::Fixed;
-        let key = Lattice::key(self.forest.point(delta.vertex));
+        let key = Lattice::key(self.content.forest.point(delta.vertex));
         inverse.push(delta.change, delta.vertex, is_fixed, key, ring);
     }
 }
@@ -352,15 +254,4 @@ fn old_vertices(ring: &[Tet]) -> Vec<usize> {
     vertices.sort_unstable();
     vertices.dedup();
     vertices
-}
-
-/// μ q̄/κ where there are pressures.
-fn pressed_dilation(state: &BodyState, tet: &Tet, elasticity: &Matrix6<f64>) -> Option<f64> {
-    let moduli = state.body.is_mixed().then(|| MixedModuli::new(elasticity).ok())??;
-    let sum: f64 = tet.vertices.iter().map(|v| state.body.pressure(v.index())).sum();
-    Some(0.25 * sum * moduli.shear / moduli.bulk)
-}
-
-fn rest_geometry(state: &BodyState, tet: &Tet) -> LinearTet {
-    LinearTet::new(&tet.vertices.map(|v| state.rest[v.index()]))
 }

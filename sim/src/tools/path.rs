@@ -17,24 +17,26 @@ pub struct Pose {
     pub turn_deg: f64,
 }
 
-/// A path in scanner axes, as solver axes see it.
-pub(crate) struct Path {
+/// A path in scanner axes, which solver axes read.
+pub struct ToolPath {
     keys: Vec<Key>,
     axes: ScannerAxes,
 }
 
-impl Path {
-    /// Of a scene's keys, or of a file in their place.
-    pub fn new(
+impl ToolPath {
+    /// Through `keys` of ascending times.
+    pub fn new(keys: Vec<Key>, axes: ScannerAxes) -> Self {
+        Self { keys, axes }
+    }
+
+    /// Through a scene's keys, or those of a file in their place.
+    pub(super) fn read(
         keys: &[Key],
         csv: Option<&std::path::Path>,
         axes: ScannerAxes,
     ) -> Result<Self, SimError> {
-        let keys = match csv {
-            Some(file) => path_csv::read(file)?,
-            None => keys.to_vec(),
-        };
-        Ok(Self { keys, axes })
+        let keys = csv.map_or_else(|| Ok(keys.to_vec()), path_csv::read)?;
+        Ok(Self::new(keys, axes))
     }
 
     /// The pose at time `t`: linear between keys, held at both ends.
@@ -62,13 +64,19 @@ impl Path {
         (self.axes.to_solver_direction(&Vector3::from(move_m)), turn_deg.to_radians())
     }
 
-    /// From now on straight from where it is at `from_s` to `pose` at `to_s`, and stay there.
+    /// Replaces the path: from where it is at `from_s` straight to `pose` at `to_s`, and stays there.
     pub fn lead(&mut self, from_s: f64, to_s: f64, pose: Pose) {
         let now = self.pose(from_s);
         let key = |time_s, Pose { move_m, turn_deg }: Pose| Key { time_s, move_m, turn_deg };
         self.keys.clear();
         self.keys.extend([key(from_s, now), key(to_s, pose)]);
     }
+}
+
+/// Whether a tool that is taken away at `release_s` acts at `t`.
+pub(super) fn acts(release_s: Option<f64>, t: f64) -> bool {
+    // A step that ends at the release, up to rounding of the time, still holds.
+    release_s.is_none_or(|release| t <= release * (1.0 + 1e-12))
 }
 
 #[cfg(test)]
@@ -79,7 +87,7 @@ mod tests {
     fn a_path_is_linear_between_its_keys_and_follows_its_leader() {
         let key = |time_s, x, turn_deg| Key { time_s, move_m: [x, 0.0, 0.0], turn_deg };
         let keys = [key(1.0, 0.0, 0.0), key(3.0, 4.0, 10.0)];
-        let mut path = Path::new(&keys, None, ScannerAxes::identity()).unwrap();
+        let mut path = ToolPath::new(keys.to_vec(), ScannerAxes::identity());
         assert_eq!(path.pose(0.0), Pose::default());
         assert_eq!(path.pose(2.5), Pose { move_m: [3.0, 0.0, 0.0], turn_deg: 7.5 });
         assert_eq!(path.pose(9.0).move_m[0], 4.0);

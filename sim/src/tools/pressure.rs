@@ -2,10 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::at_rest::BodyAtRest;
 use super::surface_points::SurfacePoints;
 use super::tool::Tool;
 use crate::body::BodyState;
-use crate::scene::{Normal, PressureKey};
+use crate::error::SimError;
+use crate::scene::{Normal, PressureEntry, PressureKey};
 
 /// f_v = −p(t) Σ w_v a over the patch's pieces, a their area vectors outward: those at rest
 /// (`dead`), or a = cof(F) A with F the deformation gradient of the piece's coarse tetrahedron
@@ -19,12 +21,16 @@ pub(super) struct Pressure {
 
 impl Pressure {
     pub fn new(
-        centre: Vector3<f64>,
-        keys: &[PressureKey],
-        normal: Normal,
-        surface_points: SurfacePoints,
-    ) -> Self {
-        Self { centre, keys: keys.to_vec(), normal, surface_points }
+        entry: &PressureEntry,
+        key: &str,
+        body: &mut BodyAtRest<'_>,
+    ) -> Result<Self, SimError> {
+        Ok(Self {
+            centre: entry.region.centre(&body.organ()),
+            keys: entry.pressure.clone(),
+            normal: entry.normal,
+            surface_points: body.surface_patch(key, &entry.region)?,
+        })
     }
 
     /// p(t), Pa: linear between keys, held at both ends.
@@ -46,10 +52,6 @@ impl Tool for Pressure {
         "pressure"
     }
 
-    fn acts_at(&self, _: f64) -> bool {
-        true
-    }
-
     fn reference(&self, _: f64) -> Vector3<f64> {
         self.centre
     }
@@ -62,17 +64,13 @@ impl Tool for Pressure {
         Some(&mut self.surface_points)
     }
 
-    fn loads(&self) -> bool {
-        true
-    }
-
-    fn add_loads(&self, state: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
+    fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
         let pressure = self.pressure(t);
         for (tet, range) in self.surface_points.groups() {
-            let Some(element) = state.body.element(*tet) else { continue };
+            let Some(element) = body.element(*tet) else { continue };
             let turn = match self.normal {
                 Normal::Dead => Matrix3::identity(),
-                Normal::Following => cofactor(&element.deformation_gradient(&state.positions)),
+                Normal::Following => cofactor(&element.deformation_gradient(body.positions())),
             };
             for &i in &self.surface_points.order()[range.clone()] {
                 let Some(point) = self.surface_points.point(i) else { continue };

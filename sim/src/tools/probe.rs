@@ -3,29 +3,32 @@
 use nalgebra::Vector3;
 use yawara_corot::Sphere;
 
-use super::grab::acts;
-use super::path::Path;
+use super::at_rest::BodyAtRest;
+use super::path::{ToolPath, acts};
 use super::surface_points::SurfacePoints;
 use super::tool::Tool;
+use crate::error::SimError;
+use crate::scene::ProbeEntry;
 
 /// A ball of radius R at c + d(t), which points of the surface may touch but not enter.
 pub(super) struct Probe {
     centre: Vector3<f64>,
     radius: f64,
-    path: Path,
+    path: ToolPath,
     release_s: Option<f64>,
     surface_points: SurfacePoints,
 }
 
 impl Probe {
-    pub fn new(
-        centre: Vector3<f64>,
-        radius: f64,
-        path: Path,
-        release_s: Option<f64>,
-        surface_points: SurfacePoints,
-    ) -> Self {
-        Self { centre, radius, path, release_s, surface_points }
+    pub fn new(entry: &ProbeEntry, body: &mut BodyAtRest<'_>) -> Result<Self, SimError> {
+        Ok(Self {
+            centre: body.at(entry.centre),
+            radius: entry.radius_m,
+            path: ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?,
+            release_s: entry.release_s,
+            surface_points: body
+                .surface_points(entry.spacing_m.unwrap_or(0.25 * entry.radius_m))?,
+        })
     }
 }
 
@@ -42,7 +45,7 @@ impl Tool for Probe {
         self.centre + self.path.motion(t).0
     }
 
-    fn path_mut(&mut self) -> Option<&mut Path> {
+    fn path_mut(&mut self) -> Option<&mut ToolPath> {
         Some(&mut self.path)
     }
 

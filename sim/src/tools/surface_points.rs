@@ -15,10 +15,10 @@ const SAME: f64 = 1e-9;
 /// Points of the surface at rest, each bound to the coarse tetrahedron around it by its barycentric
 /// weights.
 ///
-/// Only tetrahedra that hold some material carry points: one just outside of them all (the surface
-/// is smoother than the voxels) takes the nearest, its weights extrapolated. What is farther than
-/// `reach` from any is bound to nothing and nothing acts on it.
-pub(crate) struct SurfacePoints {
+/// Only tetrahedra that hold some material carry points. A point just outside of all of them (the
+/// surface is smoother than the voxels) takes the nearest, with extrapolated weights. A point that
+/// is farther from any than a voxel is not bound, and nothing acts on it.
+pub struct SurfacePoints {
     rest: Vec<Vector3<f64>>,
     /// Outward, m²; empty where nobody asks.
     areas: Vec<Vector3<f64>>,
@@ -31,7 +31,7 @@ pub(crate) struct SurfacePoints {
 
 impl SurfacePoints {
     /// Not bound yet.
-    pub fn new(rest: Vec<Vector3<f64>>, areas: Vec<Vector3<f64>>, reach: f64) -> Self {
+    pub(super) fn new(rest: Vec<Vector3<f64>>, areas: Vec<Vector3<f64>>, reach: f64) -> Self {
         let bound = vec![None; rest.len()];
         Self { rest, areas, reach, bound, order: Vec::new(), groups: Vec::new() }
     }
@@ -58,7 +58,7 @@ impl SurfacePoints {
 
     /// Binds all points whose tetrahedron is not what it was. Cost: O(points), and O(tetrahedra) if
     /// there are such points.
-    pub fn bind(&mut self, state: &BodyState) {
+    pub(crate) fn bind(&mut self, state: &BodyState) {
         let stands = |tet: TetId, at: &Vector3<f64>, point: &SurfacePoint| {
             state.body.element(tet).is_some_and(|element| {
                 let now = weights(element, state, at);

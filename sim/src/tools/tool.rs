@@ -2,26 +2,102 @@
 
 use nalgebra::Vector3;
 use yawara_corot::Sphere;
+use yawara_mesh::VertexId;
 
-use super::path::Path;
+use super::at_rest::BodyAtRest;
+use super::path::ToolPath;
 use super::surface_points::SurfacePoints;
 use crate::body::BodyState;
+use crate::error::SimError;
 
-/// A tool in solver coordinates. It does one or more of three things: hold vertices, stand in the
-/// surface's way, load vertices; what it does not do, it leaves at the default.
-pub(crate) trait Tool {
-    /// The scene name.
+/// What acts on the body from outside. A tool does one or more of three things: it holds vertices,
+/// stands in the surface's way, or loads vertices with forces. What it does not do, it leaves at the
+/// default.
+///
+/// Positions are in solver axes, m; [`ScannerAxes`](crate::ScannerAxes) converts. Times are those
+/// of the scene, s. Within a step a tool is asked again and again, for times that also go back, so
+/// its answers have to follow from the time and the body alone.
+///
+/// # Example
+/// A constant force, shared by all vertices that rest in a ball:
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use yawara::{BodyState, Simulation, Tool, scene_file};
+///
+/// struct Pull {
+///     centre: Vector3<f64>,
+///     radius_m: f64,
+///     force_n: Vector3<f64>,
+/// }
+///
+/// impl Tool for Pull {
+///     fn kind(&self) -> &'static str {
+///         "pull"
+///     }
+///
+///     fn reference(&self, _: f64) -> Vector3<f64> {
+///         self.centre
+///     }
+///
+///     fn add_loads(&self, body: &BodyState, _: f64, loads: &mut [Vector3<f64>]) {
+///         let rest = body.rest_positions();
+///         let is_inside = |v: &usize| (rest[*v] - self.centre).norm() <= self.radius_m;
+///         let inside: Vec<usize> = body.vertices().map(|v| v.index()).filter(is_inside).collect();
+///         for &v in &inside {
+///             loads[v] += self.force_n / inside.len() as f64;
+///         }
+///     }
+/// }
+///
+/// # fn main() -> Result<(), yawara::SimError> {
+/// let (mut scene, _) = scene_file::load("beam", &["mesh.max_level=0".into()])?;
+/// scene.tools.clear();
+/// let mut simulation = Simulation::builder(&scene)
+///     .tool(|body| {
+///         let centre = body.at([1.0, 0.5, 0.5]);
+///         Ok(Pull { centre, radius_m: 0.05, force_n: Vector3::new(0.0, 0.0, -0.01) })
+///     })
+///     .build()?;
+/// let report = simulation.step()?;
+/// assert!(report.converged && (report.force_n[2] + 0.01).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+pub trait Tool {
+    /// What reports call it.
     fn kind(&self) -> &'static str;
-
-    /// True while it acts.
-    fn acts_at(&self, t: f64) -> bool;
 
     /// The point about which its torque is reported, m.
     fn reference(&self, t: f64) -> Vector3<f64>;
 
-    /// Where it has been asked to be over time, if it moves.
-    fn path_mut(&mut self) -> Option<&mut Path> {
+    /// True while it acts. A tool that holds vertices lets go of them for good when it is false.
+    fn acts_at(&self, t: f64) -> bool {
+        let _ = t;
+        true
+    }
+
+    /// The path it follows, if it can be led by
+    /// [`set_tool_pose`](crate::Simulation::set_tool_pose).
+    fn path_mut(&mut self) -> Option<&mut ToolPath> {
         None
+    }
+
+    /// The vertices of the start mesh that it holds, out of those that are
+    /// [`available`](BodyAtRest::available).
+    ///
+    /// # Errors
+    /// [`SimError`] if it finds nothing to hold; the simulation is not made then.
+    fn grasp(&self, body: &BodyAtRest<'_>) -> Result<Vec<VertexId>, SimError> {
+        let _ = body;
+        Ok(Vec::new())
+    }
+
+    /// Whether it also holds a vertex that comes in at rest position `rest`, m, beside one that it
+    /// holds.
+    fn takes(&self, rest: &Vector3<f64>) -> bool {
+        let _ = rest;
+        false
     }
 
     /// Where a vertex that it holds and that was at `rest` is at time `t`, m.
@@ -30,7 +106,7 @@ pub(crate) trait Tool {
         *rest
     }
 
-    /// What stands in the surface's way.
+    /// A ball that the [`surface_points`](Self::surface_points) may touch but not enter.
     fn obstacle(&self, t: f64) -> Option<Sphere> {
         let _ = t;
         None
@@ -41,18 +117,13 @@ pub(crate) trait Tool {
         None
     }
 
-    /// The same, to bind them anew when the mesh has changed.
+    /// The same, to bind them again after the mesh has changed.
     fn surface_points_mut(&mut self) -> Option<&mut SurfacePoints> {
         None
     }
 
-    /// Whether it loads vertices at all.
-    fn loads(&self) -> bool {
-        false
-    }
-
     /// Adds its forces on vertices at time `t` to `loads`, by vertex number, N.
-    fn add_loads(&self, state: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
-        let _ = (state, t, loads);
+    fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
+        let _ = (body, t, loads);
     }
 }

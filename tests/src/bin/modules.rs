@@ -1,11 +1,13 @@
 //! `modules`: which files of each crate use each other, and the circles among them.
 #![forbid(unsafe_code)]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use yawara_tests::module_graph::{Graph, folder_graph, package_graph, packages, root_above};
+use yawara_tests::module_graph::{
+    Graph, folder_graph, package_graph, packages, pictures, root_above,
+};
 
 /// Reads the sources of the workspace around the current folder.
 #[derive(Parser)]
@@ -17,6 +19,9 @@ struct Arguments {
     /// The circles of files and of folders only; exit code 1 if there is one of files.
     #[arg(long)]
     circles: bool,
+    /// Writes the pictures of the workspace and of each crate into this folder.
+    #[arg(long, conflicts_with_all = ["only", "circles"])]
+    svg: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -32,6 +37,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     let root = root_above(&std::env::current_dir().map_err(|error| error.to_string())?)
         .ok_or("no workspace here or above")?;
+    if let Some(folder) = &arguments.svg {
+        return write_pictures(&root, folder).map(|()| ExitCode::SUCCESS);
+    }
     let mut packages = packages(&root)?;
     if let Some(name) = &arguments.only {
         packages.retain(|package| package.name == *name || package.folder == *name);
@@ -41,7 +49,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode, String> {
     }
     let mut found = false;
     for package in packages {
-        let files = package_graph(Path::new(&root), &package)?;
+        let files = package_graph(&root, &package)?;
         println!("== {}: {} files, {} edges", package.name, files.nodes.len(), files.edges.len());
         if arguments.circles {
             found |= print_circles(&files);
@@ -50,6 +58,15 @@ fn run(arguments: &Arguments) -> Result<ExitCode, String> {
         }
     }
     Ok(if found { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+fn write_pictures(root: &Path, folder: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for (name, svg) in pictures(root)? {
+        let file = folder.join(name);
+        std::fs::write(&file, svg).map_err(|error| format!("{}: {error}", file.display()))?;
+    }
+    Ok(())
 }
 
 /// Whether there is a circle of files.

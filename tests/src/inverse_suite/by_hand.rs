@@ -105,7 +105,7 @@ pub fn a_batch_is_its_updates_in_turn(name: &str) {
     let updates = [
         Update::Split(halved_spring()),
         Update::Split(hanger(1, 0.5)),
-        Update::Change(softer.clone()),
+        Update::Content(softer.clone()),
         Update::Merge { slot: 2, change: halved_spring() },
         Update::Split(hanger(2, 0.25)),
     ];
@@ -255,7 +255,7 @@ pub fn a_stiff_spring_comes_and_goes_in_a_batch(name: &str) {
         a_stiff_spring(name, root, |maintainer, changes| {
             let halved = halved_spring();
             let mut updates = vec![Update::Split(halved.clone())];
-            updates.extend(changes.iter().cloned().map(Update::Change));
+            updates.extend(changes.iter().cloned().map(Update::Content));
             maintainer.batch(&updates).unwrap();
             maintainer.merge(2, &halved).unwrap();
         });

@@ -7,15 +7,17 @@
 //!
 //! Open [`graph`] first: [`Graph`] and its circles. [`sources`] reads the modules of a package,
 //! [`paths`] finds the paths in their code, [`resolve`] follows a path to the defining file,
-//! [`workspace`] lists the packages.
+//! [`uses`] makes the graph of that, [`picture`] draws it, [`workspace`] lists the packages.
 
 mod graph;
 mod paths;
+mod picture;
 mod resolve;
 mod sources;
 mod uses;
 mod workspace;
 
 pub use graph::{Graph, Use};
+pub use picture::pictures;
 pub use uses::{file_graph, folder_graph, package_graph};
 pub use workspace::{Package, packages, root_above};

@@ -19,6 +19,11 @@ impl Scene {
     /// # Errors
     /// [`SimError::Value`] or [`SimError::MissingKey`] for the first violation: key, value, range.
     pub fn validate(&self, place: &str) -> Result<(), SimError> {
+        self.validate_for(place, false)
+    }
+
+    /// The same, for a body whose volume is `in_memory` or not.
+    pub(crate) fn validate_for(&self, place: &str, in_memory: bool) -> Result<(), SimError> {
         let check = Check { place };
         check.that(!self.name.trim().is_empty(), "name", &self.name, "a name that is not empty")?;
         let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
@@ -32,6 +37,7 @@ impl Scene {
         let storable = i64::try_from(self.seed).is_ok();
         check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
         match &self.mesh.path {
+            _ if in_memory => check.volume_in_memory(self)?,
             Some(path) => check.mesh_file(self, path)?,
             None => check.image(&self.image)?,
         }
@@ -90,6 +96,18 @@ impl Check<'_> {
                 })
             }
         }
+    }
+
+    /// A volume in memory is the body: the scene names no other source of one.
+    fn volume_in_memory(&self, scene: &Scene) -> Result<(), SimError> {
+        let Image { path, phantom, length_mm, size_mm, voxel_mm, .. } = &scene.image;
+        let want = "no such key beside a volume in memory: a simulation has one or the other";
+        self.that(scene.mesh.path.is_none(), "mesh.path", &scene.mesh.path, want)?;
+        self.that(path.is_none(), "image.path", path, want)?;
+        self.that(phantom.is_none(), "image.phantom", phantom, want)?;
+        self.that(length_mm.is_none(), "image.length_mm", length_mm, want)?;
+        self.that(size_mm.is_none(), "image.size_mm", size_mm, want)?;
+        self.that(voxel_mm.is_none(), "image.voxel_mm", voxel_mm, want)
     }
 
     /// A mesh from a file is what there is: no image beside it and no levels below it.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{Key, PressureKey, Region, ToolEntry};
+use crate::scene::{Key, PressureKey, ToolEntry};
 
 /// The farthest a path goes in each axis, m.
 pub(crate) const FARTHEST_M: f64 = 1e3;
@@ -15,26 +15,28 @@ const MOST_PA: f64 = 1e12;
 impl Check<'_> {
     pub fn tool(&self, tool: &ToolEntry, key: &str) -> Result<(), SimError> {
         match tool {
-            ToolEntry::Grab { region, path, path_csv, turn_axis, release_s } => {
-                self.region(region, &format!("{key}.region"))?;
-                self.path(path, path_csv.as_ref(), key)?;
-                self.axis(turn_axis, &format!("{key}.turn_axis"))?;
-                self.release(*release_s, key)
+            ToolEntry::Grab(grab) => {
+                self.region(&grab.region, &format!("{key}.region"))?;
+                self.path(&grab.path, grab.path_csv.as_ref(), key)?;
+                self.axis(&grab.turn_axis, &format!("{key}.turn_axis"))?;
+                self.release(grab.release_s, key)
             }
-            ToolEntry::Probe { centre, radius_m, path, path_csv, spacing_m, release_s } => {
-                self.vector(&format!("{key}.centre"), centre)?;
-                self.positive(&format!("{key}.radius_m"), *radius_m)?;
-                if let Some(spacing) = spacing_m {
-                    self.positive(&format!("{key}.spacing_m"), *spacing)?;
-                    let want = format!("at most the radius, {radius_m:?}");
-                    let fine = spacing <= radius_m;
-                    self.that(fine, &format!("{key}.spacing_m"), spacing, &want)?;
+            ToolEntry::Probe(probe) => {
+                let radius = probe.radius_m;
+                self.vector(&format!("{key}.centre"), &probe.centre)?;
+                self.positive(&format!("{key}.radius_m"), radius)?;
+                if let Some(spacing) = probe.spacing_m {
+                    let key = format!("{key}.spacing_m");
+                    self.positive(&key, spacing)?;
+                    let want = format!("at most the radius, {radius:?}");
+                    self.that(spacing <= radius, &key, spacing, &want)?;
                 }
-                self.path(path, path_csv.as_ref(), key)?;
-                self.release(*release_s, key)
+                self.path(&probe.path, probe.path_csv.as_ref(), key)?;
+                self.release(probe.release_s, key)
             }
-            ToolEntry::Pressure { region, pressure, normal: _ } => {
-                self.pressure(region, pressure, key)
+            ToolEntry::Pressure(pressure) => {
+                self.region(&pressure.region, &format!("{key}.region"))?;
+                self.pressure(&pressure.pressure, key)
             }
         }
     }
@@ -79,8 +81,7 @@ impl Check<'_> {
         self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
     }
 
-    fn pressure(&self, region: &Region, keys: &[PressureKey], key: &str) -> Result<(), SimError> {
-        self.region(region, &format!("{key}.region"))?;
+    fn pressure(&self, keys: &[PressureKey], key: &str) -> Result<(), SimError> {
         let want = "at least one entry { time_s, pressure_pa }";
         self.that(!keys.is_empty(), &format!("{key}.pressure"), keys, want)?;
         let mut last = f64::NEG_INFINITY;

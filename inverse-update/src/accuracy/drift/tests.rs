@@ -1,0 +1,129 @@
+//! Inverses spoilt by hand: nothing else makes them drift as far as the monitor asks for.
+
+use faer::Mat;
+
+use super::*;
+use crate::{
+    InverseError, InverseMaintainer, Lu, Paper, Sparse, StiffnessChange, Woodbury, WoodburyF32,
+    drift,
+};
+
+/// Makes a kept inverse wrong in the rows of the first slot, by that fraction.
+trait Spoil: InverseMaintainer {
+    fn spoil(&mut self, fraction: f64);
+}
+
+macro_rules! spoil {
+    ($($maintainer:ty)*) => {
+        $(impl Spoil for $maintainer {
+            fn spoil(&mut self, fraction: f64) {
+                <$maintainer>::spoil(self, fraction);
+            }
+        })*
+    };
+}
+
+spoil!(Lu Paper Sparse Woodbury WoodburyF32);
+
+/// A chain of springs from a wall, three rows per vertex.
+fn chain(vertices: usize) -> SparseStiffness {
+    let mut k = SparseStiffness::zeros(vertices, 3).unwrap();
+    let own = Mat::from_fn(3, 3, |i, j| if i == j { 1.0 + i as f64 } else { 0.25 });
+    k.add(&[0], own.as_ref()).unwrap();
+    let sign = |i: usize, j: usize| if (i < 3) == (j < 3) { 1.0 } else { -1.0 };
+    let spring = Mat::from_fn(6, 6, |i, j| sign(i, j) * own[(i % 3, j % 3)]);
+    (1..vertices).for_each(|v| k.add(&[v - 1, v], spring.as_ref()).unwrap());
+    k
+}
+
+/// Every maintainer, after an update, with C off by a fraction of its limit; and the limit.
+fn spoilt(fraction: f64) -> Vec<(Box<dyn Spoil>, f64)> {
+    let mut all: Vec<(Box<dyn Spoil>, f64)> = vec![
+        (Box::new(Lu::new(chain(5)).unwrap()), DRIFT_LIMIT),
+        (Box::new(Paper::new(chain(5)).unwrap()), DRIFT_LIMIT),
+        (Box::new(Sparse::new(chain(5)).unwrap()), DRIFT_LIMIT),
+        (Box::new(Woodbury::new(chain(5)).unwrap()), DRIFT_LIMIT),
+        (Box::new(WoodburyF32::new(chain(5)).unwrap()), DRIFT_LIMIT_F32),
+    ];
+    let stiffer = StiffnessChange {
+        slots: vec![1],
+        added: Mat::from_fn(3, 1, |_, _| 1.0),
+        removed: Mat::zeros(3, 0),
+    };
+    for (maintainer, limit) in &mut all {
+        maintainer.change(&stiffer).unwrap();
+        maintainer.spoil(fraction * *limit);
+    }
+    all
+}
+
+/// ‖K u − f‖ / ‖f‖, scaled.
+fn left_by_solve(maintainer: &dyn InverseMaintainer) -> f64 {
+    let k = maintainer.stiffness();
+    let f: Vec<f64> = (0..k.dofs()).map(|i| 1.0 + (i as f64).sin()).collect();
+    let (mut u, mut r) = (vec![0.0; f.len()], vec![0.0; f.len()]);
+    maintainer.solve(&f, &mut u).unwrap();
+    residual(k, &f, &u, &mut r)
+}
+
+#[test]
+fn a_spoilt_inverse_is_seen_rebuilt_and_counted() {
+    for (mut maintainer, limit) in spoilt(100.0) {
+        let name = maintainer.name();
+        let seen = maintainer.watch(3).unwrap();
+        assert!(seen > limit, "{name}: {seen:e}");
+        let counts = maintainer.counts();
+        assert_eq!((counts.rebuilds, counts.drift_rebuilds), (1, 1), "{name}");
+        assert_eq!(counts.failed_pivots, 0, "{name}");
+        // Rounding of a well-conditioned C: 1e-14, and 1e-6 in f32.
+        let after = maintainer.watch(3).unwrap();
+        assert!(after < 1e-3 * limit, "{name}: {after:e}");
+        assert_eq!(maintainer.counts().rebuilds, 1, "{name}");
+        assert!(left_by_solve(&*maintainer) < 1e-12, "{name}");
+    }
+}
+
+#[test]
+fn an_inverse_that_is_hardly_spoilt_is_let_be() {
+    for (mut maintainer, limit) in spoilt(1e-3) {
+        let name = maintainer.name();
+        let seen = maintainer.watch(3).unwrap();
+        assert!(0.0 < seen && seen <= limit, "{name}: {seen:e}");
+        assert_eq!(maintainer.counts().rebuilds, 0, "{name}");
+    }
+}
+
+#[test]
+fn a_solution_of_a_spoilt_inverse_is_refined_and_counted() {
+    for (maintainer, limit) in spoilt(0.5) {
+        let name = maintainer.name();
+        let left = left_by_solve(&*maintainer);
+        let counts = maintainer.counts();
+        assert_eq!(counts.rebuilds, 0, "{name}");
+        if name == "woodbury_f32" {
+            assert!((1..=5).contains(&counts.refinement_steps), "{name}: {counts:?}");
+        } else {
+            assert_eq!(counts.refinement_steps, 1, "{name}");
+        }
+        // What C is off by, about the limit times the condition number, twice over.
+        assert!(left < 1e-12, "{name} ({limit:e}): {left:e}");
+    }
+}
+
+#[test]
+fn nothing_is_watched_without_vertices() {
+    let mut empty = Woodbury::new(SparseStiffness::zeros(0, 3).unwrap()).unwrap();
+    assert_eq!(empty.watch(0), Ok(0.0));
+}
+
+#[test]
+fn what_is_not_finite_has_drifted_for_ever() {
+    let mut maintainer = Woodbury::new(chain(2)).unwrap();
+    maintainer.spoil(f64::NAN);
+    assert_eq!(drift(&maintainer, 0, 40), f64::INFINITY);
+    let error = maintainer.solve(&[1.0; 6], &mut [0.0; 6]).unwrap_err();
+    assert!(matches!(error, InverseError::NotFinite { what: "the solution", .. }), "{error}");
+    // All columns have the rows of the first slot.
+    assert_eq!(maintainer.watch(0), Ok(f64::INFINITY));
+    assert!(maintainer.watch(0).unwrap() < 1e-12);
+}

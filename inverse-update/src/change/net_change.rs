@@ -1,0 +1,136 @@
+//! What an update adds to K and takes from it, once large parts of a ring have cancelled.
+
+use faer::Mat;
+
+use super::batch::UpdateRef;
+use super::capacitance::Capacitance;
+use super::low_rank::{LowRank, eigenvectors};
+use super::ring_change::RingChange;
+use crate::InverseError;
+
+/// M = P Pᵀ − N Nᵀ on the rows of the vertices that stay, and the rows of a vertex that is added:
+/// C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ.
+pub(crate) struct NetChange {
+    what: &'static str,
+    /// P, r × p.
+    pub gained: Mat<f64>,
+    /// N, r × q.
+    pub lost: Mat<f64>,
+    /// Tᵀ = −a12 A22⁻¹, r × m; m is 0 where no vertex is added.
+    pub t: Mat<f64>,
+    /// A22⁻¹, m × m.
+    pub inverse: Mat<f64>,
+}
+
+impl NetChange {
+    /// Of one update, with `negative` rows of negative pivots per vertex.
+    ///
+    /// # Errors
+    /// [`InverseError::Singular`] if the ring's own algebra fails.
+    pub(crate) fn of(update: UpdateRef<'_>, negative: usize) -> Result<Self, InverseError> {
+        let (what, gained, lost) = match update {
+            UpdateRef::Split(change) => return Self::of_split(change, negative),
+            UpdateRef::Merge(_, change) => {
+                let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+                let (gained, lost) = of_ring(change, &a22, negative)?;
+                ("I + Uᵀ C U of a merge", lost, gained)
+            }
+            UpdateRef::Content(change) => {
+                ("I + Uᵀ C U of a change", change.added.clone(), change.removed.clone())
+            }
+        };
+        let (t, inverse) = (Mat::zeros(gained.nrows(), 0), Mat::zeros(0, 0));
+        Ok(Self { what, gained, lost, t, inverse })
+    }
+
+    fn of_split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
+        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let (gained, lost) = of_ring(change, &a22, negative)?;
+        let t = -a22.solve(change.a12.as_ref());
+        let m = t.ncols();
+        let inverse = a22.solve(Mat::<f64>::identity(m, m).as_ref());
+        Ok(Self { what: "I + Uᵀ C U of a split", gained, lost, t, inverse })
+    }
+
+    pub(crate) fn low_rank(&self) -> LowRank<'_> {
+        LowRank { what: self.what, gained: self.gained.as_ref(), lost: self.lost.as_ref() }
+    }
+}
+
+/// P and N of M = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ, in as few columns as it takes.
+///
+/// Where a ring joins stiff and soft tissue, both terms are stiff and M may be soft. Updating
+/// by one after the other would harden C by the stiffness ratio h and soften it again, which
+/// costs ε h²; taking M's eigenvectors first costs ε h, the rounding that K itself has in the
+/// same rows. A split and its merge see the same M, so that even this does not add up.
+/// Cost: O((r + k) k²) with k = 3 + q columns, none if F and N are empty.
+fn of_ring(
+    change: &RingChange,
+    a22: &Capacitance,
+    negative: usize,
+) -> Result<(Mat<f64>, Mat<f64>), InverseError> {
+    let released = a22.half_solve(change.b.as_ref());
+    let (more, less, r) = (&change.positive, &change.negative, change.b.nrows());
+    if r == 0 || more.ncols() + less.ncols() == 0 {
+        let (lost, gained) = released.split_at_col(released.ncols() - negative);
+        return Ok((gained.to_owned(), lost.to_owned()));
+    }
+    let is_conforming = (0..released.ncols()).all(|j| released.col(j).iter().all(|&x| x == 0.0));
+    if is_conforming && less.ncols() == 0 {
+        return Ok((more.clone(), less.clone()));
+    }
+    let low = LowRank { what: "", gained: more.as_ref(), lost: less.as_ref() };
+    let (p, q) = (more.ncols(), low.columns());
+    let all = low.beside(released.as_ref());
+    let sign = |j: usize| match j {
+        j if j < p => 1.0,
+        j if j < q => -1.0,
+        j => -a22.sign(j - q),
+    };
+    let signs: Vec<f64> = (0..all.ncols()).map(sign).collect();
+    // Displacements and pressures have sizes of their own: rows of equal size keep the digits of
+    // both.
+    let (vectors, values) = eigenvectors(all.as_ref(), &signs, negative > 0).map_err(|value| {
+        let what = "the ring's net change of stiffness";
+        InverseError::Singular { what, row: 0, value, limit: f64::MAX }
+    })?;
+    // Smaller eigenvalues are rounding of the largest.
+    let floor = 0.25 * f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let side = |sign: f64| {
+        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > floor).collect();
+        Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])])
+    };
+    Ok((side(1.0), side(-1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::mat;
+
+    #[test]
+    fn stiff_parts_cancel_to_what_is_left() {
+        // F Fᵀ − b A22⁻¹ bᵀ = [h, h; h, h] − [h, h; h, h + 1]: all but one soft entry cancels.
+        let h = 1e12f64.sqrt();
+        let freed = RingChange::freed(vec![0], Mat::zeros(2, 2), Mat::identity(2, 2), 0).unwrap();
+        let (b, positive) = (mat![[h, 0.0], [h, 1.0]], mat![[h], [h]]);
+        let change = RingChange { b, positive, ..freed };
+        let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
+        let m = &net.gained * net.gained.transpose() - &net.lost * net.lost.transpose();
+        // Rounding of the stiff terms, 1e12 ε, is what may remain.
+        assert!((m - mat![[0.0, 0.0], [0.0, -1.0]]).norm_max() < 1e-3);
+        assert!(net.gained.norm_max() < 0.1, "nothing stiff is added on the way");
+    }
+
+    #[test]
+    fn one_sided_changes_pass_through() {
+        let freed = RingChange::freed(vec![0], Mat::zeros(1, 1), mat![[4.0]], 0).unwrap();
+        let mut change = RingChange { b: mat![[6.0]], ..freed };
+        let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
+        assert_eq!((net.gained.ncols(), net.lost), (0, mat![[3.0]]));
+        change.b = mat![[0.0]];
+        change.positive = mat![[2.0]];
+        let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
+        assert_eq!((net.gained, net.lost.ncols()), (mat![[2.0]], 0));
+    }
+}

@@ -1,0 +1,308 @@
+//! The stage: what keeps C = K⁻¹ while K changes.
+
+use faer::{Mat, MatRef};
+
+use crate::InverseError;
+use crate::accuracy::{Counts, DRIFT_LIMIT, WATCHED, is_too_far, worst_drift};
+use crate::change::{RingChange, StiffnessChange, Update};
+use crate::matrix::{SparseStiffness, check_range};
+
+/// Keeps what it takes to apply C = K⁻¹ while K changes by rings of tetrahedra.
+///
+/// One implementation per file; [`build`](crate::build) makes them by name. All matrices are in N/m
+/// (K) and m/N (C); rows are vertex-major x, y, z. After an error the object holds what it held
+/// before.
+///
+/// A maintainer of one's own that factors K anew after every update:
+///
+/// ```
+/// use faer::linalg::solvers::{PartialPivLu, Solve};
+/// use yawara_inverse_update::{
+///     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+/// };
+///
+/// struct Refactored {
+///     stiffness: SparseStiffness,
+///     lu: PartialPivLu<f64>,
+/// }
+///
+/// impl InverseMaintainer for Refactored {
+///     fn name(&self) -> &'static str {
+///         "refactored"
+///     }
+///     fn stiffness(&self) -> &SparseStiffness {
+///         &self.stiffness
+///     }
+///     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+///         let slot = self.stiffness.split(change)?;
+///         self.rebuild().map(|()| slot)
+///     }
+///     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
+///         let moved = self.stiffness.merge(slot, change)?;
+///         self.rebuild().map(|()| moved)
+///     }
+///     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
+///         self.stiffness.change(change)?;
+///         self.rebuild()
+///     }
+///     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+///         u.copy_from_slice(f);
+///         self.lu.solve_in_place(faer::ColMut::from_slice_mut(u));
+///         Ok(())
+///     }
+///     fn rebuild(&mut self) -> Result<(), InverseError> {
+///         self.lu = self.stiffness.to_dense().partial_piv_lu();
+///         Ok(())
+///     }
+/// }
+///
+/// // A spring of 2 N/m to the wall; then a vertex on a spring of 3 N/m behind it.
+/// let mut stiffness = SparseStiffness::zeros(1, 1)?;
+/// stiffness.add(&[0], faer::mat![[2.0]].as_ref())?;
+/// let lu = stiffness.to_dense().partial_piv_lu();
+/// let mut inverse = Refactored { stiffness, lu };
+/// let spring = faer::mat![[3.0_f64.sqrt()]];
+/// let (slots, removed) = (vec![0], faer::Mat::zeros(1, 0));
+/// inverse.change(&StiffnessChange { slots, added: spring, removed })?;
+/// inverse.split(&RingChange::freed(vec![0], faer::mat![[-3.0]], faer::mat![[3.0]], 0)?)?;
+/// let mut u = [0.0; 2];
+/// inverse.solve(&[0.0, 6.0], &mut u)?;
+/// assert!((u[0] - 3.0).abs() < 1e-12 && (u[1] - 5.0).abs() < 1e-12);
+/// assert!(inverse.watch(0)? < 1e-12);
+/// # Ok::<(), InverseError>(())
+/// ```
+pub trait InverseMaintainer: Send {
+    /// The scene name of the method, e.g. `woodbury`.
+    fn name(&self) -> &'static str;
+
+    /// Where the inverse is stored, if not in the host's memory: the device, and the memory used
+    /// there.
+    fn place(&self) -> Option<String> {
+        None
+    }
+
+    /// The matrix whose inverse is kept, for residuals.
+    fn stiffness(&self) -> &SparseStiffness;
+
+    /// Vertices that K has now.
+    fn vertices(&self) -> usize {
+        self.stiffness().vertices()
+    }
+
+    /// A vertex is added: K becomes [K + K_c − K_p, a12; a21, A22]. Returns its slot, the last.
+    ///
+    /// # Errors
+    /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
+    fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
+
+    /// The vertex at `slot` goes, the reverse of [`split`](Self::split) with the same
+    /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
+    /// slot that was moved into `slot`, if any.
+    ///
+    /// # Errors
+    /// As [`split`](Self::split).
+    fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
+
+    /// The vertex at `slot` is fixed from now on: its rows and columns leave K. Returns the slot
+    /// that was moved into `slot`, if any. The last vertex may be fixed too: nothing is left then.
+    ///
+    /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
+    /// [`merge`](Self::merge), with the vertex's neighbours as the ring.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if `slot` is not in `0..vertices()`.
+    fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
+        let change = RingChange::fixed(self.stiffness(), slot)?;
+        self.merge(slot, &change)
+    }
+
+    /// The content changes, K on vertices that stay: a material edit, a removed element, a split or
+    /// merge whose midpoint is fixed.
+    ///
+    /// # Errors
+    /// As [`split`](Self::split).
+    fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
+
+    /// u = C f; both of length `block · vertices()`.
+    ///
+    /// Where ‖D^(−½)(K u − f)‖ exceeds
+    /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT) of ‖D^(−½) f‖, D = |diag K|, and the
+    /// rounding of K u, a step of refinement is made, which [`Counts`] tell; up to
+    /// [`MOST_REFINEMENTS`](crate::MOST_REFINEMENTS) where C is kept in f32.
+    /// Cost: a product with the sparse K on top of the method's own.
+    ///
+    /// # Errors
+    /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
+    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
+
+    /// U = C F for several loads, one per column of the `block · vertices()` rows of F.
+    ///
+    /// As [`solve`](Self::solve) for each; a maintainer may read what it keeps once for several.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        self.stiffness().check_loads(loads)?;
+        let mut solutions = Mat::zeros(loads.nrows(), loads.ncols());
+        for (j, load) in loads.col_iter().enumerate() {
+            let load: Vec<f64> = load.iter().copied().collect();
+            self.solve(&load, solutions.col_as_slice_mut(j))?;
+        }
+        Ok(solutions)
+    }
+
+    /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
+    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        let k = self.stiffness();
+        check_range(slots, k.vertices())?;
+        self.solve_many(k.unit_columns(&k.rows_of(slots)).as_ref())
+    }
+
+    /// The block C_pp of C on the rows and columns of `slots`: what a tool that holds them feels.
+    ///
+    /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
+    /// a shorter way.
+    ///
+    /// # Errors
+    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        let columns = self.columns(slots)?;
+        let rows = self.stiffness().rows_of(slots);
+        let half = |i: usize, j: usize| 0.5 * columns[(rows[i], j)];
+        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+    }
+
+    /// Several updates one after the other, with slots as those before leave them.
+    ///
+    /// As single calls would make them. A maintainer may defer work and do it for many updates at
+    /// once, or invert the last K from scratch where that is less work; the matrices in between may
+    /// be singular then.
+    ///
+    /// # Errors
+    /// [`InverseError::Batch`] tells which update was refused and why; those before it are made, as
+    /// by single calls, those from it on are not.
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        updates.iter().enumerate().try_for_each(|(done, update)| {
+            update.make(self).map_err(|source| InverseError::in_batch(done, source))
+        })
+    }
+
+    /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with
+    /// the right-hand side w than from the columns.
+    fn holds_columns(&self) -> bool {
+        false
+    }
+
+    /// Computes the inverse from [`stiffness`](Self::stiffness) alone.
+    ///
+    /// # Errors
+    /// [`InverseError::Singular`].
+    fn rebuild(&mut self) -> Result<(), InverseError>;
+
+    /// Measures the drift s_j = √|K_jj| ‖D^(−½)(K c_j − e_j)‖, D = |diag K|, of 8 random columns as
+    /// they are kept, and rebuilds the inverse if it is above [`DRIFT_LIMIT`], or
+    /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the largest s_j
+    /// found; [`Counts`] tell of the rebuild.
+    ///
+    /// To be called now and then, best after updates. `seed` picks the columns: another one each
+    /// time sees all of them sooner or later. Cost: 8 columns and products with the sparse K.
+    ///
+    /// # Errors
+    /// As [`rebuild`](Self::rebuild); the drifted inverse is then kept.
+    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        let drift = drift_of(self, seed, WATCHED);
+        if is_too_far(self.name(), drift, DRIFT_LIMIT) {
+            self.rebuild()?;
+        }
+        Ok(drift)
+    }
+
+    /// The safeguards that took effect so far.
+    fn counts(&self) -> Counts {
+        Counts::default()
+    }
+}
+
+impl Update {
+    /// Makes this update alone.
+    ///
+    /// # Errors
+    /// As the method of [`InverseMaintainer`].
+    pub fn make<M: InverseMaintainer + ?Sized>(
+        &self,
+        maintainer: &mut M,
+    ) -> Result<(), InverseError> {
+        match self {
+            Self::Split(change) => maintainer.split(change).map(drop),
+            Self::Merge { slot, change } => maintainer.merge(*slot, change).map(drop),
+            Self::Content(change) => maintainer.change(change),
+        }
+    }
+}
+
+/// The largest s_j = √|K_jj| ‖D^(−½)(K c_j − e_j)‖ over random columns j, D = |diag K|.
+///
+/// Dimensionless: independent of units and of the ratio of moduli. Of the columns as
+/// [`columns`](InverseMaintainer::columns) delivers them: refined ones where a maintainer refines.
+/// Infinite if anything on the way is not finite; 0 without vertices or samples. `seed` picks the
+/// columns. Cost: O(samples) columns and products with the sparse K.
+#[must_use]
+pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f64 {
+    drift_of(maintainer, seed, samples)
+}
+
+fn drift_of<M: InverseMaintainer + ?Sized>(maintainer: &M, seed: u64, samples: usize) -> f64 {
+    let k = maintainer.stiffness();
+    worst_drift(k, seed, samples, |j| {
+        let columns = maintainer.columns(&[j / k.block()]).ok()?;
+        Some(columns.col_as_slice(j % k.block()).to_vec())
+    })
+}
+
+/// The methods of [`InverseMaintainer`] that the maintainers of this crate have in common: their K
+/// is `self.stiffness`, their counts are `self.tally`, `self.update` makes updates of all kinds,
+/// and `self.kept_drift` measures the columns of C as they are kept, to be rebuilt above
+/// `$drift_limit`.
+macro_rules! maintained {
+    ($drift_limit:expr) => {
+        fn stiffness(&self) -> &SparseStiffness {
+            &self.stiffness
+        }
+
+        fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
+            self.update(UpdateRef::Split(change))?;
+            Ok(self.stiffness.vertices() - 1)
+        }
+
+        fn merge(
+            &mut self,
+            slot: usize,
+            change: &RingChange,
+        ) -> Result<Option<usize>, InverseError> {
+            self.update(UpdateRef::Merge(slot, change))?;
+            Ok(self.stiffness.moved_into(slot))
+        }
+
+        fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
+            self.update(UpdateRef::Content(change))
+        }
+
+        fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+            let drift = self.kept_drift(seed)?;
+            if is_too_far(self.name(), drift, $drift_limit) {
+                self.rebuild()?;
+                self.tally.rebuilt_for_drift();
+            }
+            Ok(drift)
+        }
+
+        fn counts(&self) -> Counts {
+            self.tally.counts()
+        }
+    };
+}
+
+pub(crate) use maintained;

@@ -1,0 +1,383 @@
+//! The maintainer: the current factor, the edits since it was made, and the factor with a fresh
+//! elimination order that replaces it from time to time.
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use faer::{Mat, MatRef};
+
+use super::bennett::Scratch;
+use super::dissection;
+use super::edit::Edit;
+use super::pattern::Pattern;
+use super::pivot::BadPivot;
+use super::rebase::{Based, Rebase};
+use super::substitution::TOGETHER;
+use crate::InverseError;
+use crate::accuracy::{
+    Counts, DRIFT_LIMIT, Tally, is_too_far, kept_drift, refine_each, solve_refined,
+};
+use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
+use crate::maintainer::{InverseMaintainer, maintained};
+use crate::matrix::{SparseStiffness, check_range};
+
+/// The most rows per vertex that the kernels are made for.
+const MOST_ROWS: usize = 4;
+
+/// A pivot that has become this many times smaller has lost digits that a new factor would have.
+const SOFTENED: f64 = 1e4;
+
+/// The operations of an update of the factor relative to those of a new factor, assumed until one
+/// was measured.
+const TYPICAL_WALK: f64 = 0.1;
+
+/// Measured times in units of one operation of a walk (an update along its path of the elimination
+/// tree): a new factor per operation of its own and, for its order, per vertex; the small algebra
+/// of an update per cube of its columns.
+const FRESH_OPERATION: f64 = 0.6;
+const FRESH_VERTEX: f64 = 5e4;
+const UPDATE_COLUMNS: f64 = 150.0;
+
+/// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these
+/// limits, or as soon as a pivot has become so small (stiff tissue removed from soft) that digits
+/// were lost.
+///
+/// New vertices are eliminated before all others and so join branches of the elimination tree that
+/// the order had kept apart: after a hundred splits in one place an update visits most of the
+/// factor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RebaseOptions {
+    /// Updates after which a new factor is started, and the least number of updates from its
+    /// snapshot of K to its adoption.
+    pub updates: usize,
+    /// The growth of the number of blocks above which a new factor is started.
+    pub growth: f64,
+    /// Operations of updates from the snapshot to the adoption, relative to those of the last new
+    /// factor: the time that a thread has. The adoption waits for a factor that is late, so that
+    /// results do not depend on how long it takes.
+    pub patience: f64,
+    /// Whether a thread makes the new factor; if not, all the work is done at the adoption.
+    pub background: bool,
+}
+
+impl Default for RebaseOptions {
+    fn default() -> Self {
+        Self { updates: 24, growth: 1.3, patience: 4.0, background: true }
+    }
+}
+
+/// Keeps K = L D Lᵀ, in blocks of up to 4 rows, over a nested dissection of the vertices'
+/// positions.
+///
+/// A new vertex is eliminated first. A split is then one signed low-rank pass with the columns of
+/// M = F Fᵀ − b A22⁻¹ bᵀ along one path of the elimination tree, and one new leaf column
+/// (D = A22, L = a12 A22⁻¹). The merge of a vertex whose ring is eliminated after it drops its
+/// column and makes the pass with −M; that of any other vertex deletes its row, which adds
+/// l D lᵀ of its column, and makes one pass with that, −M and −a12 A22⁻¹ a12ᵀ.
+///
+/// A batch that would take longer than a new factor gets one.
+///
+/// Works for positive definite matrices and for quasi-definite ones
+/// ([`SparseStiffness::quasi_definite`]); a pivot of the wrong sign, or one that has lost half of
+/// its digits, makes it factor K from scratch, which [`Counts`] tell.
+///
+/// Cost in 3-D: O(n^(4/3)) per update and O(n^(4/3)) per solve, as many numbers, stored
+/// twice: to return to the state before an update that fails.
+/// # Source
+/// Bennett, Triangular factors of modified matrices, Numer. Math. 7, 1965; Davis, Hager,
+/// Multiple-rank modifications of a sparse Cholesky factorization, SIAM J. Matrix Anal. Appl.
+/// 22(4), 2001, and Row modifications of a sparse Cholesky factorization, 26(3), 2005.
+pub struct Sparse {
+    stiffness: SparseStiffness,
+    based: Based,
+    /// The factor in use before, to be freed by another thread.
+    old: Option<Based>,
+    /// All edits since the base, to reproduce the factor if one damages it.
+    journal: Vec<Arc<Edit>>,
+    /// A factor with a fresh elimination order, being made.
+    rebase: Option<Pending>,
+    options: RebaseOptions,
+    /// Working memory and statistics of the walks on `based`.
+    scratch: Scratch,
+    rebases: usize,
+    tally: Tally,
+}
+
+/// A factor with a fresh elimination order, being made.
+struct Pending {
+    rebase: Rebase,
+    /// The length of the journal, and the operations of walks so far, at its snapshot.
+    snapshot: usize,
+    operations: f64,
+    /// Whether to adopt it at the next edit.
+    is_ripe: bool,
+}
+
+impl Sparse {
+    /// Orders and factors `stiffness`, with the default [`RebaseOptions`].
+    ///
+    /// # Errors
+    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
+    /// [`InverseError::BlockTooLarge`] for more than 4 rows per vertex.
+    pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
+        Self::with_options(stiffness, RebaseOptions::default())
+    }
+
+    /// As [`new`](Self::new), with other options.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_options(
+        stiffness: SparseStiffness,
+        options: RebaseOptions,
+    ) -> Result<Self, InverseError> {
+        let block = stiffness.block();
+        if block > MOST_ROWS {
+            let (method, limit) = ("sparse", MOST_ROWS);
+            return Err(InverseError::BlockTooLarge { method, block, limit });
+        }
+        let based = from_stiffness(&stiffness)?;
+        Ok(Self {
+            stiffness,
+            based,
+            old: None,
+            journal: Vec::new(),
+            rebase: None,
+            options,
+            scratch: Scratch::default(),
+            rebases: 0,
+            tally: Tally::default(),
+        })
+    }
+
+    /// Solutions that took a step of refinement because their residual was above
+    /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT).
+    #[must_use]
+    pub fn refinements(&self) -> usize {
+        self.tally.counts().refinement_steps
+    }
+
+    /// Fresh elimination orders adopted in the course of work; not counted as rebuilds.
+    #[must_use]
+    pub fn rebases(&self) -> usize {
+        self.rebases
+    }
+
+    /// Blocks of L and D, zeros of the panels included.
+    #[must_use]
+    pub fn blocks(&self) -> usize {
+        self.based.factor.blocks
+    }
+
+    /// Changes the factor, then K; if the factor can't be changed, K's new factor is computed.
+    fn update(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {
+        self.stiffness.check(update)?;
+        let edit = Edit::of(update, self.stiffness.negative());
+        let followed = edit.and_then(|edit| {
+            let followed = self.follow(&Arc::new(edit));
+            followed.map_err(|bad| bad.into_error("the changed stiffness", 0, 0))
+        });
+        let Err(cause) = followed else {
+            self.stiffness.apply_update(update);
+            if self.rebase.is_none() && self.is_due() {
+                self.start_rebase();
+            }
+            return Ok(());
+        };
+        let mut stiffness = self.stiffness.clone();
+        stiffness.apply_update(update);
+        match from_stiffness(&stiffness) {
+            Ok(based) => {
+                tracing::warn!(%cause, "sparse: update refused, factor computed afresh");
+                self.stiffness = stiffness;
+                self.adopt(based, Vec::new());
+                self.tally.rebuilt_for_pivot();
+                Ok(())
+            }
+            Err(error) => {
+                self.based.restore(&self.journal, &mut self.scratch);
+                Err(error)
+            }
+        }
+    }
+
+    /// Makes an edit of the factor, or on the new one that now takes its place.
+    fn follow(&mut self, edit: &Arc<Edit>) -> Result<(), BadPivot> {
+        if let Some(mut pending) = self.rebase.take_if(|pending| pending.is_ripe) {
+            pending.rebase.push(edit);
+            // The old factor is as right as ever: without a fresh one it goes on.
+            if let Some(based) = pending.rebase.finish() {
+                let mut journal = self.journal.split_off(pending.snapshot);
+                journal.push(Arc::clone(edit));
+                self.adopt(based, journal);
+                self.rebases += 1;
+                return Ok(());
+            }
+        }
+        self.based.apply(edit, &mut self.scratch)?;
+        self.journal.push(Arc::clone(edit));
+        if let Some(pending) = &mut self.rebase {
+            pending.rebase.push(edit);
+            let wanted = self.options.patience * self.based.operations;
+            pending.is_ripe = self.journal.len() + 1 - pending.snapshot >= self.options.updates
+                && self.scratch.operations - pending.operations >= wanted;
+        }
+        Ok(())
+    }
+
+    /// K⁻¹ of the columns of `loads` as the factor gives it, [`TOGETHER`] at a time.
+    fn unrefined(&self, loads: MatRef<'_, f64>) -> Mat<f64> {
+        let mut solutions = Mat::zeros(loads.nrows(), loads.ncols());
+        for first in (0..loads.ncols()).step_by(TOGETHER) {
+            let group = first..(first + TOGETHER).min(loads.ncols());
+            let load = |j: usize| loads.col(j).iter().copied().collect();
+            let mut sides: Vec<Vec<f64>> = group.clone().map(load).collect();
+            let mut all: Vec<&mut [f64]> = sides.iter_mut().map(Vec::as_mut_slice).collect();
+            self.based.factor.solve(&mut all);
+            for (j, side) in group.zip(&sides) {
+                solutions.col_as_slice_mut(j).copy_from_slice(side);
+            }
+        }
+        solutions
+    }
+
+    fn kept_drift(&self, seed: u64) -> Result<f64, InverseError> {
+        let k = &self.stiffness;
+        Ok(kept_drift(k, seed, |at| self.unrefined(k.unit_columns(at).as_ref())))
+    }
+
+    /// x ← K⁻¹ x as the factor gives it.
+    fn solve_unrefined(&self, x: &mut [f64]) -> Result<(), InverseError> {
+        self.based.factor.solve(&mut [x]);
+        Ok(())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self, fraction: f64) {
+        let values = self.based.factor.panels.iter_mut().flat_map(|panel| &mut panel.pivots);
+        values.for_each(|value| *value *= 1.0 + fraction);
+    }
+
+    fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
+        self.old = Some(std::mem::replace(&mut self.based, based));
+        self.journal = journal;
+        self.rebase = None;
+        self.scratch.forget();
+    }
+
+    fn start_rebase(&mut self) {
+        let pattern = Pattern::of(&self.stiffness);
+        self.rebase = Some(Pending {
+            rebase: Rebase::start(pattern, self.options.background, self.old.take()),
+            snapshot: self.journal.len(),
+            operations: self.scratch.operations,
+            is_ripe: false,
+        });
+    }
+
+    /// Whether updates would take longer than a new factor, given the number of walks and their
+    /// operations before the batch.
+    fn is_many(&self, updates: &[Update], before: (usize, f64)) -> bool {
+        let mean = |(walks, operations): (usize, f64)| operations / walks.max(1) as f64;
+        let all = (self.scratch.walks, self.scratch.operations);
+        let walk = match all.0 {
+            0 => TYPICAL_WALK * self.based.operations,
+            // Walks of a batch are alike: a few tell what the others will take.
+            _ => mean(all).max(mean((all.0 - before.0, all.1 - before.1))),
+        };
+        let fresh = FRESH_OPERATION * self.based.operations
+            + FRESH_VERTEX * self.stiffness.vertices() as f64;
+        let block = self.stiffness.block();
+        let columns = updates.iter().map(|u| (u.borrowed().most_columns(block) as f64).powi(3));
+        updates.len() as f64 * walk + UPDATE_COLUMNS * columns.sum::<f64>() > fresh
+    }
+
+    /// K after all updates, and its factor.
+    fn factor_after(
+        &mut self,
+        updates: &[Update],
+    ) -> Result<(SparseStiffness, Based), InverseError> {
+        // The new factor can have its memory: to get more from the system takes as long as half of
+        // the work.
+        self.old = None;
+        let mut stiffness = self.stiffness.clone();
+        updates.iter().try_for_each(|update| stiffness.update(update))?;
+        let based = from_stiffness(&stiffness)?;
+        Ok((stiffness, based))
+    }
+
+    fn is_due(&self) -> bool {
+        let limit = self.options.growth * self.based.blocks as f64;
+        self.journal.len() >= self.options.updates
+            || self.based.factor.blocks as f64 > limit
+            || self.scratch.loss > SOFTENED
+    }
+}
+
+/// The order in which a new [`Sparse`] eliminates the vertices of `stiffness`: nested dissection
+/// where they have positions, minimum degree where they have none.
+///
+/// For callers that factor K by other means. Cost: O(n log n) and some hundred edges per vertex.
+#[must_use]
+pub fn elimination_order(stiffness: &SparseStiffness) -> Vec<usize> {
+    dissection::order(&Pattern::of(stiffness))
+}
+
+/// A factor from K alone.
+fn from_stiffness(stiffness: &SparseStiffness) -> Result<Based, InverseError> {
+    let block = stiffness.block();
+    Based::new(&Pattern::of(stiffness))
+        .map_err(|bad: BadPivot| bad.into_error("the stiffness", bad.position, block))
+}
+
+impl InverseMaintainer for Sparse {
+    maintained!(DRIFT_LIMIT);
+
+    fn name(&self) -> &'static str {
+        "sparse"
+    }
+
+    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        let before = (self.scratch.walks, self.scratch.operations);
+        let mut is_walked = false;
+        for (done, update) in updates.iter().enumerate() {
+            if !is_walked && self.is_many(&updates[done..], before) {
+                if let Ok((stiffness, based)) = self.factor_after(&updates[done..]) {
+                    self.stiffness = stiffness;
+                    self.adopt(based, Vec::new());
+                    self.rebases += 1;
+                    return Ok(());
+                }
+                // One update after the other: that tells which one fails, or succeeds.
+                is_walked = true;
+            }
+            update.make(self).map_err(|source| InverseError::in_batch(done, source))?;
+        }
+        Ok(())
+    }
+
+    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        solve_refined(&self.stiffness, &self.tally, (f, u), |x| self.solve_unrefined(x))
+    }
+
+    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        self.stiffness.check_loads(loads)?;
+        let mut solutions = self.unrefined(loads);
+        let both = (loads, &mut solutions);
+        refine_each(&self.stiffness, &self.tally, both, |x| self.solve_unrefined(x))?;
+        Ok(solutions)
+    }
+
+    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        check_range(slots, self.vertices())?;
+        Ok(self.based.factor.compliance(slots))
+    }
+
+    fn rebuild(&mut self) -> Result<(), InverseError> {
+        let based = from_stiffness(&self.stiffness)?;
+        self.adopt(based, Vec::new());
+        Ok(())
+    }
+}

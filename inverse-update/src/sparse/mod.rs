@@ -1,0 +1,27 @@
+//! `sparse`: a block LDLᵀ of K, newest vertex eliminated first.
+//!
+//! `inverse.rs` is the file to open first: [`Sparse`](inverse::Sparse). Making a factor:
+//! `pattern.rs` (K as it is read), `dissection.rs` with `vertex_cover.rs` (elimination order),
+//! `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
+//! `factor.rs` (panels of columns), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
+//! `bennett.rs` with `sweep.rs` (a low-rank change along a path of the tree), `rebase.rs` (a
+//! new elimination order from a thread). Reading it: `substitution.rs`, `compliance.rs`.
+
+mod bennett;
+mod by_rows;
+mod compliance;
+mod dissection;
+mod edit;
+mod factor;
+mod inverse;
+mod numeric;
+mod panel_kernels;
+mod pattern;
+mod pivot;
+mod rebase;
+mod substitution;
+mod sweep;
+mod symbolic;
+mod vertex_cover;
+
+pub use inverse::{RebaseOptions, Sparse, elimination_order};

@@ -1,0 +1,197 @@
+//! A simulation from a scene, its stages and what is given in memory.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::Vector3;
+use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{Lattice, VertexId};
+
+use super::contact::ContactState;
+use super::content::Content;
+use super::dynamics::{self, Motion};
+use super::equilibrium::StepSolver;
+use super::refinement::{Refiner, Rules};
+use super::simulation::{SimulatedBody, Simulation};
+use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
+use crate::choice::{Stages, empty_body, of_scene, plan};
+use crate::error::SimError;
+use crate::inverse::{InverseFactory, InverseLink};
+use crate::report::{Recorder, RunStatistics, Surfaces};
+use crate::scene::Scene;
+use crate::tools::{self, BodyAtRest, Regions, Tool};
+
+/// All tools, by number.
+type Tools = Vec<Box<dyn Tool>>;
+
+/// Makes a tool for a body at rest.
+type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
+
+/// What a simulation is made from. [`Simulation::builder`] begins it.
+pub struct SimulationBuilder<'a> {
+    scene: &'a Scene,
+    stages: Option<Stages>,
+    volume: Option<LabelVolume>,
+    tools: Vec<MakeTool<'a>>,
+    progress: Box<dyn FnMut(f64) -> ControlFlow<()> + 'a>,
+}
+
+impl Simulation {
+    /// Begins a simulation of `scene`, with the stages that it names unless others are given.
+    pub fn builder(scene: &Scene) -> SimulationBuilder<'_> {
+        SimulationBuilder {
+            scene,
+            stages: None,
+            volume: None,
+            tools: Vec::new(),
+            progress: Box::new(|_| ControlFlow::Continue(())),
+        }
+    }
+
+    /// Reads the image, homogenises its material, assembles and inverts the start mesh.
+    ///
+    /// # Errors
+    /// As [`SimulationBuilder::build`].
+    pub fn new(scene: &Scene, stages: Stages) -> Result<Self, SimError> {
+        Self::builder(scene).stages(stages).build()
+    }
+}
+
+impl<'a> SimulationBuilder<'a> {
+    /// Takes these stages, whatever the scene names.
+    pub fn stages(mut self, stages: Stages) -> Self {
+        self.stages = Some(stages);
+        self
+    }
+
+    /// Takes the labels of the body from memory. The scene then must not name an image, a phantom
+    /// or a mesh file, nor a size of voxels.
+    pub fn volume(mut self, labels: LabelVolume) -> Self {
+        self.volume = Some(labels);
+        self
+    }
+
+    /// Adds a tool, numbered after those of the scene. `make` sees the body at rest and the start
+    /// mesh.
+    pub fn tool<T: Tool + 'static>(
+        mut self,
+        make: impl FnOnce(&mut BodyAtRest<'_>) -> Result<T, SimError> + 'a,
+    ) -> Self {
+        self.tools.push(Box::new(|body| Ok(Box::new(make(body)?))));
+        self
+    }
+
+    /// Has a homogenisation that solves for the whole fine body tell `progress` the fraction done,
+    /// and stop where that says so.
+    pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
+        self.progress = Box::new(progress);
+        self
+    }
+
+    /// Reads the image, homogenises its material, assembles and inverts the start mesh.
+    ///
+    /// # Errors
+    /// [`SimError`] for a scene that can't be simulated, or that contradicts what was given in
+    /// memory; [`EmbedError::Stopped`](yawara_embed::EmbedError::Stopped) by
+    /// [`progress`](Self::progress). Nothing is written.
+    pub fn build(mut self) -> Result<Simulation, SimError> {
+        let begin = Instant::now();
+        let scene = self.scene;
+        scene.validate_for(&scene.name, self.volume.is_some())?;
+        let stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
+        let element = of_scene(scene, &stages)?;
+        let start = Start::new(scene, self.volume.take())?;
+        let (mut tools, holds) = self.make_tools(&start)?;
+        let mut plan = plan::rows(scene, &start, &stages, element);
+        let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
+        let Start { axes, organ, origin, .. } = start;
+        let empty = empty_body(element);
+        let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
+        let (mut state, refiner) = match origin {
+            Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
+            Origin::Image(mut setup) => {
+                let materials = std::mem::take(&mut setup.materials).into();
+                let tree = Arc::clone(&setup.tree);
+                let embedding =
+                    Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
+                plan::homogenised(&mut plan, &embedding);
+                surfaces = Surfaces::new(scene, &setup, &embedding)?;
+                let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
+                body_summary = Some(summary);
+                let label_values = labels.values().to_vec();
+                let labels = Arc::new(labels);
+                volume = scene.output.field.then(|| Arc::clone(&labels));
+                let content = Content { forest, embedding, placement, label_values };
+                let rules = Rules {
+                    refinement: scene.refinement.clone(),
+                    max_vertices: scene.mesh.max_vertices,
+                    indicator,
+                };
+                let state = content.state(&holds, empty);
+                let regions = Regions::new(&scene.fixed, organ, labels, &holds);
+                (state, Some(Refiner::new(content, rules, regions)))
+            }
+        };
+        let link = invert(scene, element, &state, refiner.as_ref(), &organ, &inverse)?;
+        let motion = Motion::new(scene, &axes, &mut state)?;
+        plan.push(plan::inverse(scene, &link));
+        let points = tools.iter_mut().filter_map(|tool| tool.surface_points_mut());
+        points.for_each(|points| points.bind(&state));
+        let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
+        let statistics = RunStatistics::new(begin, &state);
+        Ok(Simulation {
+            scene: scene.clone(),
+            tools,
+            contact: ContactState::default(),
+            solver: StepSolver::new(corotation, equilibrium, scene, gravity, motion),
+            body: SimulatedBody { state, inverse: link, refiner },
+            recorder: Recorder { axes, plan, body: body_summary, volume, surfaces, statistics },
+            support: Vector3::zeros(),
+        })
+    }
+
+    /// All tools, and what holds each vertex of the start mesh by its number.
+    fn make_tools(&mut self, start: &Start) -> Result<(Tools, Vec<Hold>), SimError> {
+        let mut body = BodyAtRest::new(self.scene, start);
+        let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
+            Box::new(move |body| tools::by_name(entry, &format!("tools[{i}]"), body))
+        });
+        let mut made = Vec::new();
+        for (number, make) in entries.chain(self.tools.drain(..)).enumerate() {
+            let tool = make(&mut body)?;
+            body.hold(&tool.grasp(&body)?, number);
+            made.push(tool);
+        }
+        Ok((made, body.into_holds()))
+    }
+}
+
+/// The inverse of the stiffness of `state` with its fixed vertices held.
+fn invert(
+    scene: &Scene,
+    element: &str,
+    state: &BodyState,
+    refiner: Option<&Refiner>,
+    organ: &OrganBox,
+    factory: &InverseFactory,
+) -> Result<InverseLink, SimError> {
+    let key = |v: VertexId| match refiner {
+        Some(refiner) => Lattice::key(refiner.content.forest.point(v)),
+        None => organ.grid_key(&state.rest[v.index()]),
+    };
+    let formulation = match dynamics::weights(scene)? {
+        Some(weights) => dynamic_by_name(element, weights)?,
+        None => formulation_by_name(element)?,
+    };
+    InverseLink::with_densities(
+        &state.body,
+        &|tet| state.cell(tet).density_kg_m3,
+        formulation,
+        state.vertices(),
+        |v| state.holds[v] == Hold::Fixed,
+        key,
+        factory,
+    )
+}

@@ -1,0 +1,99 @@
+//! The body at rest, as tools see it when they are made.
+
+use nalgebra::Vector3;
+use yawara_mesh::VertexId;
+
+use super::surface_points::SurfacePoints;
+use super::surface_source::SurfaceSource;
+use crate::body::{Hold, OrganBox, ScannerAxes, Start};
+use crate::error::SimError;
+use crate::scene::{Region, Scene};
+
+/// The start mesh and the surface of a body before anything moves.
+///
+/// All positions are in solver axes, m.
+pub struct BodyAtRest<'a> {
+    start: &'a Start,
+    surface: SurfaceSource<'a>,
+    /// By vertex number.
+    holds: Vec<Hold>,
+}
+
+impl<'a> BodyAtRest<'a> {
+    /// The body with its fixed vertices held.
+    pub(crate) fn new(scene: &'a Scene, start: &'a Start) -> Self {
+        let mut holds = vec![Hold::Free; start.rest.len()];
+        for &v in &start.vertices {
+            if start.is_fixed(scene, v) {
+                holds[v.index()] = Hold::Fixed;
+            }
+        }
+        Self { start, surface: SurfaceSource::new(scene, start), holds }
+    }
+
+    /// Gives vertices to a tool.
+    pub(crate) fn hold(&mut self, vertices: &[VertexId], tool: usize) {
+        for v in vertices {
+            self.holds[v.index()] = Hold::Grabbed(tool);
+        }
+    }
+
+    /// What holds each vertex, by number.
+    pub(crate) fn into_holds(self) -> Vec<Hold> {
+        self.holds
+    }
+
+    pub(crate) fn organ(&self) -> OrganBox {
+        self.start.organ
+    }
+
+    /// The image or the mesh file, as messages call it.
+    pub fn name(&self) -> &str {
+        &self.start.name
+    }
+
+    /// How solver axes lie in the scanner.
+    pub fn axes(&self) -> ScannerAxes {
+        self.start.axes
+    }
+
+    /// The point at these fractions of the body's bounding box (right, anterior, superior), m.
+    pub fn at(&self, fractions: [f64; 3]) -> Vector3<f64> {
+        self.start.organ.at(fractions)
+    }
+
+    /// Length of a typical element's edge, m.
+    pub fn edge_m(&self) -> f64 {
+        self.start.edge_m
+    }
+
+    /// Where a vertex of the start mesh is, m.
+    pub fn position(&self, vertex: VertexId) -> Vector3<f64> {
+        self.start.rest[vertex.index()]
+    }
+
+    /// The vertices of the start mesh that touch material and that nothing holds yet.
+    pub fn available(&self) -> impl Iterator<Item = VertexId> + '_ {
+        let is_free =
+            |v: &VertexId| self.start.solid[v.index()] && self.holds[v.index()] == Hold::Free;
+        self.start.vertices.iter().copied().filter(is_free)
+    }
+
+    /// Points all over the surface, `spacing_m` or a little more apart where it is smooth.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if the surface can't be made.
+    pub fn surface_points(&mut self, spacing_m: f64) -> Result<SurfacePoints, SimError> {
+        self.surface.points(spacing_m)
+    }
+
+    /// The triangles of the surface whose middles lie in `region`: their middles, with their area
+    /// vectors.
+    ///
+    /// # Errors
+    /// [`SimError::PatchEmpty`] with `key` if there are none; [`SimError::Surface`] if the surface
+    /// can't be made.
+    pub fn surface_patch(&mut self, key: &str, region: &Region) -> Result<SurfacePoints, SimError> {
+        self.surface.patch(key, region)
+    }
+}
