@@ -83,8 +83,8 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
-    /// Has a homogenisation that solves for the whole fine body tell `progress` the fraction done,
-    /// and stop where that says so.
+    /// Calls `progress` with the fraction done by a homogenisation that solves for the whole fine
+    /// body; breaking stops the work.
     pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
         self.progress = Box::new(progress);
         self
@@ -107,7 +107,7 @@ impl<'a> SimulationBuilder<'a> {
         let mut plan = plan::rows(scene, &start, &stages, element);
         let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
         let Start { axes, organ, origin, .. } = start;
-        let empty = empty_body(element);
+        let empty = empty_body(element)?;
         let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
         let (mut state, refiner) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
