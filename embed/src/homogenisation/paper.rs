@@ -18,6 +18,13 @@ impl Homogenisation for Paper {
         "paper"
     }
 
+    fn warning(&self) -> Option<&str> {
+        Some(
+            "the paper's condensation loses stiffness with every level, even between equal \
+             materials (to 0.235 after 3 levels at a Poisson ratio of 0.3)",
+        )
+    }
+
     fn combine(&self, pair: &ChildPair) -> ParentMaterial {
         let [g1, g2] = pair.strain_operators();
         let [d1, d2] = pair.elasticity;

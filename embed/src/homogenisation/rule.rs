@@ -19,6 +19,11 @@ pub trait Homogenisation: Send + Sync {
     /// tetrahedron when a scene is built and once per ring tetrahedron in every split or merge.
     fn combine(&self, pair: &ChildPair) -> ParentMaterial;
 
+    /// What a user of the rule ought to know about its results, for the plan.
+    fn warning(&self) -> Option<&str> {
+        None
+    }
+
     /// The part of the rule that looks at more than two halves; none for a local rule.
     fn global(&self) -> Option<&dyn GlobalHomogenisation> {
         None

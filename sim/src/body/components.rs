@@ -54,7 +54,8 @@ pub(crate) fn spans_a_plane(points: &[Vector3<f64>]) -> bool {
     else {
         return false;
     };
-    // A millionth of the length off the line is no lever, and rounding stays far below.
+    // Points closer to the line than a millionth of its length do not keep a body from turning about
+    // it; rounding is far smaller.
     others.iter().any(|p| (p - first).cross(&line).norm() > 1e-6 * line.norm_squared())
 }
 

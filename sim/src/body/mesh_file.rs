@@ -19,7 +19,7 @@ use crate::scene::{MaterialEntry, Scene};
 pub(crate) struct FileMesh {
     /// What it is called in messages.
     pub name: String,
-    /// What was read and repaired, for people.
+    /// What was read and repaired, in words.
     pub done: String,
     pub organ: OrganBox,
     pub longest_edge_m: f64,

@@ -1,13 +1,13 @@
 //! Which element a scene calls for, and which one it gets.
 
 use yawara_corot::{Body, check_mixed};
-use yawara_embed::P1P1;
+use yawara_embed::{ElementFormulation, P1, P1P1, formulation_by_name};
 
 use super::stages::Stages;
 use crate::error::SimError;
 use crate::scene::{AUTO, Scene};
 
-/// Poisson's ratio from which linear tetrahedra lock enough to call for a pressure of its own.
+/// Poisson's ratio from which linear tetrahedra lock so much that pressures are worth their cost.
 pub const MIXED_FROM: f64 = 0.4;
 
 /// The element that suits these Poisson's ratios: `p1` where all are below [`MIXED_FROM`], else
@@ -15,8 +15,8 @@ pub const MIXED_FROM: f64 = 0.4;
 pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static str {
     // Not `any(>=)`: a NaN is not below the limit.
     match poisson_ratios.into_iter().all(|nu| nu < MIXED_FROM) {
-        true => "p1",
-        false => "p1p1",
+        true => P1.name(),
+        false => P1P1::default().name(),
     }
 }
 
@@ -24,22 +24,37 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
 /// other stages work with it.
 ///
 /// # Errors
-/// That of [`check_mixed`] if `p1p1` is asked for and another stage does not work with it.
+/// That of [`check_mixed`] if an element with pressures is asked for and another stage does not
+/// work with it.
 pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, SimError> {
     let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     match (&scene.stages.element[..], works) {
-        ("p1p1", works) => works.map(|()| "p1p1").map_err(SimError::from),
         (AUTO, Ok(())) => Ok(choose_element(ratios(scene))),
-        _ => Ok("p1"),
+        (AUTO, Err(_)) => Ok(P1.name()),
+        (name, works) => {
+            let element = formulation_by_name(name)?;
+            if carries_pressures(element.as_ref()) {
+                works?;
+            }
+            Ok(element.name())
+        }
     }
 }
 
 /// An empty body of an element.
-pub(crate) fn empty_body(element: &str) -> Body {
-    match element {
-        "p1p1" => Body::mixed(P1P1::default()),
-        _ => Body::new(),
+///
+/// # Errors
+/// [`SimError::Embed`] for a name that no element has.
+pub(crate) fn empty_body(element: &str) -> Result<Body, SimError> {
+    match carries_pressures(formulation_by_name(element)?.as_ref()) {
+        true => Ok(Body::mixed(P1P1::default())),
+        false => Ok(Body::new()),
     }
+}
+
+/// Whether an element has pressures beside its displacements.
+fn carries_pressures(element: &dyn ElementFormulation) -> bool {
+    element.negative() > 0
 }
 
 fn ratios(scene: &Scene) -> impl Iterator<Item = f64> {
@@ -51,22 +66,25 @@ pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
     let highest = ratios(scene).fold(f64::NEG_INFINITY, f64::max);
     let asked = if scene.stages.element == AUTO { "" } else { "asked for; " };
     let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
-    match (element, choose_element(ratios(scene)), works) {
-        ("p1", "p1", _) => {
+    let better = choose_element(ratios(scene));
+    let has_pressures =
+        |name: &str| formulation_by_name(name).is_ok_and(|e| carries_pressures(e.as_ref()));
+    match (has_pressures(element), has_pressures(better), works) {
+        (false, false, _) => {
             format!("{asked}linear displacement; no Poisson ratio reaches {MIXED_FROM}")
         }
-        ("p1", better, Ok(())) => format!(
+        (false, true, Ok(())) => format!(
             "{asked}linear displacement, which locks at a Poisson ratio of {highest} ({better} would \
              not)"
         ),
-        ("p1", better, Err(why)) => format!(
+        (false, true, Err(why)) => format!(
             "{asked}linear displacement, which locks at a Poisson ratio of {highest}; {better} is \
              recommended from {MIXED_FROM} on, but {why}"
         ),
-        (_, "p1", _) => format!(
+        (true, false, _) => format!(
             "{asked}displacement and pressure, which no Poisson ratio calls for below {MIXED_FROM}"
         ),
-        _ => format!(
+        (true, true, _) => format!(
             "{asked}displacement and pressure: displacement alone locks at a Poisson ratio of \
              {highest}"
         ),

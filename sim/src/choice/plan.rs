@@ -155,9 +155,8 @@ fn homogenisation(setup: &ImageBody, stages: &Stages) -> PlanRow {
         "{nodes} heterogeneous tetrahedra down to level {} (one voxel)",
         setup.tree.grid().embed_level()
     );
-    if name == "paper" {
-        why += "; WARNING: the paper's condensation loses stiffness with every level, even between \
-                equal materials (to 0.235 after 3 levels at a Poisson ratio of 0.3)";
+    if let Some(warning) = stages.homogenisation.warning() {
+        why += &format!("; WARNING: {warning}");
     }
     row("homogenisation", name, true, why)
 }

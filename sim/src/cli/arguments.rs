@@ -1,4 +1,4 @@
-//! What may be typed.
+//! The command-line arguments.
 
 use std::path::PathBuf;
 
@@ -84,7 +84,7 @@ pub struct HapticArguments {
     /// A TOML file, or the name of a built-in scene.
     #[arg(default_value = "probe")]
     pub scene: String,
-    /// For how long; the path begins anew when it is over.
+    /// For how long; the path starts again when it ends.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     pub seconds: f64,
     /// Number of the tool in the hand.
@@ -96,7 +96,7 @@ pub struct HapticArguments {
     /// Damping of the coupling, N s/m.
     #[arg(long, value_name = "F", default_value_t = 0.1)]
     pub damping_n_s_m: f64,
-    /// Writes what is printed as JSON too.
+    /// Also writes the printed numbers as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub out: Option<PathBuf>,
     /// Replaces a value of the scene, as for run.
@@ -106,7 +106,7 @@ pub struct HapticArguments {
 
 #[derive(Debug, Args)]
 pub struct MeshArguments {
-    /// A NIfTI label map, or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
     pub image: String,
     /// Edge of the base cells in mm, rounded to a power of two times the voxel edge
     /// [default: an eighth of the body's longest side].
@@ -141,7 +141,7 @@ pub struct LabelsArguments {
 
 #[derive(Debug, Args)]
 pub struct SurfaceArguments {
-    /// A label map, or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
     pub image: String,
     /// A label to outline; repeatable [default: all].
     #[arg(long, value_name = "N", allow_hyphen_values = true)]

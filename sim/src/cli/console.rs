@@ -1,4 +1,4 @@
-//! Plan and summary for people.
+//! Plan and summary as text.
 
 use std::fmt::Write;
 

@@ -9,6 +9,7 @@ use yawara_mesh::image::{ValueRange, classify};
 use yawara_mesh::volume::LabelVolume;
 
 use super::arguments::LabelsArguments;
+use super::input::refuse;
 use super::printer::Printer;
 
 pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimError> {
@@ -16,7 +17,7 @@ pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimErro
     let ranges: Vec<ValueRange> = range.iter().map(|text| parse(text)).collect::<Result<_, _>>()?;
     if let Some(blur) = blur_mm.filter(|_| ranges.is_empty()) {
         let want = "no such option without --range: only intensities can be smoothed";
-        return Err(refuse("--blur-mm", blur.to_string(), want));
+        return Err(refuse("labels", "--blur-mm", blur, want));
     }
     let (volume, report) = if ranges.is_empty() {
         read_labels_with(image, *voxel_mm)?
@@ -30,10 +31,6 @@ pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimErro
     out.print(&format!("written to {}\n", file.display()))
 }
 
-fn refuse(key: &str, value: String, want: &str) -> SimError {
-    SimError::Value { place: "yawara labels".into(), key: key.into(), value, want: want.into() }
-}
-
 /// LABEL:LOW:HIGH; whether low is below high, [`classify`] checks.
 fn parse(text: &str) -> Result<ValueRange, SimError> {
     let parts: Vec<&str> = text.split(':').collect();
@@ -45,7 +42,7 @@ fn parse(text: &str) -> Result<ValueRange, SimError> {
         _ => None,
     };
     let want = "LABEL:LOW:HIGH with a whole number and two numbers, e.g. 3:150:inf";
-    parsed.ok_or_else(|| refuse("--range", text.into(), want))
+    parsed.ok_or_else(|| refuse("labels", "--range", text, want))
 }
 
 #[cfg(feature = "nifti")]

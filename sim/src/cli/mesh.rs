@@ -9,11 +9,11 @@ use yawara::output::write_vtu;
 use yawara::report::Frame;
 use yawara_mesh::geometry::signed_volume;
 use yawara_mesh::lattice::MAX_LEVEL;
-use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Quality};
 
 use super::arguments::MeshArguments;
+use super::input::{labels, refuse, writer};
 use super::printer::Printer;
 
 /// The most tetrahedra of a uniform mesh: about 10 GB on the way to the file.
@@ -24,14 +24,11 @@ const MAX_DOUBLINGS: f64 = MAX_LEVEL as f64 / 3.0;
 
 pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError> {
     let MeshArguments { image, base_mm, level, out: file } = arguments;
-    let write = writer(file)?;
+    let write = writer("mesh", file, WRITERS)?;
     if let Some(base) = base_mm.filter(|base| !(*base > 0.0 && base.is_finite())) {
-        return Err(refuse("--base-mm", base.to_string(), "finite and more than 0".into()));
+        return Err(refuse("mesh", "--base-mm", base, "finite and more than 0"));
     }
-    let volume = match &image[..] {
-        "phantom" => liver(LiverPhantom::default())?,
-        path => read_labels(Path::new(path))?,
-    };
+    let volume = labels(image)?;
     let mesh = UniformMesh::new(image, &volume, *base_mm, *level)?;
     let frame = mesh.frame(&volume);
     write(file, &frame)?;
@@ -41,26 +38,12 @@ pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError>
 
 type Writer = fn(&Path, &Frame) -> Result<(), SimError>;
 
-/// The writer that the name asks for.
-fn writer(file: &Path) -> Result<Writer, SimError> {
-    match file.extension().and_then(|extension| extension.to_str()) {
-        Some("vtu") => Ok(write_vtu),
-        #[cfg(feature = "gmsh")]
-        Some("msh") => Ok(yawara::output::write_msh),
-        _ => {
-            let value = file.display().to_string();
-            Err(refuse("--out", value, "a file name that ends in .vtu or .msh".into()))
-        }
-    }
-}
-
-fn read_labels(path: &Path) -> Result<LabelVolume, SimError> {
-    Ok(yawara_mesh::image::read_labels(path)?)
-}
-
-fn refuse(key: &str, value: String, want: String) -> SimError {
-    SimError::Value { place: "yawara mesh".into(), key: key.into(), value, want }
-}
+/// What can be written, by extension.
+const WRITERS: &[(&str, Writer)] = &[
+    ("vtu", write_vtu),
+    #[cfg(feature = "gmsh")]
+    ("msh", yawara::output::write_msh),
+];
 
 /// A forest that is not refined any further.
 struct UniformMesh {
@@ -86,7 +69,7 @@ impl UniformMesh {
         let doublings = voxels.log2().round().clamp(0.0, MAX_DOUBLINGS);
         let voxels_per_cell = 1usize << doublings as u32;
         if level > MAX_LEVEL {
-            return Err(refuse("--level", level.to_string(), format!("at most {MAX_LEVEL}")));
+            return Err(refuse("mesh", "--level", level, format!("at most {MAX_LEVEL}")));
         }
         let cells = CellGrid::around(volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(volume, cells)?);
@@ -100,7 +83,7 @@ impl UniformMesh {
                  {MAX_TETS} (or choose a larger --base-mm)",
                 roots << level
             );
-            return Err(refuse("--level", level.to_string(), want));
+            return Err(refuse("mesh", "--level", level, want));
         }
         let placement = cells.placement(grid.spacing_mm * 1e-3, &lattice);
         let forest = BisectionForest::new(domain, tree.clone(), level, level)?;

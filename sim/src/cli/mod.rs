@@ -1,12 +1,13 @@
 //! The command line: a file per command.
 //!
 //! `arguments` is the file to open first: what each command takes. `console` writes plans and
-//! summaries for people, `printer` is standard output.
+//! summaries for people, `printer` is standard output, `input` is what the commands on images share.
 
 mod arguments;
 mod console;
 mod devices;
 mod haptic;
+mod input;
 mod labels;
 mod mesh;
 mod printer;

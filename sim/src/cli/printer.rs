@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Write};
 
 use yawara::SimError;
 
-/// Prints until nobody reads any more.
+/// Prints until the reader closes the pipe.
 #[derive(Debug, Default)]
 pub struct Printer {
     closed: bool,

@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use yawara::SimError;
-use yawara_mesh::image::read_labels;
 use yawara_mesh::isosurface::{Outline, Outlines, PlyEncoding, SurfaceData, write_ply, write_vtp};
-use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{CellGrid, Domain, LabelTree, Lattice, SurfaceError};
 
 use super::arguments::SurfaceArguments;
+use super::input::{labels, refuse, writer};
 use super::printer::Printer;
 
 /// Voxels along a root cube of the mesh that is cut: its leaves go down to one voxel.
@@ -19,14 +18,11 @@ const VOXELS_PER_CELL: usize = 16;
 
 pub fn run(arguments: &SurfaceArguments, out: &mut Printer) -> Result<(), SimError> {
     let SurfaceArguments { image, label, sigma_voxels, out: file } = arguments;
-    let write = writer(file)?;
+    let write = writer("surface", file, WRITERS)?;
     if !(0.0..=16.0).contains(sigma_voxels) {
-        return Err(refuse("--sigma-voxels", sigma_voxels.to_string(), "0 to 16".into()));
+        return Err(refuse("surface", "--sigma-voxels", sigma_voxels, "0 to 16"));
     }
-    let volume = match &image[..] {
-        "phantom" => liver(LiverPhantom::default())?,
-        path => read_labels(Path::new(path))?,
-    };
+    let volume = labels(image)?;
     let outlines = choose(&volume, label, *sigma_voxels)?;
     let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
     let tree = Arc::new(LabelTree::new(&volume, grid)?);
@@ -39,7 +35,7 @@ pub fn run(arguments: &SurfaceArguments, out: &mut Printer) -> Result<(), SimErr
     for v in forest.vertices() {
         rest[v.index()] = placement.position(forest.point(v));
     }
-    let (mut points_mm, mut labels, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut points_mm, mut label_of, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     for surface in &surfaces {
         let x = surface.positions(&rest)?;
         let original = volume.values()[usize::from(surface.label)];
@@ -52,14 +48,14 @@ pub fn run(arguments: &SurfaceArguments, out: &mut Printer) -> Result<(), SimErr
         ))?;
         let first = points_mm.len() as u32;
         triangles.extend(surface.triangles.iter().map(|corners| corners.map(|v| first + v)));
-        labels.resize(points_mm.len() + x.len(), original);
+        label_of.resize(points_mm.len() + x.len(), original);
         points_mm.extend(x.iter().map(|x| volume.grid().to_ras_mm(*x)));
     }
     let data = SurfaceData {
         points_mm: &points_mm,
         triangles: &triangles,
         displacement_mm: None,
-        label: Some(&labels),
+        label: Some(&label_of),
     };
     write(file, &data)?;
     out.print(&format!("written to {}\n", file.display()))
@@ -67,21 +63,11 @@ pub fn run(arguments: &SurfaceArguments, out: &mut Printer) -> Result<(), SimErr
 
 type Writer = fn(&Path, &SurfaceData<'_>) -> Result<(), SurfaceError>;
 
-/// The writer that the name asks for.
-fn writer(file: &Path) -> Result<Writer, SimError> {
-    match file.extension().and_then(|extension| extension.to_str()) {
-        Some("vtp") => Ok(write_vtp),
-        Some("ply") => Ok(|file, data| write_ply(file, data, PlyEncoding::BinaryLittleEndian)),
-        _ => {
-            let value = file.display().to_string();
-            Err(refuse("--out", value, "a file name that ends in .ply or .vtp".into()))
-        }
-    }
-}
-
-fn refuse(key: &str, value: String, want: String) -> SimError {
-    SimError::Value { place: "yawara surface".into(), key: key.into(), value, want }
-}
+/// What can be written, by extension.
+const WRITERS: &[(&str, Writer)] = &[
+    ("ply", |file, data| write_ply(file, data, PlyEncoding::BinaryLittleEndian)),
+    ("vtp", write_vtp),
+];
 
 /// The labels asked for, or all.
 fn choose(
@@ -102,7 +88,7 @@ fn choose(
             None => {
                 let there: Vec<String> = values[1..].iter().map(i64::to_string).collect();
                 let want = format!("one of {}", there.join(", "));
-                Err(refuse("--label", label.to_string(), want))
+                Err(refuse("surface", "--label", label, want))
             }
         })
         .collect()

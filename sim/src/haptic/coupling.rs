@@ -1,11 +1,11 @@
-//! Between a device in somebody's hand and a tool in the simulation: a spring and a damper.
+//! The virtual coupling: a spring and a damper between a haptic device and a tool.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// F = K (x_d − x_t) + B (v_d − v_t): what pulls the tool to the device, and the device back.
 ///
 /// A device that is sampled every T seconds and has damping b of its own, held against a spring K
-/// and damper B that are computed, stays passive (nobody's hand can make it swing) if and only if
+/// and damper B that are computed, stays passive (no hand can make it oscillate) if and only if
 ///
 /// b > K T/2 + |B|.
 ///
@@ -21,8 +21,7 @@ pub struct VirtualCoupling {
     pub damping_n_s_m: f64,
 }
 
-/// What a tool meets near where it was last: F(x) = F₀ + S (x − x₀), forces of the tool on the
-/// body.
+/// The force that a tool exerts on the body near its last position: F(x) = F₀ + S (x − x₀).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceModel {
     /// x₀, m.
@@ -36,7 +35,7 @@ pub struct ForceModel {
 }
 
 impl VirtualCoupling {
-    /// K T/2 + |B|: the damping that a device needs more of than this, N s/m.
+    /// K T/2 + |B|: a device is passive if its own damping is larger, N s/m.
     pub fn damping_limit(&self, period_s: f64) -> f64 {
         0.5 * self.stiffness_n_m * period_s + self.damping_n_s_m.abs()
     }
@@ -52,12 +51,12 @@ impl VirtualCoupling {
         (2.0 * (device_n_s_m - self.damping_n_s_m.abs()) / period_s).max(0.0)
     }
 
-    /// Where the tool, which has no mass, is a period after it was at `before`: the position at
-    /// which the coupling's force is what it meets, (K + B/T) I + S in front of it. With that
-    /// force, N.
+    /// Where the tool, which has no mass, is one period after it was at `before`: where the
+    /// coupling's force equals that of the body, a system with the matrix (K + B/T) I + S. Returns
+    /// the position, m, and that force, N.
     ///
-    /// `device`: position now and before, m. At rest and without a body to meet, the tool is where
-    /// the device is.
+    /// `device`: position now and before, m. At rest and without contact, the tool is where the
+    /// device is.
     pub fn tool(
         &self,
         device: &Vector3<f64>,

@@ -1,4 +1,4 @@
-//! A hand on a tool: forces at the rate of a device while the solver goes at its own.
+//! Haptic devices: forces at the device's rate while the solver makes steps at its own.
 //!
 //! [`run`] in `session` is where to start; `device_loop` keeps time with the device in a thread of
 //! its own, [`VirtualCoupling`] lies between the device and the tool, `summary` says how it went.

@@ -21,7 +21,7 @@ use crate::tools::Pose;
 /// stiffness, while the calling thread makes steps as fast as they go, each with the tool where the
 /// coupling has it.
 ///
-/// Wall-clock time decides what it computes: two runs are not alike. The scene's clock goes on by
+/// Results depend on wall-clock time: two runs differ. The scene's clock goes on by
 /// its `step_s` a step; paths of other tools and pressures follow that.
 /// # Errors
 /// [`SimError::NoSuchTool`]; [`SimError::Haptic`] for options out of range; those of
@@ -78,7 +78,7 @@ fn solve(
             position: target,
             force: Vector3::from(felt.force_n),
             stiffness: Matrix3::from_fn(|i, j| rows[i][j]),
-            is_unilateral: felt.kind == "probe",
+            is_unilateral: felt.is_unilateral,
         };
         // What did not converge is no force to feel.
         if report.converged {

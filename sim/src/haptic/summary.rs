@@ -1,4 +1,4 @@
-//! How a haptic loop went, for people and as JSON.
+//! The summary of a haptic loop, also as JSON.
 
 use std::path::Path;
 use std::time::Duration;

@@ -31,6 +31,7 @@ pub struct RunDirectory {
     /// Parents of `target` that did not exist before, outermost first.
     made: Vec<PathBuf>,
     steps: BufWriter<File>,
+    has_header: bool,
     /// Times and files of the frames; files that no collection lists.
     frames: Vec<(f64, Vec<String>)>,
     others: Vec<String>,
@@ -64,14 +65,14 @@ impl RunDirectory {
             made: parents.cloned().collect(),
             aside,
             steps,
+            has_header: false,
             frames: Vec::new(),
             others: Vec::new(),
             finished: false,
         })
     }
 
-    /// Writes the scene with all defaults and overrides filled in, and the first line of
-    /// `steps.csv`.
+    /// Writes the scene with all defaults and overrides filled in.
     ///
     /// # Errors
     /// [`SimError::Io`].
@@ -81,25 +82,32 @@ impl RunDirectory {
             path: path.clone(),
             source: io::Error::other(error),
         })?;
-        fs::write(&path, text).map_err(at(&path))?;
-        let header = steps_csv::header(scene.tools.len());
-        self.steps.write_all(header.as_bytes()).map_err(at(&self.target.join(STEPS)))
+        fs::write(&path, text).map_err(at(&path))
     }
 
-    /// Appends a row to `steps.csv`.
+    /// Appends a row to `steps.csv`, below a line of names if it is the first.
     ///
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_step(&mut self, step: &StepReport) -> Result<(), SimError> {
+        self.write_header(step)?;
         let line = steps_csv::line(step);
         self.steps.write_all(line.as_bytes()).map_err(at(&self.target.join(STEPS)))
+    }
+
+    fn write_header(&mut self, step: &StepReport) -> Result<(), SimError> {
+        if std::mem::replace(&mut self.has_header, true) {
+            return Ok(());
+        }
+        let header = steps_csv::header(step);
+        self.steps.write_all(header.as_bytes()).map_err(at(&self.target.join(STEPS)))
     }
 
     /// Writes the frame after step number `step` (0 for the start): tetrahedra, one file per
     /// surface, and lists them in `frames.pvd`.
     ///
     /// # Errors
-    /// As [`write_vtu`]; [`SimError::Mesh`] for a surface.
+    /// As [`write_vtu`]; [`SimError::Surface`] for a surface.
     pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
         let mut files = vec![format!("{FRAMES}/step_{step:06}.vtu")];
         write_vtu(&self.aside.join(&files[0]), frame)?;
@@ -134,7 +142,7 @@ impl RunDirectory {
     /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
     ///
     /// # Errors
-    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in
+    /// [`SimError::Io`]; [`SimError::Image`], which names the file; [`SimError::FeatureMissing`] in
     /// a build without NIfTI.
     pub fn write_fields(&mut self, fields: &Fields) -> Result<(), SimError> {
         fields::write(&self.aside, fields)
@@ -158,6 +166,7 @@ impl RunDirectory {
     /// # Errors
     /// [`SimError::Io`]; [`SimError::NotEmpty`] if the directory came into being meanwhile.
     pub fn finish(mut self) -> Result<PathBuf, SimError> {
+        self.write_header(&StepReport::default())?;
         let path = self.aside.join(STEPS);
         self.steps.flush().map_err(at(&path))?;
         let path = self.aside.join(COLLECTION);
@@ -176,7 +185,7 @@ impl RunDirectory {
 
     /// Replaces the files of an earlier run in an existing directory.
     fn move_files(&self) -> Result<(), SimError> {
-        // Without a summary nobody takes a mixture of two runs for a whole one.
+        // Removed first: a mixture of two runs without a summary is not mistaken for a finished run.
         for name in [SUMMARY, COLLECTION, STEPS, SCENE].into_iter().chain(fields::FILES) {
             remove_if_there(&self.target.join(name))?;
         }
@@ -221,7 +230,7 @@ impl Drop for RunDirectory {
         if self.finished {
             return;
         }
-        // A destructor can't report; what is in the way stays and the first error was reported.
+        // A destructor can't report an error; the first one has been reported already.
         let _ = fs::remove_dir_all(&self.aside);
         for parent in self.made.iter().rev() {
             let _ = fs::remove_dir(parent);

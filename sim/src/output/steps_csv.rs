@@ -2,60 +2,65 @@
 
 use crate::report::StepReport;
 
-/// Columns of every scene.
-const HEADER: &str = "step,time_s,vertices,tets,splits,merges,waiting,iterations,substeps,\
-    fallbacks,residual,converged,force_x_n,force_y_n,force_z_n,\
-    tool_ms,solve_ms,indicator_ms,remesh_ms,inverse_ms";
-
-/// The first line: column names, those of `tools` tools at the end.
-pub(super) fn header(tools: usize) -> String {
-    let mut header = HEADER.to_owned();
-    for tool in 0..tools {
-        for what in ["force", "torque"] {
-            let unit = if what == "force" { "n" } else { "n_m" };
-            for axis in ["x", "y", "z"] {
-                header += &format!(",tool{tool}_{what}_{axis}_{unit}");
-            }
-        }
-        header += &format!(",tool{tool}_contacts,tool{tool}_penetration_m");
-    }
-    header + "\n"
+/// The names of a step's columns; those of its tools are at the end.
+pub(super) fn header(step: &StepReport) -> String {
+    join(columns(step).into_iter().map(|(name, _)| name))
 }
 
 /// The line of a step; floats in the shortest form that reads back to the same number.
 pub(super) fn line(step: &StepReport) -> String {
-    let StepReport { vertices, tets, splits, merges, waiting, iterations, .. } = *step;
-    let counts = [vertices, tets, splits, merges, waiting, iterations];
-    let [force_x, force_y, force_z] = step.force_n;
-    let times = &step.times;
-    let tail = [
-        force_x,
-        force_y,
-        force_z,
-        times.tool_ms,
-        times.solve_ms,
-        times.indicator_ms,
-        times.remesh_ms,
-        times.inverse_ms,
-    ];
-    let mut line = format!(
-        "{},{:?},{},{},{},{:?},{},{}",
-        step.step,
-        step.time_s,
-        counts.map(|count| count.to_string()).join(","),
-        step.substeps,
-        step.fallbacks,
-        step.residual,
-        step.converged,
-        tail.map(|value| format!("{value:?}")).join(",")
-    );
-    for tool in &step.tools {
-        for value in tool.force_n.iter().chain(&tool.torque_n_m) {
-            line += &format!(",{value:?}");
-        }
-        line += &format!(",{},{:?}", tool.contacts, tool.penetration_m);
+    join(columns(step).into_iter().map(|(_, value)| value))
+}
+
+fn join(cells: impl Iterator<Item = String>) -> String {
+    cells.collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// Names and values.
+fn columns(step: &StepReport) -> Vec<(String, String)> {
+    let mut columns = Vec::new();
+    let mut add = |name: &str, value: String| columns.push((name.to_owned(), value));
+    add("step", step.step.to_string());
+    add("time_s", format!("{:?}", step.time_s));
+    for (name, count) in [
+        ("vertices", step.vertices),
+        ("tets", step.tets),
+        ("splits", step.splits),
+        ("merges", step.merges),
+        ("waiting", step.waiting),
+        ("iterations", step.iterations),
+        ("substeps", step.substeps),
+        ("fallbacks", step.fallbacks),
+    ] {
+        add(name, count.to_string());
     }
-    line + "\n"
+    add("residual", format!("{:?}", step.residual));
+    add("converged", step.converged.to_string());
+    let times = &step.times;
+    for (name, value) in [
+        ("force_x_n", step.force_n[0]),
+        ("force_y_n", step.force_n[1]),
+        ("force_z_n", step.force_n[2]),
+        ("tool_ms", times.tool_ms),
+        ("solve_ms", times.solve_ms),
+        ("indicator_ms", times.indicator_ms),
+        ("remesh_ms", times.remesh_ms),
+        ("inverse_ms", times.inverse_ms),
+    ] {
+        add(name, format!("{value:?}"));
+    }
+    for (i, tool) in step.tools.iter().enumerate() {
+        for (what, unit, vector) in
+            [("force", "n", tool.force_n), ("torque", "n_m", tool.torque_n_m)]
+        {
+            for (axis, value) in ["x", "y", "z"].iter().zip(vector) {
+                add(&format!("tool{i}_{what}_{axis}_{unit}"), format!("{value:?}"));
+            }
+        }
+        add(&format!("tool{i}_contacts"), tool.contacts.to_string());
+        add(&format!("tool{i}_penetration_m"), format!("{:?}", tool.penetration_m));
+    }
+    columns
 }
 
 #[cfg(test)]
@@ -98,7 +103,7 @@ mod tests {
             },
         };
         let line = line(&step);
-        let header = header(2);
+        let header = header(&step);
         let row: Vec<(&str, &str)> =
             header.trim_end().split(',').zip(line.trim_end().split(',')).collect();
         assert_eq!(header.matches(',').count(), line.matches(',').count());

@@ -18,7 +18,7 @@ pub struct PlanRow {
     pub choice: String,
     /// Whether the scene needs it.
     pub runs: bool,
-    /// Why, for people.
+    /// Why, in words.
     pub why: String,
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn milliseconds(begin: Instant) -> f64 {
 }
 
 /// One step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Number of the step, from 1.
     pub step: usize,

@@ -1,4 +1,4 @@
-//! What tools feel.
+//! Forces on tools.
 
 use serde::Serialize;
 
@@ -19,6 +19,8 @@ pub struct ToolReport {
     pub contacts: usize,
     /// How deep the deepest point of the surface is in a probe, m.
     pub penetration_m: f64,
+    /// Whether it stands in the surface's way, and so can push but not pull.
+    pub is_unilateral: bool,
 }
 
 /// A tool over the run.

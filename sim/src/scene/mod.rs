@@ -12,6 +12,7 @@ pub mod file;
 mod key_path;
 mod nearest;
 mod overrides;
+mod region;
 mod schema;
 mod stage_names;
 mod tool;
@@ -19,8 +20,9 @@ mod tool;
 pub use adapter::Adapter;
 pub use description::{
     Budget, Dynamics, Image, MassModel, MaterialEntry, MeshOptions, Output, Phantom, Refinement,
-    Region, Scene, Solver, SurfaceEntry, Time, Void,
+    Scene, Solver, SurfaceEntry, Time, Void,
 };
+pub use region::Region;
 pub use stage_names::StageNames;
 pub use tool::{GrabEntry, Key, Normal, PressureEntry, PressureKey, ProbeEntry, ToolEntry};
 

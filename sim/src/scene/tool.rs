@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::description::Region;
+use super::region::Region;
 
 /// A tool by its `kind`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

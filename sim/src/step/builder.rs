@@ -83,8 +83,8 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
-    /// Has a homogenisation that solves for the whole fine body tell `progress` the fraction done,
-    /// and stop where that says so.
+    /// Calls `progress` with the fraction done by a homogenisation that solves for the whole fine
+    /// body; breaking stops the work.
     pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
         self.progress = Box::new(progress);
         self
@@ -105,7 +105,7 @@ impl<'a> SimulationBuilder<'a> {
         let start = Start::new(scene, self.volume.take())?;
         let (mut tools, holds) = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
-        let empty = empty_body(element).with_law(stages.take_law(scene)?);
+        let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
         let integrator = stages.take_integrator(scene)?;
         let Stages { homogenisation, forces, equilibrium, indicator, inverse, .. } = stages;
         let Start { axes, organ, origin, .. } = start;

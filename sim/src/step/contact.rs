@@ -13,15 +13,15 @@ use crate::tools::Tool;
 /// Points this fraction of the radius outside a probe may come to touch it within a solve.
 const NEAR: f64 = 0.1;
 
-/// Corners of points up to this fraction of the radius outside are in a block of compliance, so
-/// that it serves some steps.
+/// A block of compliance also has the corners of points up to this fraction of the radius outside,
+/// so that it can be used for several steps.
 const AROUND: f64 = 0.3;
 
 /// Solves of one attempt at most; each after the first adds points that had come too deep.
 const ROUNDS: usize = 6;
 
-/// Compliance added to that of each contact before it is inverted, of the largest: points closer
-/// together than the mesh resolves have none of their own.
+/// Compliance added to that of each contact before inversion, as a fraction of the largest: points
+/// closer together than the mesh resolves make the matrix singular.
 const REGULAR: f64 = 1e-6;
 
 /// A probe at the end of a part of a step.
@@ -37,7 +37,7 @@ pub(crate) struct Probing {
 #[derive(Clone, Copy, Debug)]
 struct Push {
     tool: usize,
-    /// Its number in the tool's skin.
+    /// Its number among the tool's surface points.
     number: usize,
     point: SurfacePoint,
     normal: Vector3<f64>,
@@ -64,7 +64,7 @@ pub(crate) struct Surroundings<'a> {
     pub share: f64,
 }
 
-/// The contacts of the last equilibrium, and what is kept for the next.
+/// The contacts of the last equilibrium, and the compliance that the next one may use again.
 #[derive(Default)]
 pub(crate) struct ContactState {
     pushes: Vec<Push>,
@@ -172,7 +172,7 @@ impl ContactState {
         pairs
     }
 
-    /// Sees to it that the block of compliance has all corners of `pairs` that may move.
+    /// Computes the block of compliance anew unless it has all free corners of `pairs`.
     fn cover(
         &mut self,
         pairs: &[Push],
@@ -207,7 +207,7 @@ impl ContactState {
         Ok(())
     }
 
-    /// Remembers what pushes in an equilibrium.
+    /// Keeps the contacts of an equilibrium and their compliance.
     fn keep(&mut self, pairs: &[Push], touched: Option<ContactOutcome>) {
         self.pushes.clear();
         self.penetration = 0.0;
@@ -222,7 +222,7 @@ impl ContactState {
             self.pushes.push(Push { force, normal, ..pairs[i] });
         }
         self.penetration = touched.penetration;
-        // A solve that had nothing to do has none: the last one stands, if it is of these points.
+        // A solve without iterations returns no compliance: the last one stays valid.
         if !touched.compliance.is_empty() {
             let entry = |i: &usize, j: &usize| touched.compliance[before * i + j];
             self.compliance =
@@ -230,12 +230,12 @@ impl ContactState {
         }
     }
 
-    /// Begins a step.
+    /// Notes the forces with which a step begins.
     pub fn begin(&mut self) {
         self.before.clone_from(&self.pushes);
     }
 
-    /// Ends a step; forces have a growth if it went as a whole.
+    /// Ends a step: sets how much forces have grown in it, if that may continue.
     pub fn end(&mut self, is_whole: bool) {
         for push in &mut self.pushes {
             let same = |old: &&Push| (old.tool, old.number) == (push.tool, push.number);

@@ -24,7 +24,8 @@ pub(crate) struct Predictor {
 }
 
 impl Predictor {
-    /// How much of the last step the probes' moves in this one are; 0 where they are not alike.
+    /// The probes' moves in this step as a multiple of those in the last one; 0 where their
+    /// directions differ.
     fn share(&self) -> f64 {
         let same_tools = self.last.iter().map(|x| x.0).eq(self.now.iter().map(|x| x.0));
         if self.last.is_empty() || !same_tools {
@@ -36,7 +37,7 @@ impl Predictor {
         let off: f64 = pairs().map(|(old, new)| (new - share * old).norm_squared()).sum();
         let size: f64 = pairs().map(|(_, new)| new.norm_squared()).sum();
         let is_alike = share > 0.0 && share <= LONGEST && off <= ALIKE * ALIKE * size;
-        // A NaN where nothing moved is not alike either.
+        // False for a NaN, which is what probes that do not move give.
         if is_alike { share } else { 0.0 }
     }
 

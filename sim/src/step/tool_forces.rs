@@ -1,4 +1,4 @@
-//! What tools and the support feel at the last equilibrium.
+//! The forces on tools and on the support at the last equilibrium.
 
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::VertexId;
@@ -20,7 +20,7 @@ pub(crate) struct ToolForces<'a> {
 }
 
 impl ToolForces<'_> {
-    /// What every tool feels.
+    /// The report of every tool.
     pub fn reports(&self, tools: &[Box<dyn Tool>]) -> Vec<ToolReport> {
         tools.iter().enumerate().map(|(number, tool)| self.report(number, tool.as_ref())).collect()
     }
@@ -57,6 +57,7 @@ impl ToolForces<'_> {
             reference_mm: self.axes.to_ras_mm(&reference).into(),
             contacts,
             penetration_m: if obstacle.is_some() { penetration_m } else { 0.0 },
+            is_unilateral: obstacle.is_some(),
         }
     }
 

@@ -8,8 +8,8 @@ use yawara_mesh::TetId;
 
 use crate::body::BodyState;
 
-/// Weights as found again after a change of the mesh that differ by this are those of another
-/// place.
+/// Weights that are found again after a change of the mesh and differ by more than this belong to
+/// another place.
 const SAME: f64 = 1e-9;
 
 /// Points of the surface at rest, each bound to the coarse tetrahedron around it by its barycentric
@@ -20,7 +20,7 @@ const SAME: f64 = 1e-9;
 /// is farther from any than a voxel is not bound, and nothing acts on it.
 pub struct SurfacePoints {
     rest: Vec<Vector3<f64>>,
-    /// Outward, m²; empty where nobody asks.
+    /// Area vectors, outward, m²; empty where no tool needs them.
     areas: Vec<Vector3<f64>>,
     reach: f64,
     bound: Vec<Option<(TetId, SurfacePoint)>>,
@@ -56,7 +56,7 @@ impl SurfacePoints {
         &self.groups
     }
 
-    /// Binds all points whose tetrahedron is not what it was. Cost: O(points), and O(tetrahedra) if
+    /// Binds all points whose tetrahedron has changed. Cost: O(points), and O(tetrahedra) if
     /// there are such points.
     pub(crate) fn bind(&mut self, state: &BodyState) {
         let stands = |tet: TetId, at: &Vector3<f64>, point: &SurfacePoint| {
@@ -103,7 +103,7 @@ impl SurfacePoints {
                 }
                 let weights = weights(element, state, x);
                 let least = weights.iter().copied().fold(f64::INFINITY, f64::min);
-                // Of the tetrahedra around a face the first: rounding does not choose.
+                // On a face the first tetrahedron wins, so that rounding does not decide.
                 if least > inside[i] + SAME {
                     inside[i] = least;
                     let point = SurfacePoint { vertices: element.vertices, weights };

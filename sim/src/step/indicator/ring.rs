@@ -46,6 +46,41 @@ impl RingMember {
 }
 
 /// Measures how much a ring asks for its midpoint.
+///
+/// # Example
+/// Refines where the largest principal strain of any tetrahedron is large:
+///
+/// ```
+/// use yawara::indicator::{Indicator, RingMember};
+/// use yawara::{Simulation, Stages, scene_file};
+///
+/// struct LargestStrain;
+///
+/// impl Indicator for LargestStrain {
+///     fn name(&self) -> &'static str {
+///         "largest_strain"
+///     }
+///
+///     fn unit(&self) -> &'static str {
+///         "1"
+///     }
+///
+///     fn measure(&self, ring: &[RingMember]) -> f64 {
+///         let solid = ring.iter().filter(|member| !member.is_void);
+///         solid.map(|member| member.strain().amax()).fold(0.0, f64::max)
+///     }
+/// }
+///
+/// # fn main() -> Result<(), yawara::SimError> {
+/// let (mut scene, _) = scene_file::load("beam", &["mesh.max_level=3".into()])?;
+/// scene.refinement.split_above = 0.02;
+/// let mut stages = Stages::by_name(&scene.stages)?;
+/// stages.indicator = Box::new(LargestStrain);
+/// let mut simulation = Simulation::new(&scene, stages)?;
+/// assert!(simulation.step()?.converged);
+/// # Ok(())
+/// # }
+/// ```
 pub trait Indicator: Send {
     /// The scene name.
     fn name(&self) -> &'static str;
