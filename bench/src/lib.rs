@@ -3,43 +3,28 @@
 //! Criterion benches (`benches/`) watch one stage each for changes of speed; studies
 //! ([`studies`], `yawara-bench STUDY --out DIR`) run competitors side by side, alternating in one
 //! process, and write times with the errors that go with them. Both take their bodies from
-//! [`Organ`] and their updates of the inverse from [`History`].
+//! [`Organ`] and their updates of the inverse from [`History`]. A study of your own measures rows and
+//! hands them to [`harness::report::write`].
 #![forbid(unsafe_code)]
 
-mod accuracy;
-mod beams;
-mod block;
-pub mod cases;
-mod direct;
+mod bodies;
 mod error;
-mod history;
-mod machine;
-mod material_edits;
-mod organ;
-mod output;
+pub mod harness;
 pub mod pareto;
-mod picture;
-mod plot;
-mod progress;
-mod random;
-pub mod ranks;
-mod reference;
-mod solid;
-mod statics;
-mod statistics;
-mod stream;
+mod solvers;
 pub mod studies;
+mod workloads;
 
-pub use accuracy::inverse_error;
-pub use beams::{BEAM_LOADS, Beam, BeamLoad, StepCount, mean_iterations};
-pub use direct::{DIRECT, Direct};
+pub use bodies::beams::{BEAM_LOADS, Beam, BeamLoad, StepCount, mean_iterations};
+pub use bodies::organ::{Organ, Size};
+pub use bodies::solid::Solid;
+pub use bodies::statics::Statics;
 pub use error::BenchError;
-pub use history::{History, Update};
-pub use machine::Machine;
-pub use material_edits::MaterialEdits;
-pub use organ::{Organ, Size};
-pub use output::Output;
-pub use solid::Solid;
-pub use statics::Statics;
-pub use statistics::{median, percentile, ratios};
-pub use stream::Stream;
+pub use harness::machine::Machine;
+pub use harness::statistics::{median, percentile, ratios};
+pub use harness::{cases, ranks};
+pub use solvers::accuracy::inverse_error;
+pub use solvers::direct::{DIRECT, Direct};
+pub use solvers::stream::Stream;
+pub use workloads::history::{History, Update};
+pub use workloads::material_edits::MaterialEdits;

@@ -5,9 +5,10 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
-    Arguments, CaseArguments, Common, ablation, compare, drift, elements, extremes, homogenisation,
-    mesh, pareto, scaling, stiff, table1, validate,
+    Arguments, CaseArguments, Common, ablation, compare, drift, elements, homogenisation, mesh,
+    pareto, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -66,24 +67,12 @@ impl Study {
     /// Updates of the inverse are compared with direct methods that run in one thread: so does all
     /// else beside them.
     fn set_threads(&self) -> Result<(), rayon::ThreadPoolBuildError> {
-        match self {
-            Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_) => {
-                rayon::ThreadPoolBuilder::new().num_threads(1).build_global()
-            }
-            Self::Mesh(_)
-            | Self::Homogenisation(_)
-            | Self::Elements(_)
-            | Self::Validate(_)
-            | Self::Pareto(_)
-            | Self::Stiff(_)
-            | Self::Extremes(_)
-            | Self::Ablation(_)
-            | Self::Compare(_) => Ok(()),
+        if matches!(self, Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_)) {
+            rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
         }
+        Ok(())
     }
-}
 
-impl Study {
     /// Whether processes of one mpirun share its cases.
     fn shares_cases(&self) -> bool {
         matches!(self, Self::Pareto(_) | Self::Stiff(_) | Self::Extremes(_) | Self::Ablation(_))
@@ -96,7 +85,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
     let printed = match study {
         #[cfg(feature = "gpu")]
         Study::Table1 { arguments, gpu: true, adapter } => {
-            yawara_bench::studies::table1_gpu::run(arguments, adapter.as_deref())
+            table1::gpu::run(arguments, adapter.as_deref())
         }
         #[cfg(not(feature = "gpu"))]
         Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing { what: "--gpu" }),

@@ -103,14 +103,6 @@ pub enum SimError {
         /// What should.
         want: String,
     },
-    /// The VTU writer refused.
-    #[error("{}: writing VTU: {reason}", path.display())]
-    Vtk {
-        /// The file.
-        path: PathBuf,
-        /// What the writer said.
-        reason: String,
-    },
     /// A scene without an image.
     #[error(
         "{scene}: the scene names no image; give the label map with --set image.path=FILE.nii.gz"

@@ -7,7 +7,7 @@ use yawara::Simulation;
 use yawara::report::Frame;
 
 use crate::error::BenchError;
-use crate::picture::{Picture, Role, Shape};
+use crate::harness::plot::{Picture, Role, Shape};
 
 /// Size and margin of the picture.
 const SIZE: (u32, u32) = (520, 380);

@@ -9,9 +9,8 @@ use yawara_mesh::lattice::MAX_LEVEL;
 use super::deadline::Deadline;
 use super::measure::run_steps;
 use super::path::Path;
-use crate::cases::Folder;
 use crate::error::BenchError;
-use crate::progress::Progress;
+use crate::harness::{Folder, Progress};
 
 /// The relative residual of its steps.
 pub const RESIDUAL: f64 = 1e-10;

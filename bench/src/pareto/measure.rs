@@ -8,10 +8,10 @@ use yawara::{Probe, Simulation, Stages};
 
 use super::deadline::Deadline;
 use super::path::{Distance, Path};
-use crate::cases::{Advance, Findings};
 use crate::error::BenchError;
-use crate::machine;
-use crate::statistics::percentile;
+use crate::harness::cases::{Advance, Findings};
+use crate::harness::machine;
+use crate::harness::statistics::percentile;
 
 /// Bytes in a megabyte.
 const MEGA: f64 = 1e6;

@@ -1,7 +1,8 @@
 //! Error against run time: combinations of stages on one scene, against a converged reference.
 //!
 //! [`Study`] lists [`Candidate`]s, yours among them, and [`Study::run`] measures each in a process
-//! that can be interrupted, and writes tables, plots and a report.
+//! that can be interrupted, and writes tables, plots and a report. Start with `study.rs`;
+//! `measure.rs` runs one candidate, `converged.rs` makes the reference, `write.rs` the files.
 
 mod body_picture;
 mod candidate;
@@ -12,7 +13,9 @@ mod front;
 mod measure;
 mod path;
 mod report;
+mod results;
 mod scatter;
+mod study;
 mod write;
 
 pub use candidate::Candidate;
@@ -20,215 +23,5 @@ pub use converged::{RESIDUAL, Reference, ReferenceSummary};
 pub use front::front;
 pub use measure::measure;
 pub use path::Path;
-
-use std::cell::RefCell;
-use std::collections::BTreeSet;
-
-use serde_json::json;
-use yawara::report::PlanRow;
-use yawara::scene::Scene;
-use yawara::{SimError, Simulation, Stages, scene_file};
-
-use crate::cases::{self, Case, Folder, Row, Selection};
-use crate::error::BenchError;
-use crate::ranks;
-use choices::Choices;
-
-/// The x axis of the plots: a row's measurement.
-pub(crate) const TIME: &str = "step_mean_ms";
-
-/// The y axis of the plots: a row's figure.
-pub(crate) const ERROR: &str = "error_displacement";
-
-/// What a study compares, and how long it may take.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// A built-in scene or a TOML file.
-    pub scene: String,
-    /// Values in place of the scene's, `KEY=VALUE`.
-    pub overrides: Vec<String>,
-    /// Fewer candidates, and defaults for a small mesh.
-    pub quick: bool,
-    /// Seconds that a candidate's run may take.
-    pub cap_s: f64,
-    /// Vertices that the reference may have.
-    pub reference_vertices: usize,
-}
-
-/// Vertices that a quick study's candidates may have, unless the start mesh alone has more.
-const QUICK_VERTICES: usize = 600;
-
-fn max_vertices(count: usize) -> String {
-    format!("mesh.max_vertices={count}")
-}
-
-impl Options {
-    /// The defaults for a scene, with and without `quick`.
-    pub fn new(scene: &str, quick: bool) -> Self {
-        let (cap_s, reference_vertices) = if quick { (10.0, 3_000) } else { (80.0, 30_000) };
-        let overrides = match quick {
-            true => vec![max_vertices(QUICK_VERTICES)],
-            false => Vec::new(),
-        };
-        Self { scene: scene.into(), overrides, quick, cap_s, reference_vertices }
-    }
-}
-
-/// A scene with the candidates that are to be compared on it.
-pub struct Study {
-    /// What was asked for.
-    pub options: Options,
-    /// Who takes part, the default first; add your own.
-    pub candidates: Vec<Candidate>,
-    scene: Scene,
-    /// Of the default.
-    plan: Vec<PlanRow>,
-}
-
-/// A finished study.
-#[derive(Debug)]
-pub struct Results {
-    /// The study's own name for it.
-    pub scene: Scene,
-    /// What the default leaves out, and why.
-    pub plan: Vec<PlanRow>,
-    /// How the reference was made.
-    pub reference: ReferenceSummary,
-    /// A row per candidate.
-    pub rows: Vec<Row>,
-}
-
-impl Study {
-    /// The default, every factor varied from it one at a time, and the paper's combination.
-    ///
-    /// Cost: the start of two simulations.
-    /// # Errors
-    /// [`BenchError::Sim`] if the scene is refused.
-    pub fn new(mut options: Options) -> Result<Self, BenchError> {
-        let (mut scene, _) = scene_file::load(&options.scene, &options.overrides)?;
-        let level = converged::finest_level(&scene, options.reference_vertices)?;
-        let start = |scene: &Scene| Simulation::new(scene, Stages::by_name(&scene.stages)?);
-        let simulation = match start(&scene) {
-            Err(SimError::TooManyVertices { count, limit: QUICK_VERTICES }) if options.quick => {
-                options.overrides.push(max_vertices(count + count / 4));
-                scene = scene_file::load(&options.scene, &options.overrides)?.0;
-                start(&scene)?
-            }
-            other => other?,
-        };
-        let plan = simulation.plan().to_vec();
-        let choices = Choices {
-            scene: &scene,
-            plan: &plan,
-            reference_level: level,
-            reference_vertices: options.reference_vertices,
-            quick: options.quick,
-        };
-        let candidates = choices.candidates();
-        Ok(Self { options, candidates, scene, plan })
-    }
-
-    /// Runs this process's part of all candidates that the folder lacks; what is printed of it.
-    /// Where all of them are there then, tables, plots and the report are written.
-    ///
-    /// # Errors
-    /// [`BenchError::SameName`]; [`BenchError::OptionsDiffer`] and others of [`Folder::open`];
-    /// [`BenchError::Io`]. A candidate that fails is a row.
-    pub fn run(&self, selection: &Selection) -> Result<String, BenchError> {
-        let mut names = BTreeSet::new();
-        if let Some(twice) = self.candidates.iter().find(|one| !names.insert(&one.name)) {
-            return Err(BenchError::SameName { name: twice.name.clone() });
-        }
-        let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
-        // Without a reference there is no study: it takes what it takes.
-        let limits = (self.options.reference_vertices, f64::INFINITY);
-        let reference =
-            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference"))?;
-        let cases = self.cases(&reference.path, &folder);
-        let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
-            return part_done(&folder, &cases);
-        };
-        let (scene, plan) = (self.scene.clone(), self.plan.clone());
-        let results = Results { scene, plan, reference: reference.summary, rows };
-        let printed = write::all(&results, &folder)?;
-        folder.tidy();
-        Ok(printed)
-    }
-
-    /// Everything that the figures depend on, own stages aside.
-    fn described(&self) -> serde_json::Value {
-        let case = |one: &Candidate| json!({ "name": one.name, "overrides": one.overrides });
-        json!({
-            "study": "pareto",
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene": self.scene,
-            "cap_s": self.options.cap_s,
-            "reference_vertices": self.options.reference_vertices,
-            "cases": self.candidates.iter().map(case).collect::<Vec<_>>(),
-        })
-    }
-
-    fn cases<'a>(&'a self, reference: &'a Path, folder: &'a Folder) -> Vec<Case<'a>> {
-        let case = |one: &'a Candidate| {
-            Case::new(&one.group, &one.name, move |advance| {
-                let scene = one.scene(&self.options.scene, &self.options.overrides)?;
-                let stages = one.stages(&scene)?;
-                let shown = RefCell::new(body_picture::Largest::default());
-                let is_default = one.group == "default";
-                let mut watch = |simulation: &Simulation| match is_default {
-                    true => shown.borrow_mut().see(simulation),
-                    false => Ok(()),
-                };
-                let cap_s = self.options.cap_s;
-                let found = measure(&scene, stages, Some(reference), cap_s, advance, &mut watch)?;
-                if let Some(picture) = shown.into_inner().picture() {
-                    folder.write(write::PICTURE, picture.svg())?;
-                }
-                Ok(found)
-            })
-        };
-        self.candidates.iter().map(case).collect()
-    }
-}
-
-/// What the uniform levels say of the reference's own error: at half its elements' edge errors of
-/// linear elements fall to a quarter, so it is a third of the distance of the mesh three levels
-/// coarser; `None` without such a row.
-pub(crate) fn own_error(results: &Results) -> Option<f64> {
-    let coarser = results.reference.level.checked_sub(3)?;
-    let name = choices::uniform_name(coarser);
-    let row = results.rows.iter().find(|row| row.case == name)?;
-    Some(row.number(ERROR)? / 3.0)
-}
-
-/// What is said where other parts of a study are still to be run; nothing by processes that another
-/// one speaks for.
-pub(crate) fn part_done(folder: &Folder, cases: &[Case<'_>]) -> Result<String, BenchError> {
-    if !ranks::is_first() {
-        return Ok(String::new());
-    }
-    let mut done = 0;
-    for (number, case) in cases.iter().enumerate() {
-        done += usize::from(folder.row(number, &case.name)?.is_some());
-    }
-    Ok(format!(
-        "{done} of {} cases are done; the tables come with the last one (run the other parts, or \
-         again without --shard, over the same folder)\n",
-        cases.len()
-    ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_quick_study_leaves_room_for_the_start_mesh() {
-        let study = Study::new(Options::new("beam", true)).unwrap();
-        assert_eq!(study.scene.mesh.max_vertices, QUICK_VERTICES);
-        // The liver starts with 736 vertices.
-        let study = Study::new(Options::new("liver", true)).unwrap();
-        assert_eq!(study.scene.mesh.max_vertices, 736 + 184);
-        assert!(study.candidates.iter().any(|one| one.group == "homogenisation"));
-    }
-}
+pub use results::Results;
+pub use study::{Options, Study};

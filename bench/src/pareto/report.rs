@@ -1,10 +1,10 @@
 //! One page with everything: plots, table, picture, and how they came about.
 
+use super::results::{ERROR, Results, TIME, own_error};
 use super::scatter::converged;
-use super::{ERROR, Results, TIME, own_error};
-use crate::cases::{Row, rounded};
-use crate::machine::{Machine, Place};
-use crate::picture::escape;
+use crate::harness::cases::{Row, rounded};
+use crate::harness::machine::{Machine, Place};
+use crate::harness::plot::escape;
 
 /// What a page is made of.
 pub(crate) struct Content<'a> {

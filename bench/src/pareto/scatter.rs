@@ -1,13 +1,9 @@
 //! Error against time, with the front.
 
 use super::front::front;
-use crate::cases::Row;
-use crate::picture::{Anchor, Picture, Role, Shape};
-
-/// The sides of the plot within the picture: left, top, right, bottom.
-const FRAME: [f64; 4] = [76.0, 56.0, 640.0, 420.0];
-
-const SIZE: (u32, u32) = (860, 480);
+use crate::harness::cases::Row;
+use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape};
+use crate::harness::report::each_once;
 
 /// Height of a line of the smallest text.
 const LINE: f64 = 13.0;
@@ -32,16 +28,13 @@ pub(crate) fn scatter(
 ) -> Option<Picture> {
     let point = |row: &Row| (number(row, x.name), number(row, y.name));
     let points: Vec<(f64, f64)> = rows.iter().map(point).collect();
-    let [xs, ys] = [Scale::of(points.iter().map(|p| p.0))?, Scale::of(points.iter().map(|p| p.1))?];
-    let place = |(a, b): (f64, f64)| {
-        let [left, top, right, bottom] = FRAME;
-        (left + xs.at(a) * (right - left), bottom - ys.at(b) * (bottom - top))
-    };
-    let mut shapes = axes(title, x, y, &xs, &ys);
+    let axes = Axes::around(points.iter().copied())?;
+    let place = |point| axes.place(point);
+    let mut shapes = axes.shapes(title, [x.title, y.title]);
     let on_front = front_of(rows, x.name, y.name);
     let corners: Vec<(f64, f64)> = on_front.iter().map(|&i| place(points[i])).collect();
     shapes.push(Shape::Line { points: stairs(&corners), width: 1.5, role: Role::Ink });
-    let groups = groups(rows);
+    let groups = each_once(rows.iter().map(|row| &row.group[..]));
     let mut labels = Labels::default();
     for step in stairs(&corners).windows(2) {
         labels.block_line(step[0], step[1]);
@@ -80,16 +73,6 @@ fn number(row: &Row, name: &str) -> f64 {
     row.number(name).filter(|value| *value > 0.0).unwrap_or(f64::NAN)
 }
 
-fn groups(rows: &[Row]) -> Vec<&str> {
-    let mut groups: Vec<&str> = Vec::new();
-    for row in rows {
-        if !groups.contains(&&row.group[..]) {
-            groups.push(&row.group);
-        }
-    }
-    groups
-}
-
 /// From point to point by a level and a vertical line: what lies above and to the right is beaten.
 fn stairs(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
@@ -98,70 +81,6 @@ fn stairs(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
     }
     points.extend(corners.last());
     points
-}
-
-/// A logarithmic axis.
-struct Scale {
-    low: f64,
-    high: f64,
-}
-
-impl Scale {
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
-        let (mut low, mut high) = (f64::INFINITY, 0.0f64);
-        for value in values.filter(|value| value.is_finite() && *value > 0.0) {
-            (low, high) = (low.min(value), high.max(value));
-        }
-        (high > 0.0).then_some(Self { low: low / 1.4, high: high * 1.4 })
-    }
-
-    /// 0 at the low end, 1 at the high one.
-    fn at(&self, value: f64) -> f64 {
-        (value / self.low).ln() / (self.high / self.low).ln()
-    }
-
-    /// Round values within, with fewer digits where there are many decades.
-    fn ticks(&self) -> Vec<f64> {
-        let decades = (self.high / self.low).log10();
-        let steps: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
-        let first = self.low.log10().floor() as i32;
-        let last = self.high.log10().ceil() as i32;
-        let stride = (decades / 8.0).ceil().max(1.0) as usize;
-        (first..=last)
-            .step_by(stride)
-            .flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)))
-            .filter(|value| (self.low..=self.high).contains(value))
-            .collect()
-    }
-}
-
-fn tick_name(value: f64) -> String {
-    match value {
-        v if (0.001..10_000.0).contains(&v) => format!("{}", (v * 1e6).round() / 1e6),
-        v => format!("{v:.0e}"),
-    }
-}
-
-fn axes(title: &str, x: &Axis<'_>, y: &Axis<'_>, xs: &Scale, ys: &Scale) -> Vec<Shape> {
-    let [left, top, right, bottom] = FRAME;
-    let text = |at, size, anchor, text: &str| Shape::Text { at, size, anchor, text: text.into() };
-    let line = |points| Shape::Line { points, width: 1.0, role: Role::Faint };
-    let mut shapes = vec![text((left, 18.0), 16.0, Anchor::Start, title)];
-    for value in xs.ticks() {
-        let at = left + xs.at(value) * (right - left);
-        shapes.push(line(vec![(at, top), (at, bottom)]));
-        shapes.push(text((at, bottom + 14.0), 12.0, Anchor::Middle, &tick_name(value)));
-    }
-    for value in ys.ticks() {
-        let at = bottom - ys.at(value) * (bottom - top);
-        shapes.push(line(vec![(left, at), (right, at)]));
-        shapes.push(text((left - 6.0, at), 12.0, Anchor::End, &tick_name(value)));
-    }
-    let frame = vec![(left, top), (left, bottom), (right, bottom)];
-    shapes.push(Shape::Line { points: frame, width: 1.0, role: Role::Ink });
-    shapes.push(text((0.5 * (left + right), bottom + 38.0), 13.0, Anchor::Middle, x.title));
-    shapes.push(text((4.0, top - 16.0), 13.0, Anchor::Start, y.title));
-    shapes
 }
 
 fn legend(groups: &[&str]) -> Vec<Shape> {
@@ -300,15 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_few_and_within() {
-        for (low, high) in [(1.0, 2.0), (1e-9, 1e9), (3.0, 3.1), (1e-4, 0.5)] {
-            let scale = Scale { low, high };
-            let ticks = scale.ticks();
-            assert!(
-                ticks.len() < 14 && ticks.iter().all(|t| (low..=high).contains(t)),
-                "{ticks:?}"
-            );
-        }
+    fn nothing_positive_is_no_plot() {
         assert!(scatter("t", &X, &Y, &[], &[]).is_none());
     }
 }

@@ -1,13 +1,12 @@
 //! The files of a finished study.
 
-use serde_json::json;
-
 use super::report;
+use super::results::{ERROR, Results, TIME, own_error};
 use super::scatter::{Axis, converged, front_of, scatter};
-use super::{ERROR, Results, TIME, own_error};
-use crate::cases::{self, Folder};
 use crate::error::BenchError;
-use crate::machine::Machine;
+use crate::harness::machine::Machine;
+use crate::harness::report::Summary;
+use crate::harness::{Folder, cases};
 
 /// The picture of the body.
 pub(crate) const PICTURE: &str = "cases/picture.svg";
@@ -37,39 +36,24 @@ const DISPLACEMENT: Axis<'static> =
     Axis { name: ERROR, title: "error of displacement, relative L2" };
 const FORCE: Axis<'static> = Axis { name: "error_force", title: "error of force, relative" };
 
-/// Writes pareto.csv, .json, .md, .svg, .png and report.html; returns the table.
+/// Writes pareto.png and makes the rest: table, JSON, pareto.svg and report.html.
 ///
 /// # Errors
 /// [`BenchError::Io`], [`BenchError::Picture`].
-pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchError> {
+pub(crate) fn all(results: &Results, folder: &Folder) -> Result<Summary, BenchError> {
     let Results { scene, plan, reference, rows } = results;
     let machine = Machine::here();
     let front = |error| -> Vec<&str> {
         front_of(rows, TIME, error).iter().map(|&i| &rows[i].case[..]).collect()
     };
     let (on_front, on_front_of_force) = (front(ERROR), front(FORCE.name));
-    let json = json!({
-        "study": "pareto",
-        "scene": scene.name,
-        "machine": machine,
-        "reference": reference,
-        "reference_own_error": own_error(results),
-        "left_out": plan.iter().filter(|row| !row.runs).collect::<Vec<_>>(),
-        "front": on_front,
-        "front_force": on_front_of_force,
-        "rows": rows,
-    });
-    folder.write("pareto.json", format!("{json:#}\n"))?;
-    folder.write("pareto.csv", cases::csv(rows))?;
     let text = summary(results, &machine, &on_front, &on_front_of_force);
-    folder.write("pareto.md", &text)?;
     let title = format!("{}: error against time", scene.name);
     let plots: Vec<_> = [&DISPLACEMENT, &FORCE]
         .iter()
         .filter_map(|y| scatter(&title, &X, y, rows, NAMED))
         .collect();
     if let Some(first) = plots.first() {
-        folder.write("pareto.svg", first.svg())?;
         let picture = |reason| BenchError::Picture { path: folder.at("pareto.png"), reason };
         folder.write("pareto.png", first.png().map_err(picture)?)?;
     }
@@ -82,8 +66,18 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<String, BenchErr
         plots: plots.iter().map(|plot| plot.svg()).collect(),
         body,
     });
-    folder.write("report.html", page)?;
-    Ok(text)
+    let summary = Summary { table: Some(cases::lines(rows)), ..Summary::new(text) };
+    Ok(summary
+        .with("study", "pareto")
+        .with("scene", &scene.name)
+        .with("machine", &machine)
+        .with("reference", reference)
+        .with("reference_own_error", own_error(results))
+        .with("left_out", plan.iter().filter(|row| !row.runs).collect::<Vec<_>>())
+        .with("front", &on_front)
+        .with("front_force", &on_front_of_force)
+        .with_file("pareto.svg", plots.first().map(|plot| plot.svg()))
+        .with_file("report.html", Some(page)))
 }
 
 fn summary(results: &Results, machine: &Machine, on_front: &[&str], of_force: &[&str]) -> String {

@@ -7,12 +7,10 @@ use serde_json::json;
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
-use super::arguments::CaseArguments;
-use crate::cases::{self, Advance, Case, Findings, Folder};
 use crate::error::BenchError;
-use crate::machine::{self, Machine};
-use crate::pareto::part_done;
-use crate::statistics::{median, ratios};
+use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
+use crate::harness::statistics::{median, ratios};
+use crate::harness::{Folder, machine};
 
 /// The built-in scenes that need no file.
 const SCENES: [&str; 3] = ["beam", "twist", "liver"];
@@ -84,37 +82,20 @@ const COLUMNS: &[&str] = &[
 /// # Errors
 /// Those of a study's folder; a part that fails is a row.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
-    let selection = &arguments.selection;
-    let options = json!({
-        "study": "ablation",
-        "version": env!("CARGO_PKG_VERSION"),
-        "quick": arguments.quick,
-    });
+    let (selection, quick) = (&arguments.selection, arguments.quick);
+    let version = env!("CARGO_PKG_VERSION");
+    let options = json!({ "study": "ablation", "version": version, "quick": quick });
     let folder = Folder::open(&selection.out, &options, selection.force)?;
     let mut cases = Vec::new();
     for scene in SCENES {
         for part in PARTS {
-            let quick = arguments.quick;
             let name = format!("{scene} with {}", part.name());
-            cases.push(Case::new(scene, name, move |advance| both(scene, part, quick, advance)));
+            let work = move |advance: Advance<'_>| both(scene, part, quick, advance);
+            cases.push(Case::new(scene, name, work));
         }
     }
-    let Some(rows) = cases::run(&folder, &cases, selection.shard)? else {
-        return part_done(&folder, &cases);
-    };
-    let machine = Machine::here();
-    let text = format!(
-        "# ablation\n\n{}, {} threads. Scenes on their start meshes.\n\n{}",
-        machine.cpu,
-        machine.threads_available,
-        cases::markdown(&rows, COLUMNS)
-    );
-    let value = json!({ "study": "ablation", "machine": machine, "rows": rows });
-    folder.write("ablation.json", format!("{value:#}\n"))?;
-    folder.write("ablation.csv", cases::csv(&rows))?;
-    folder.write("ablation.md", &text)?;
-    folder.tidy();
-    Ok(text)
+    let remark = " Scenes on their start meshes.";
+    cases::write(&folder, "ablation", (&cases, selection.shard), remark, COLUMNS)
 }
 
 /// A scene as the plan has it, and with `part` switched on, step by step in turns.

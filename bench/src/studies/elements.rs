@@ -1,19 +1,17 @@
 //! `elements`: what linear tetrahedra lose towards incompressibility, with and without a pressure.
 
-use std::fmt::Write;
 use std::time::Instant;
 
 use serde::Serialize;
 use yawara_embed::{ElementFormulation, FORMULATIONS, P1P1, formulation_by_name};
 
-use super::arguments::Common;
-use super::json;
-use super::markdown::table;
-use crate::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
+use crate::bodies::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
 use crate::error::BenchError;
-use crate::output::Output;
-use crate::plot::{Line, log_log, slope};
-use crate::progress::Progress;
+use crate::harness::Progress;
+use crate::harness::arguments::Common;
+use crate::harness::plot::{log_log, slope};
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Claim, Limit, Summary, curves, each_once, spread};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-elements-1";
@@ -37,10 +35,8 @@ struct Row {
     /// Of the reference's displacements, interpolated on the same mesh.
     interpolation_error: f64,
     /// Of pressures, `null` where they are not compared.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pressure_error: Option<f64>,
     /// The same above a quarter of the height.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pressure_error_above: Option<f64>,
     /// Assembly, factor and two solutions.
     seconds: f64,
@@ -49,157 +45,96 @@ struct Row {
 /// A column of the tables.
 type Figure = fn(&Row) -> Option<f64>;
 
-/// A figure and what is claimed of it.
-#[derive(Clone, Debug, Serialize)]
-struct Claim {
-    name: String,
-    value: f64,
-    limit: f64,
-    holds: bool,
-}
-
-#[derive(Clone, Debug, Serialize)]
-struct Report {
-    schema: &'static str,
-    rows: Vec<Row>,
-    claims: Vec<Claim>,
-}
-
 /// Runs the study, writes its files and returns its tables.
 ///
 /// # Errors
 /// [`BenchError`] for a directory that is in use (nothing is written then) or a mesh or factor that
 /// is refused.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let mut output = Output::create(&arguments.out, arguments.force)?;
-    let report = Report::measure(arguments.quick)?;
-    let text = report.markdown();
-    output.write("elements.json", &json(&report, &arguments.out, "elements.json")?)?;
-    output.write("elements.csv", &report.csv())?;
-    output.write("elements.md", &text)?;
-    if let Some(svg) = report.plot() {
-        output.write("elements.svg", &svg)?;
-    }
-    Ok(text)
+    let folder = arguments.destination.folder()?;
+    let rows = measure(arguments.quick)?;
+    let summary = summary(&rows);
+    report::write(&folder, "elements", &rows, summary)
 }
 
-impl Report {
-    fn measure(quick: bool) -> Result<Self, BenchError> {
-        let finest = if quick { VOXEL_LEVEL } else { FINEST_LEVEL };
-        let mut progress = Progress::new((POISSON_RATIOS.len() + SPHERE_RATIOS.len()) as f64);
-        let mut rows = Vec::new();
-        for nu in POISSON_RATIOS {
-            let block = Block::new(Filling::Homogeneous, nu, "laminate")?;
-            let mixed = P1P1::default();
-            let coarse = block.solve(finest - 3, &mixed)?;
-            let fine = block.solve(finest, &mixed)?;
-            let limit = [0, 1].map(|load| Field::limit(&coarse[load], &fine[load]));
-            drop((coarse, fine));
-            for level in [finest - 9, finest - 6, finest - 3] {
-                rows.extend(compare(&block, "homogeneous", nu, level, &limit)?);
-            }
-            progress.advance("homogeneous", 1.0);
-        }
-        for nu in SPHERE_RATIOS {
-            let block = Block::new(Filling::Sphere(1e3), nu, "laminate")?;
-            let fine = block.solve(VOXEL_LEVEL, &P1P1::default())?;
-            for level in [VOXEL_LEVEL - 6, VOXEL_LEVEL - 3] {
-                rows.extend(compare(&block, "sphere 1e3, laminate", nu, level, &fine)?);
-            }
-            progress.advance("sphere", 1.0);
-        }
-        let claims = claims(&rows);
-        Ok(Self { schema: SCHEMA, rows, claims })
-    }
-
-    fn csv(&self) -> String {
-        let mut text = String::from(
-            "case,nu,element,level,unknowns,error,interpolation_error,pressure_error,\
-             pressure_error_above,seconds\n",
-        );
-        let cell = |value: Option<f64>| value.map_or_else(String::new, |x| format!("{x:.6}"));
-        for r in &self.rows {
-            _ = writeln!(
-                text,
-                "\"{}\",{},{},{},{},{:.6},{:.6},{},{},{:.3}",
-                r.case,
-                r.nu,
-                r.element,
-                r.level,
-                r.unknowns,
-                r.error,
-                r.interpolation_error,
-                cell(r.pressure_error),
-                cell(r.pressure_error_above),
-                r.seconds
+fn summary(rows: &[Row]) -> Summary {
+    let claims = claims(rows);
+    let mut text = String::from(
+        "Relative L² errors in %, mean of tension and shear, on meshes of so many cubes along \
+         the block.\n\n",
+    );
+    let figures: [(&str, Figure); 4] = [
+        ("displacement", |r| Some(r.error)),
+        ("the reference, interpolated", |r| Some(r.interpolation_error)),
+        ("pressure", |r| r.pressure_error),
+        ("pressure above a quarter of the height", |r| r.pressure_error_above),
+    ];
+    for case in ["homogeneous", "sphere 1e3, laminate"] {
+        let rows: Vec<&Row> = rows.iter().filter(|r| r.case == case).collect();
+        let column = |r: &Row| format!("{}: {}", r.nu, r.cubes());
+        let heads = each_once(rows.iter().map(|r| column(r)));
+        for (name, figure) in figures {
+            let lines = spread(
+                &heads,
+                &rows,
+                |r| (r.element.to_owned(), column(r)),
+                |r| figure(r).map_or_else(String::new, |x| format!("{:.2}", 100.0 * x)),
             );
+            text += &table(&format!("{case}: {name}"), &heads, &lines);
         }
-        text
     }
+    text.extend(claims.iter().map(Claim::text));
+    Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("claims", claims)
+        .with_file("elements.svg", plot(rows))
+}
 
-    fn markdown(&self) -> String {
-        let mut text = String::from(
-            "Relative L² errors in %, mean of tension and shear, on meshes of so many cubes along \
-             the block.\n\n",
-        );
-        let figures: [(&str, Figure); 4] = [
-            ("displacement", |r| Some(r.error)),
-            ("the reference, interpolated", |r| Some(r.interpolation_error)),
-            ("pressure", |r| r.pressure_error),
-            ("pressure above a quarter of the height", |r| r.pressure_error_above),
-        ];
-        for case in ["homogeneous", "sphere 1e3, laminate"] {
-            for (name, figure) in figures {
-                text += &self.table(case, name, figure);
-            }
-        }
-        for Claim { name, value, limit, holds } in &self.claims {
-            let verdict = if *holds { "holds" } else { "DOES NOT HOLD" };
-            _ = writeln!(text, "- {name}: {value:.2}, claimed {limit}: {verdict}");
-        }
-        text
+impl Row {
+    /// Cubes along the block.
+    fn cubes(&self) -> u32 {
+        1 << (self.level / 3)
     }
+}
 
-    fn table(&self, case: &str, name: &str, figure: Figure) -> String {
-        let rows = || self.rows.iter().filter(move |r| r.case == case);
-        let mut heads: Vec<(f64, u8)> = rows().map(|r| (r.nu, r.level)).collect();
-        heads.dedup();
-        heads.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-        heads.dedup();
-        let lines: Vec<_> = FORMULATIONS
-            .iter()
-            .map(|&element| {
-                let cells = heads.iter().map(|&(nu, level)| {
-                    let found = rows()
-                        .find(|r| r.element == element && r.nu == nu && r.level == level)
-                        .and_then(figure);
-                    found.map_or_else(String::new, |x| format!("{:.2}", 100.0 * x))
-                });
-                (element.to_owned(), cells.collect())
-            })
-            .collect();
-        let heads: Vec<String> =
-            heads.iter().map(|(nu, level)| format!("{nu}: {}", 1 << (level / 3))).collect();
-        table(&format!("{case}: {name}"), &heads, &lines)
-    }
-
-    fn plot(&self) -> Option<String> {
-        let mut lines = Vec::new();
-        for (element, nu) in FORMULATIONS
-            .iter()
-            .flat_map(|e| [POISSON_RATIOS[0], POISSON_RATIOS[3]].map(|nu| (e, nu)))
-        {
-            let of = |r: &&Row| r.case == "homogeneous" && r.element == *element && r.nu == nu;
-            let points = |figure: Figure| {
-                let at = |r: &Row| Some((f64::from(1 << (r.level / 3)), figure(r)?));
-                self.rows.iter().filter(of).filter_map(at).collect::<Vec<_>>()
-            };
-            let name = format!("{element}, {nu}");
-            lines.push(Line { name: format!("u, {name}"), points: points(|r| Some(r.error)) });
-            lines.push(Line { name: format!("p, {name}"), points: points(|r| r.pressure_error) });
+fn measure(quick: bool) -> Result<Vec<Row>, BenchError> {
+    let finest = if quick { VOXEL_LEVEL } else { FINEST_LEVEL };
+    let mut progress = Progress::new((POISSON_RATIOS.len() + SPHERE_RATIOS.len()) as f64);
+    let mut rows = Vec::new();
+    for nu in POISSON_RATIOS {
+        let block = Block::new(Filling::Homogeneous, nu, "laminate")?;
+        let mixed = P1P1::default();
+        let coarse = block.solve(finest - 3, &mixed)?;
+        let fine = block.solve(finest, &mixed)?;
+        let limit = [0, 1].map(|load| Field::limit(&coarse[load], &fine[load]));
+        drop((coarse, fine));
+        for level in [finest - 9, finest - 6, finest - 3] {
+            rows.extend(compare(&block, "homogeneous", nu, level, &limit)?);
         }
-        log_log("Errors of a homogeneous block", ["cubes along it", "relative error"], &lines)
+        progress.advance("homogeneous", 1.0);
     }
+    for nu in SPHERE_RATIOS {
+        let block = Block::new(Filling::Sphere(1e3), nu, "laminate")?;
+        let fine = block.solve(VOXEL_LEVEL, &P1P1::default())?;
+        for level in [VOXEL_LEVEL - 6, VOXEL_LEVEL - 3] {
+            rows.extend(compare(&block, "sphere 1e3, laminate", nu, level, &fine)?);
+        }
+        progress.advance("sphere", 1.0);
+    }
+    Ok(rows)
+}
+
+fn plot(rows: &[Row]) -> Option<String> {
+    let figures: [(&str, Figure); 2] = [("u", |r| Some(r.error)), ("p", |r| r.pressure_error)];
+    let shown = |r: &&Row| r.case == "homogeneous" && [0.3, 0.4999].contains(&r.nu);
+    let of = |(name, figure): (&str, Figure)| {
+        curves(rows.iter().filter(shown), |r| {
+            let name = format!("{name}, {}, {}", r.element, r.nu);
+            Some((name, (f64::from(r.cubes()), figure(r)?)))
+        })
+    };
+    let titles = ["cubes along it", "relative error"];
+    log_log("Errors of a homogeneous block", titles, &figures.map(of).concat())
 }
 
 /// Both elements on one mesh.
@@ -243,9 +178,6 @@ fn compare(
 /// What is claimed of the errors, and whether it holds.
 fn claims(rows: &[Row]) -> Vec<Claim> {
     let mut claims = Vec::new();
-    let mut at_most = |name: String, value: f64, limit: f64| {
-        claims.push(Claim { name, value, limit, holds: value <= limit });
-    };
     let of = |element: &str, level: u8| -> Vec<&Row> {
         let wanted = |r: &&Row| r.case == "homogeneous" && r.element == element && r.level == level;
         rows.iter().filter(wanted).collect()
@@ -259,30 +191,27 @@ fn claims(rows: &[Row]) -> Vec<Claim> {
     levels.dedup();
     if let Some(&coarsest) = levels.first() {
         let value = spread(of("p1p1", coarsest).iter().map(|r| r.error).collect());
-        at_most(
-            "p1p1, coarsest mesh: largest over smallest error of all Poisson ratios".into(),
-            value,
-            1.7,
-        );
+        let name = "p1p1, coarsest mesh: largest over smallest error of all Poisson ratios";
+        claims.push(Claim::new(name, value, Limit::AtMost(1.7)));
     }
     // The reference lives on the finest of these meshes: there is nothing to interpolate.
     for &level in levels.iter().rev().skip(1).rev() {
         let cubes = 1 << (level / 3);
         let shares = of("p1p1", level).iter().map(|r| r.error / r.interpolation_error).collect();
         let name = format!("p1p1, {cubes} cubes: the same in units of the interpolation error");
-        at_most(name, spread(shares), 1.2);
+        claims.push(Claim::new(name, spread(shares), Limit::AtMost(1.2)));
     }
     let steepness = |element: &str| {
         let points = levels.iter().rev().take(2).filter_map(|&level| {
             let row = of(element, level).into_iter().find(|r| r.nu == POISSON_RATIOS[3])?;
-            Some((f64::from(1 << (level / 3)), row.pressure_error_above?))
+            Some((f64::from(row.cubes()), row.pressure_error_above?))
         });
         -slope(&points.collect::<Vec<_>>())
     };
-    at_most("p1, 0.4999: power of h in the pressure error".into(), steepness("p1"), 0.5);
-    let value = steepness("p1p1");
-    let name = "p1p1, 0.4999: power of h in the pressure error".to_owned();
-    claims.push(Claim { name, value, limit: 0.8, holds: value >= 0.8 });
+    for (element, limit) in [("p1", Limit::AtMost(0.5)), ("p1p1", Limit::AtLeast(0.8))] {
+        let name = format!("{element}, 0.4999: power of h in the pressure error");
+        claims.push(Claim::new(name, steepness(element), limit));
+    }
     claims
 }
 
@@ -298,9 +227,9 @@ mod tests {
 
     #[test]
     fn errors_are_the_known_ones_and_the_mixed_element_does_not_lock() {
-        let report = Report::measure(true).unwrap();
+        let rows = measure(true).unwrap();
         let error = |case: &str, element: &str, nu: f64, level: u8| {
-            let row = report.rows.iter().find(|r| {
+            let row = rows.iter().find(|r| {
                 r.case.starts_with(case) && r.element == element && r.nu == nu && r.level == level
             });
             100.0 * row.unwrap().error
@@ -322,28 +251,8 @@ mod tests {
                 assert!(found <= known && found >= 0.85 * known, "{element} {level}: {found}");
             }
         }
-        assert_eq!(report.claims.len(), 5);
-        assert!(report.claims.iter().all(|claim| claim.holds), "{:#?}", report.claims);
-    }
-
-    #[test]
-    fn files_are_written_as_documented() {
-        let root = tempfile::tempdir().unwrap();
-        let arguments = Common { out: root.path().join("study"), quick: true, force: false };
-        let text = run(&arguments).unwrap();
-        let read = |name: &str| std::fs::read_to_string(arguments.out.join(name)).unwrap();
-        assert_eq!(read("elements.md"), text);
-        let value: serde_json::Value = serde_json::from_str(&read("elements.json")).unwrap();
-        let rows = value["rows"].as_array().unwrap().len();
-        assert_eq!(rows, 2 * (4 * 3 + 2 * 2));
-        let csv = read("elements.csv");
-        assert_eq!(csv.lines().count(), rows + 1);
-        assert!(
-            csv.lines().all(|line| line.replace("1e3, ", "").matches(',').count() == 9),
-            "{csv}"
-        );
-        assert!(!text.contains("NaN") && text.contains("p1p1"));
-        assert!(read("elements.svg").contains("</svg>"));
-        assert!(run(&arguments).is_err(), "the directory is in use");
+        let claims = claims(&rows);
+        assert_eq!(claims.len(), 5);
+        assert!(claims.iter().all(|claim| claim.holds), "{claims:#?}");
     }
 }

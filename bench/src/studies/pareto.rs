@@ -2,9 +2,9 @@
 
 use clap::Args;
 
-use super::arguments::in_range;
-use crate::cases::Selection;
 use crate::error::BenchError;
+use crate::harness::arguments::in_range;
+use crate::harness::cases::Selection;
 use crate::pareto::{Candidate, Options, Study};
 
 /// What is asked for on the command line.

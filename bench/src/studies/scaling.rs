@@ -2,16 +2,13 @@
 
 use serde::Serialize;
 
-use super::arguments::{Arguments, Defaults};
-use super::markdown::table;
-use super::race::{self, FAMILIES, LeftOut, Ratio, Row};
-use super::{json, race_tables};
-use crate::direct::Direct;
+use super::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
 use crate::error::BenchError;
-use crate::machine::Machine;
-use crate::output::Output;
-use crate::plot::{log_log, slope};
-use crate::progress::Progress;
+use crate::harness::machine::Machine;
+use crate::harness::plot::{log_log, slope};
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Summary, spread};
+use crate::solvers::direct::{Direct, in_one_thread};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-scaling-1";
@@ -46,16 +43,6 @@ struct Fit {
     exponent: f64,
 }
 
-#[derive(Debug, Serialize)]
-struct Report {
-    schema: &'static str,
-    machine: Machine,
-    rows: Vec<Row>,
-    fits: Vec<Fit>,
-    ratios: Vec<Ratio>,
-    left_out: Vec<LeftOut>,
-}
-
 /// Runs the study, writes its files and returns its tables.
 ///
 /// # Errors
@@ -63,33 +50,35 @@ struct Report {
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let mut output = Output::create(&arguments.common.out, arguments.common.force)?;
-    let mut progress = Progress::new(settings.vertices.iter().map(|&n| race::work(n)).sum());
-    let fields = crate::direct::in_one_thread(|| race::run(&settings, &mut progress))?;
-    drop(progress);
-    let rows: Vec<Row> = fields.iter().flat_map(|field| field.rows.iter().cloned()).collect();
-    let report = Report {
-        schema: SCHEMA,
-        machine,
-        fits: fits(&rows),
-        ratios: fields.iter().flat_map(race::ratios).collect(),
-        left_out: fields.iter().flat_map(|field| field.left_out.iter().cloned()).collect(),
-        rows,
-    };
-    let text = report.markdown(&settings.vertices);
-    output.write("scaling.json", &json(&report, &arguments.common.out, "scaling.json")?)?;
-    output.write("scaling.csv", &race::csv(&report.rows, ("", |_: &Row| String::new())))?;
-    output.write("scaling.md", &text)?;
-    for family in FAMILIES {
+    let folder = arguments.common.destination.folder()?;
+    let sizes = in_one_thread(|| race::run(&settings))?;
+    let rows = race::rows(&sizes);
+    let summary = summary(&rows, &sizes, &settings.vertices, &machine);
+    report::write(&folder, "scaling", &rows, summary)
+}
+
+fn summary(rows: &[Row], found: &[AtSize], sizes: &[usize], machine: &Machine) -> Summary {
+    let fits = fits(rows);
+    let mut text = race::head(machine);
+    text += &race::families(rows, sizes, &[], |family| exponents(&fits, family));
+    let (ratios, left_out) = race::beside(found);
+    text += &race::ratio_table(&ratios, sizes);
+    text += &race::left_out(&left_out);
+    let mut summary = Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("machine", machine)
+        .with("fits", fits)
+        .with("ratios", ratios)
+        .with("left_out", left_out);
+    for family in FAMILIES.map(|family| family.name) {
         for (operation, value) in [OPERATIONS[0], OPERATIONS[3]] {
-            let lines = race_tables::lines(&report.rows, family.name, value);
-            let title = format!("{operation}, {}", family.name);
-            if let Some(svg) = log_log(&title, ["free vertices", "ms"], &lines) {
-                output.write(&format!("scaling_{operation}_{}.svg", family.name), &svg)?;
-            }
+            let curves = race::lines(rows, family, value);
+            let title = format!("{operation}, {family}");
+            let svg = log_log(&title, ["free vertices", "ms"], &curves);
+            summary = summary.with_file(format!("scaling_{operation}_{family}.svg"), svg);
         }
     }
-    Ok(text)
+    summary
 }
 
 /// Of all methods in both families, where at least two sizes were measured.
@@ -97,7 +86,7 @@ fn fits(rows: &[Row]) -> Vec<Fit> {
     let mut fits = Vec::new();
     for family in FAMILIES.map(|family| family.name) {
         for (operation, value) in OPERATIONS {
-            for line in race_tables::lines(rows, family, value) {
+            for line in race::lines(rows, family, value) {
                 let exponent = slope(&line.points);
                 let is = |row: &&Row| row.method == line.name;
                 let Some(method) = rows.iter().find(is).map(|row| row.method) else { continue };
@@ -111,89 +100,10 @@ fn fits(rows: &[Row]) -> Vec<Fit> {
     fits
 }
 
-impl Report {
-    fn markdown(&self, sizes: &[usize]) -> String {
-        let mut text = race_tables::head(&self.machine);
-        for family in FAMILIES {
-            text += &race_tables::family(&self.rows, family.name, sizes, &[]);
-            text += &self.exponents(family.name);
-        }
-        text += &race_tables::ratios(&self.ratios, sizes);
-        text += &race_tables::left_out(&self.left_out);
-        text
-    }
-
-    fn exponents(&self, family: &str) -> String {
-        let mut methods: Vec<&str> = Vec::new();
-        for fit in self.fits.iter().filter(|fit| fit.family == family) {
-            if !methods.contains(&fit.method) {
-                methods.push(fit.method);
-            }
-        }
-        let cell = |method: &str, operation: &str| {
-            let is = |f: &&Fit| (f.method, f.family, f.operation) == (method, family, operation);
-            self.fits.iter().find(is).map_or_else(String::new, |fit| format!("{:.2}", fit.exponent))
-        };
-        let lines: Vec<_> = methods
-            .iter()
-            .map(|m| (m.to_string(), OPERATIONS.map(|(operation, _)| cell(m, operation)).to_vec()))
-            .collect();
-        let heads = OPERATIONS.map(|(operation, _)| operation.to_owned());
-        table("exponent of time over vertices", &heads, &lines)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::studies::Common;
-    use serde_json::Value;
-
-    #[test]
-    fn every_maintainer_has_exponents_and_large_ones_are_left_out() {
-        let root = tempfile::tempdir().unwrap();
-        let out = root.path().join("study");
-        let arguments = Arguments {
-            common: Common { out: out.clone(), quick: true, force: false },
-            vertices: vec![160, 240, 2200],
-            pairs: Some(5),
-            cap_s: 60,
-            // Three times 6600² numbers are 1.05 GB.
-            memory_gb: Some(1),
-            seed: 2,
-        };
-        let text = run(&arguments).unwrap();
-        assert_eq!(std::fs::read_to_string(out.join("scaling.md")).unwrap(), text);
-        let json = std::fs::read_to_string(out.join("scaling.json")).unwrap();
-        assert!(!json.contains("null"), "{json}");
-        let value: Value = serde_json::from_str(&json).unwrap();
-        let fits = value["fits"].as_array().unwrap();
-        for method in race::maintainers() {
-            for family in FAMILIES {
-                let splits: Vec<&Value> = fits
-                    .iter()
-                    .filter(|f| f["method"] == method && f["family"] == family.name)
-                    .filter(|f| f["operation"] == "split")
-                    .collect();
-                assert_eq!(splits.len(), 1, "{method}");
-                assert_eq!(splits[0]["sizes"], if method.starts_with("sparse") { 3 } else { 2 });
-            }
-        }
-        let left_out = value["left_out"].as_array().unwrap();
-        let dense = race::maintainers().filter(|name| !name.starts_with("sparse")).count();
-        assert_eq!(left_out.len(), 2 * dense);
-        assert!(left_out.iter().all(|l| l["vertices"] == 2200));
-        assert!(text.contains("left out, needs 1.05 GB, limit 1.00 GB"), "{text}");
-        let large: Vec<&Value> = value["rows"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .filter(|row| row["vertices"] == 2200)
-            .collect();
-        assert!(large.iter().any(|row| row["method"] == "sparse"));
-        for row in large {
-            assert!(row["error_vs_lu"].as_f64().unwrap() < 1e-10, "{row}");
-            assert_eq!(row["reference"], "sparse_refactor_amd");
-        }
-    }
+fn exponents(fits: &[Fit], family: &str) -> String {
+    let heads = OPERATIONS.map(|(operation, _)| operation.to_owned());
+    let fits = fits.iter().filter(|fit| fit.family == family);
+    let place = |fit: &&Fit| (fit.method.to_owned(), fit.operation.to_owned());
+    let lines = spread(&heads, fits, place, |fit| format!("{:.2}", fit.exponent));
+    table("exponent of time over vertices", &heads, &lines)
 }

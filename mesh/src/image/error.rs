@@ -359,15 +359,6 @@ pub enum ImageError {
         /// What is accepted.
         want: &'static str,
     },
-    /// The NIfTI decoder refused voxels whose header had passed.
-    #[cfg(feature = "nifti")]
-    #[error("{}: voxel data: {source}", path.display())]
-    Decode {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder said.
-        source: nifti::NiftiError,
-    },
     /// A range of values that holds none, or stands for the background.
     #[error("range {index} for label {label} is [{low}, {high}): want {want}")]
     ValueRange {

@@ -201,11 +201,16 @@ impl LabelVolume {
     /// The smallest box around all voxels that are not background, as its first voxel and its
     /// last one (inclusive), or `None` if there is nothing but background. Cost: O(voxels).
     pub fn bounding_box(&self) -> Option<[[usize; 3]; 2]> {
+        self.box_where(|id| id != 0)
+    }
+
+    /// The same around the voxels whose dense id is `wanted`.
+    pub(crate) fn box_where(&self, wanted: impl Fn(u16) -> bool) -> Option<[[usize; 3]; 2]> {
         let [nx, ny, _] = self.grid.dims;
         let mut bounds: Option<[[usize; 3]; 2]> = None;
         for (row, ids) in self.labels.chunks_exact(nx).enumerate() {
-            let Some(first) = ids.iter().position(|&id| id != 0) else { continue };
-            let last = ids.iter().rposition(|&id| id != 0).unwrap_or(first);
+            let Some(first) = ids.iter().position(|&id| wanted(id)) else { continue };
+            let last = ids.iter().rposition(|&id| wanted(id)).unwrap_or(first);
             let (y, z) = (row % ny, row / ny);
             let [low, high] = bounds.get_or_insert([[first, y, z], [last, y, z]]);
             for (axis, (a, b)) in [(first, last), (y, y), (z, z)].into_iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Where a label begins and ends, asked box by box: what a mesh must resolve to carry its outline.
 
 use super::error::SurfaceError;
-use super::label_field::bounding_box;
+use super::label_field::label_box;
 use crate::bisection::{BisectionForest, Tet};
 use crate::image::volume::LabelVolume;
 
@@ -22,11 +22,7 @@ impl LabelBoundary {
     /// # Errors
     /// [`SurfaceError::IsoSurface`] if `label` is 0 or not in the volume's table.
     pub fn new(volume: &LabelVolume, label: u16) -> Result<Self, SurfaceError> {
-        if label == 0 || usize::from(label) >= volume.values().len() {
-            let (value, want) = (label.into(), "an id of the volume's label table other than 0");
-            return Err(SurfaceError::IsoSurface { field: "dense label", value, want });
-        }
-        let Some([low, high]) = bounding_box(volume, label) else {
+        let Some([low, high]) = label_box(volume, label)? else {
             return Ok(Self { sums: vec![0], first: [0; 3], dims: [0; 3] });
         };
         let dims: [usize; 3] = std::array::from_fn(|i| high[i] + 1 - low[i]);

@@ -46,12 +46,9 @@ impl LabelField {
             let (value, want) = (sigma_voxels, "0 to 16 voxels");
             return Err(SurfaceError::IsoSurface { field: "sigma", value, want });
         }
-        if label == 0 || usize::from(label) >= volume.values().len() {
-            let (value, want) = (label.into(), "an id of the volume's label table other than 0");
-            return Err(SurfaceError::IsoSurface { field: "dense label", value, want });
-        }
+        let bounds = label_box(volume, label)?;
         let kernel = kernel(sigma_voxels);
-        let mut field = Self::indicator(volume, label, kernel.len() / 2);
+        let mut field = Self::indicator(volume, label, bounds, kernel.len() / 2);
         for axis in 0..3 {
             field.values = blur_axis(&field.values, field.dims, axis, &kernel);
         }
@@ -59,8 +56,13 @@ impl LabelField {
     }
 
     /// The 0/1 indicator on the label's box with `margin` voxels around it.
-    fn indicator(volume: &LabelVolume, label: u16, margin: usize) -> Self {
-        let Some([low, high]) = bounding_box(volume, label) else {
+    fn indicator(
+        volume: &LabelVolume,
+        label: u16,
+        bounds: Option<[[usize; 3]; 2]>,
+        margin: usize,
+    ) -> Self {
+        let Some([low, high]) = bounds else {
             return Self { values: Vec::new(), first: [0; 3], dims: [0; 3] };
         };
         let dims: [usize; 3] = std::array::from_fn(|i| high[i] + 1 - low[i] + 2 * margin);
@@ -130,21 +132,19 @@ impl LabelField {
     }
 }
 
-/// First and last voxel of the box around a label.
-pub(super) fn bounding_box(volume: &LabelVolume, label: u16) -> Option<[[usize; 3]; 2]> {
-    let [nx, ny, _] = volume.grid().dims;
-    let mut bounds: Option<[[usize; 3]; 2]> = None;
-    for (row, ids) in volume.labels().chunks_exact(nx).enumerate() {
-        let Some(first) = ids.iter().position(|&id| id == label) else { continue };
-        let last = ids.iter().rposition(|&id| id == label).unwrap_or(first);
-        let (low, high) = ([first, row % ny, row / ny], [last, row % ny, row / ny]);
-        let [so_far_low, so_far_high] = bounds.get_or_insert([low, high]);
-        for axis in 0..3 {
-            so_far_low[axis] = so_far_low[axis].min(low[axis]);
-            so_far_high[axis] = so_far_high[axis].max(high[axis]);
-        }
+/// First and last voxel of the box around a label, `None` where it has no voxels.
+///
+/// # Errors
+/// [`SurfaceError::IsoSurface`] if `label` is 0 or not in the volume's table.
+pub(super) fn label_box(
+    volume: &LabelVolume,
+    label: u16,
+) -> Result<Option<[[usize; 3]; 2]>, SurfaceError> {
+    if label == 0 || usize::from(label) >= volume.values().len() {
+        let (value, want) = (label.into(), "an id of the volume's label table other than 0");
+        return Err(SurfaceError::IsoSurface { field: "dense label", value, want });
     }
-    bounds
+    Ok(volume.box_where(|id| id == label))
 }
 
 /// Weights w(−r) … w(r); the next one would be below 1/2¹² of w(0).

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::error::SurfaceError;
 use super::surface::IsoSurface;
+use crate::union_find::root;
 
 impl IsoSurface {
     /// Area, Σ |(b − a) × (c − a)| / 2, in the squared unit of `points`.
@@ -84,13 +85,4 @@ impl IsoSurface {
         }
         count
     }
-}
-
-/// The representative of a vertex's piece; halves the path on the way.
-fn root(parent: &mut [u32], mut v: u32) -> u32 {
-    while parent[v as usize] != v {
-        parent[v as usize] = parent[parent[v as usize] as usize];
-        v = parent[v as usize];
-    }
-    v
 }

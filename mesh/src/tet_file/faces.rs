@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::error::TetMeshError;
+use crate::union_find::root;
 
 /// Corners of the face opposite each corner, counter-clockwise as seen from outside.
 const OUTWARD_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
@@ -92,14 +93,4 @@ pub(super) fn components(tets: &[[u32; 4]]) -> Vec<Vec<usize>> {
         groups[numbers[root]].push(tet);
     }
     groups
-}
-
-/// The root of a union-find tree, halving the path to it.
-fn root(parents: &mut [u32], mut tet: u32) -> u32 {
-    while parents[tet as usize] != tet {
-        let grandparent = parents[parents[tet as usize] as usize];
-        parents[tet as usize] = grandparent;
-        tet = grandparent;
-    }
-    tet
 }

@@ -1,7 +1,7 @@
 //! Tetrahedral meshes made by other programs, and the files that hold them.
 //!
 //! Open `mesh` first: a plain mesh, checked by `check` and `faces`. `gmsh` (MSH 2.2 and 4.1) and
-//! `vtk_xml` (.vtu) read and write files, each behind a feature; `file` is what they share.
+//! `vtk_xml` (.vtu) read and write files, readers behind a feature each; `file` is what they share.
 
 mod check;
 mod error;
@@ -11,7 +11,6 @@ mod file;
 #[cfg(feature = "gmsh")]
 mod gmsh;
 mod mesh;
-#[cfg(feature = "vtu")]
 mod vtk_xml;
 
 pub use check::FLATNESS;
@@ -21,5 +20,7 @@ pub use file::LoadedMesh;
 #[cfg(feature = "gmsh")]
 pub use gmsh::{read_msh, write_msh22, write_msh41};
 pub use mesh::{PlainMesh, Repairs};
+pub(crate) use vtk_xml::triangles_xml;
 #[cfg(feature = "vtu")]
 pub use vtk_xml::{MeshField, TAG_ARRAYS, read_vtu, write_vtu_plain};
+pub use vtk_xml::{VtkArray, VtkValues, tetrahedra_xml};

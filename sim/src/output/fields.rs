@@ -16,7 +16,7 @@ pub(super) const FILES: [&str; 3] =
 /// complete.
 ///
 /// # Errors
-/// [`SimError::Io`], or [`SimError::Mesh`] with the file, if they can't be written.
+/// [`SimError::Io`], or [`SimError::Image`] with the file, if they can't be written.
 #[cfg(feature = "nifti")]
 pub(super) fn write(directory: &Path, fields: &Fields) -> Result<(), SimError> {
     use yawara_mesh::image::{write_field, write_labels};

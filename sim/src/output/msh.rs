@@ -17,7 +17,7 @@ use crate::report::Frame;
 /// are written with positive winding. Cost: O(n log n).
 ///
 /// # Errors
-/// [`SimError::Mesh`] for a flat tetrahedron, a label beyond 0 to 2³¹ − 1, or if the file can't
+/// [`SimError::TetMesh`] for a flat tetrahedron, a label beyond 0 to 2³¹ − 1, or if the file can't
 /// be written.
 pub fn write_msh(path: &Path, frame: &Frame) -> Result<(), SimError> {
     let points = frame.points_mm.iter().map(|&x| Vector3::from(x)).collect();

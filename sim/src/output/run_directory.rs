@@ -107,7 +107,7 @@ impl RunDirectory {
     /// surface, and lists them in `frames.pvd`.
     ///
     /// # Errors
-    /// As [`write_vtu`]; [`SimError::Mesh`] for a surface.
+    /// As [`write_vtu`]; [`SimError::Surface`] for a surface.
     pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
         let mut files = vec![format!("{FRAMES}/step_{step:06}.vtu")];
         write_vtu(&self.aside.join(&files[0]), frame)?;
@@ -142,7 +142,7 @@ impl RunDirectory {
     /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
     ///
     /// # Errors
-    /// [`SimError::Io`]; [`SimError::Mesh`], which names the file; [`SimError::FeatureMissing`] in
+    /// [`SimError::Io`]; [`SimError::Image`], which names the file; [`SimError::FeatureMissing`] in
     /// a build without NIfTI.
     pub fn write_fields(&mut self, fields: &Fields) -> Result<(), SimError> {
         fields::write(&self.aside, fields)

@@ -2,11 +2,7 @@
 
 use std::path::Path;
 
-use vtkio::IOBuffer;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
-    VertexNumbers, Vtk,
-};
+use yawara_mesh::tet_file::{VtkArray, VtkValues, tetrahedra_xml};
 
 use super::write_file;
 use crate::SimError;
@@ -20,60 +16,27 @@ use crate::report::Frame;
 ///
 /// # Errors
 /// [`SimError::Frame`] if the fields do not fit together, a number is not finite or a corner is
-/// no point; [`SimError::Io`] and [`SimError::Vtk`] if the file can't be written. Then no file is
-/// left that was not there before.
+/// no point; [`SimError::Io`] if the file can't be written. Then no file is left that was not there
+/// before.
 pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
     check(frame)?;
-    let refuse = |reason: String| SimError::Vtk { path: path.into(), reason };
-    let mut bytes = Vec::new();
-    model(frame).write_xml(&mut bytes).map_err(|error| refuse(error.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|error| refuse(error.to_string()))?;
-    write_file(path, signed_topology(text))
+    let displacement = VtkValues::Float64(frame.displacement_mm.as_flattened());
+    let point = [VtkArray { name: "displacement", components: 3, values: displacement }];
+    let cell = [
+        ("level", VtkValues::UInt8(&frame.level)),
+        ("label", VtkValues::Int64(&frame.label)),
+        ("young_modulus_pa", VtkValues::Float64(&frame.young_modulus_pa)),
+        ("von_mises_pa", VtkValues::Float64(&frame.von_mises_pa)),
+        ("indicator", VtkValues::Float64(&frame.indicator)),
+    ]
+    .map(|(name, values)| VtkArray { name, components: 1, values });
+    let points = frame.points_mm.as_flattened();
+    write_file(path, tetrahedra_xml(points, &frame.tets, &given(point), &given(cell)))
 }
 
-/// Declares connectivity and offsets as signed, as ParaView writes them: the bits are the same,
-/// and meshio turns unsigned ones into floats.
-fn signed_topology(text: String) -> String {
-    ["connectivity", "offsets"].iter().fold(text, |text, name| {
-        let tag = |kind: &str| format!("type=\"{kind}\" Name=\"{name}\"");
-        text.replacen(&tag("UInt64"), &tag("Int64"), 1)
-    })
-}
-
-fn model(frame: &Frame) -> Vtk {
-    let connectivity = frame.tets.iter().flatten().map(|&v| u64::from(v)).collect();
-    let offsets = (1..=frame.tets.len() as u64).map(|n| 4 * n).collect();
-    let scalars = [
-        ("level", IOBuffer::U8(frame.level.clone())),
-        ("label", IOBuffer::I64(frame.label.clone())),
-        ("young_modulus_pa", IOBuffer::F64(frame.young_modulus_pa.clone())),
-        ("von_mises_pa", IOBuffer::F64(frame.von_mises_pa.clone())),
-        ("indicator", IOBuffer::F64(frame.indicator.clone())),
-    ];
-    let cell = scalars
-        .into_iter()
-        .filter(|(_, values)| !values.is_empty())
-        .map(|(name, values)| Attribute::scalars(name, 1).with_data(values))
-        .collect();
-    let displacement = IOBuffer::F64(frame.displacement_mm.as_flattened().to_vec());
-    let point = match displacement.is_empty() {
-        true => Vec::new(),
-        false => vec![Attribute::vectors("displacement").with_data(displacement)],
-    };
-    Vtk {
-        version: Version::new((1, 0)),
-        title: String::new(),
-        byte_order: ByteOrder::LittleEndian,
-        data: DataSet::inline(UnstructuredGridPiece {
-            points: IOBuffer::F64(frame.points_mm.as_flattened().to_vec()),
-            cells: Cells {
-                cell_verts: VertexNumbers::XML { connectivity, offsets },
-                types: vec![CellType::Tetra; frame.tets.len()],
-            },
-            data: Attributes { point, cell },
-        }),
-        file_path: None,
-    }
+/// The arrays that hold something.
+fn given<'a, const N: usize>(arrays: [VtkArray<'a>; N]) -> Vec<VtkArray<'a>> {
+    arrays.into_iter().filter(|array| !array.values.is_empty()).collect()
 }
 
 fn check(frame: &Frame) -> Result<(), SimError> {
@@ -115,7 +78,8 @@ fn check(frame: &Frame) -> Result<(), SimError> {
 
 #[cfg(test)]
 mod tests {
-    use vtkio::model::Piece;
+    use vtkio::model::{Attribute, CellType, DataSet, Piece, VertexNumbers};
+    use vtkio::{IOBuffer, Vtk};
 
     use super::*;
     use std::fs;

@@ -200,7 +200,7 @@ impl Simulation {
     /// The current mesh with its fields and surfaces, for output.
     ///
     /// # Errors
-    /// [`SimError::Mesh`] if a position is not finite.
+    /// [`SimError::Surface`] if a position is not finite.
     pub fn frame(&self) -> Result<Frame, SimError> {
         let time_s = self.time_after(self.recorder.statistics.steps());
         let SimulatedBody { state, refiner, .. } = &self.body;
@@ -215,7 +215,7 @@ impl Simulation {
     /// Cost: O(voxels + tetrahedra); 10 bytes per voxel.
     ///
     /// # Errors
-    /// [`SimError::Mesh`] where a field is not finite (the state has diverged).
+    /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
         self.recorder.fields(&self.body.state)
     }
@@ -238,7 +238,7 @@ impl Simulation {
     /// Cost: as the mesh itself, and one combination of halves per heterogeneous tetrahedron.
     /// # Errors
     /// [`SimError::Value`] for a mesh from a file, which has no levels, or a level beyond
-    /// [`MAX_LEVEL`]; [`SimError::Mesh`], [`SimError::Embed`].
+    /// [`MAX_LEVEL`]; [`SimError::Bisection`], [`SimError::Embed`].
     pub fn probe(&self, level: u8) -> Result<Probe, SimError> {
         let refused = |key: &str, value: String, want: &str| SimError::Value {
             place: self.scene.name.clone(),

@@ -82,7 +82,7 @@ impl<'a> BodyAtRest<'a> {
     /// Points all over the surface, `spacing_m` or a little more apart where it is smooth.
     ///
     /// # Errors
-    /// [`SimError::Mesh`] if the surface can't be made.
+    /// [`SimError::Surface`] if the surface can't be made.
     pub fn surface_points(&mut self, spacing_m: f64) -> Result<SurfacePoints, SimError> {
         self.surface.points(spacing_m)
     }
@@ -91,7 +91,7 @@ impl<'a> BodyAtRest<'a> {
     /// vectors.
     ///
     /// # Errors
-    /// [`SimError::PatchEmpty`] with `key` if there are none; [`SimError::Mesh`] if the surface
+    /// [`SimError::PatchEmpty`] with `key` if there are none; [`SimError::Surface`] if the surface
     /// can't be made.
     pub fn surface_patch(&mut self, key: &str, region: &Region) -> Result<SurfacePoints, SimError> {
         self.surface.patch(key, region)

@@ -1,16 +1,16 @@
-//! The findings of the study `drift`, as CSV, JSON, tables and plots.
-
-use std::fmt::Write;
+//! The findings of the study `drift`: rows, claims, tables and plots.
 
 use serde::Serialize;
 
-use super::MONITORED;
-use crate::machine::Machine;
-use crate::plot::{Line, log_log};
-use crate::studies::markdown::table;
+use crate::harness::plot::log_log;
+use crate::harness::report::markdown::table;
+use crate::harness::report::{Claim, Summary, curves, each_once, spread};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-drift-1";
+
+/// Columns that the monitor looks at.
+pub(super) const MONITORED: usize = 8;
 
 /// One maintainer after so many updates; a figure that is not finite is left out.
 #[derive(Clone, Debug, Serialize)]
@@ -23,46 +23,15 @@ pub(crate) struct Row {
     pub precision: &'static str,
     pub updates: usize,
     /// Largest relative error of `solve` over a few loads, against a fresh K.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
     /// Largest relative error of `columns`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub columns_error: Option<f64>,
     /// The drift that a maintainer can measure by itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub monitor: Option<f64>,
     pub rebuilds: usize,
 }
 
-/// What is claimed of a maintainer in a case, and whether it is so.
-#[derive(Clone, Debug, Serialize)]
-struct Claim {
-    e_ratio: f64,
-    poisson_low: f64,
-    poisson_high: f64,
-    vertices: usize,
-    method: &'static str,
-    claim: &'static str,
-    holds: bool,
-}
-
-/// All findings.
-#[derive(Debug, Serialize)]
-pub(crate) struct Report {
-    schema: &'static str,
-    machine: Machine,
-    homogenisation: &'static str,
-    seed: u64,
-    updates: usize,
-    rows: Vec<Row>,
-    claims: Vec<Claim>,
-}
-
 impl Row {
-    fn case(&self) -> (f64, f64, f64, usize) {
-        (self.e_ratio, self.poisson_low, self.poisson_high, self.vertices)
-    }
-
     fn title(&self) -> String {
         let poisson = match self.poisson_low == self.poisson_high {
             true => format!("{}", self.poisson_low),
@@ -75,138 +44,79 @@ impl Row {
 /// A figure of a row, if it is finite.
 type Figure = fn(&Row) -> Option<f64>;
 
-/// The rows of one maintainer in one case.
-type Course<'a> = Vec<&'a Row>;
-
-impl Report {
-    pub fn new(machine: Machine, seed: u64, rows: Vec<Row>) -> Self {
-        let updates = rows.iter().map(|row| row.updates).max().unwrap_or(0);
-        let claims = courses(&rows).iter().filter_map(|course| claim(course, updates)).collect();
-        let homogenisation = "laminate";
-        Self { schema: SCHEMA, machine, homogenisation, seed, updates, rows, claims }
-    }
-
-    pub fn csv(&self) -> String {
-        let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
-        let mut text = "e_ratio,poisson_low,poisson_high,vertices,method,precision,updates,error,\
-                        columns_error,monitor,rebuilds\n"
-            .to_owned();
-        for r in &self.rows {
-            let Row { e_ratio, poisson_low, poisson_high, vertices, method, .. } = r;
-            let Row { precision, updates, rebuilds, .. } = r;
-            let (error, columns, monitor) =
-                (number(r.error), number(r.columns_error), number(r.monitor));
-            _ = writeln!(
-                text,
-                "{e_ratio:e},{poisson_low},{poisson_high},{vertices},{method},{precision},\
-                 {updates},{error},{columns},{monitor},{rebuilds}"
-            );
+/// What the rows say.
+pub(super) fn summary(rows: &[Row]) -> Summary {
+    let updates = rows.iter().map(|row| row.updates).max().unwrap_or(0);
+    let claims = claims(rows, updates);
+    let mut text = format!(
+        "{updates} random splits, merges and changes of material, `laminate`. Relative errors of \
+         solutions against a fresh factor with refinement, the largest on the way; in brackets how \
+         often the maintainer started afresh. Monitor: the largest of its own figures, of \
+         {MONITORED} columns.\n\n"
+    );
+    let largest = |rows: &[&Row], value: Figure| {
+        let values = rows.iter().map(|row| value(row));
+        let whole = values.clone().all(|value| value.is_some());
+        let ended = rows.last().is_some_and(|row| row.updates == updates);
+        match values.flatten().reduce(f64::max).filter(|_| whole && ended) {
+            Some(value) => format!("{value:.0e}"),
+            None => "lost".to_owned(),
         }
-        text
-    }
-
-    pub fn markdown(&self) -> String {
-        let mut text = format!(
-            "{} random splits, merges and changes of material, `{}`. Relative errors of solutions \
-             against a fresh factor with refinement, the largest on the way; in brackets the times \
-             that the maintainer started afresh. Monitor: the largest of its own figures, of \
-             {MONITORED} columns.\n\n",
-            self.updates, self.homogenisation
-        );
-        let largest = |course: &Course, value: Figure| {
-            let values = course.iter().map(|row| value(row));
-            let whole = values.clone().all(|value| value.is_some());
-            let ended = course.last().is_some_and(|row| row.updates == self.updates);
-            match values.flatten().reduce(f64::max).filter(|_| whole && ended) {
-                Some(value) => format!("{value:.0e}"),
-                None => "lost".to_owned(),
-            }
-        };
-        let rebuilds = |course: &Course| match course.last().map_or(0, |row| row.rebuilds) {
-            0 => String::new(),
-            count => format!(" ({count})"),
-        };
-        text += &self.table("error of solutions", |course| {
-            largest(course, |row| row.error) + &rebuilds(course)
-        });
-        text += &self.table("error of columns", |course| largest(course, |row| row.columns_error));
-        text += &self.table("monitor", |course| largest(course, |row| row.monitor));
-        for claim in &self.claims {
-            let verdict = if claim.holds { "holds" } else { "does NOT hold" };
-            let Claim { method, claim, e_ratio, poisson_low, poisson_high, .. } = claim;
-            _ = writeln!(
-                text,
-                "- {method}, E ratio {e_ratio:e}, ν {poisson_low}-{poisson_high}: {claim}: {verdict}"
-            );
-        }
-        text
-    }
-
-    /// One line per case, one column per maintainer.
-    fn table(&self, corner: &str, cell: impl Fn(&Course) -> String) -> String {
-        let mut methods: Vec<String> = Vec::new();
-        let mut lines: Vec<(String, Vec<String>)> = Vec::new();
-        let courses = courses(&self.rows);
-        for course in &courses {
-            if methods.iter().all(|method| method != course[0].method) {
-                methods.push(course[0].method.to_owned());
-            }
-        }
-        for course in &courses {
-            let title = course[0].title();
-            if lines.iter().all(|(name, _)| *name != title) {
-                lines.push((title.clone(), vec![String::new(); methods.len()]));
-            }
-            let at = methods.iter().position(|method| method == course[0].method).unwrap_or(0);
-            for (_, cells) in lines.iter_mut().filter(|(name, _)| *name == title) {
-                cells[at] = cell(course);
-            }
-        }
-        table(corner, &methods, &lines)
-    }
-
-    /// One plot per case: error and monitor of every maintainer over the updates.
-    pub fn plots(&self) -> Vec<(String, String)> {
-        let mut plots: Vec<(String, Vec<Line>)> = Vec::new();
-        let figures: [(&str, Figure); 2] =
-            [("error", |row| row.error), ("monitor", |row| row.monitor)];
-        for (figure, value) in figures {
-            for course in courses(&self.rows) {
-                let at = |row: &&Row| Some((row.updates as f64, value(row)?));
-                let points = course.iter().filter_map(at).filter(|point| point.1 > 0.0).collect();
-                let (title, name) = (course[0].title(), format!("{}, {figure}", course[0].method));
-                let line = Line { name, points };
-                match plots.iter_mut().find(|(name, _)| *name == title) {
-                    Some((_, lines)) => lines.push(line),
-                    None => plots.push((title, vec![line])),
-                }
-            }
-        }
-        let svg = |(number, (title, lines)): (usize, &(String, Vec<Line>))| {
-            let svg = log_log(title, ["updates", "relative error"], lines)?;
-            Some((format!("drift_{:02}.svg", number + 1), svg))
-        };
-        plots.iter().enumerate().filter_map(svg).collect()
-    }
+    };
+    let rebuilds = |rows: &[&Row]| match rows.last().map_or(0, |row| row.rebuilds) {
+        0 => String::new(),
+        count => format!(" ({count})"),
+    };
+    let runs = runs(rows);
+    // One line per case, one column per maintainer.
+    let methods: Vec<String> = each_once(rows.iter().map(|row| row.method.to_owned()));
+    let place = |run: &&Vec<&Row>| (run[0].title(), run[0].method.to_owned());
+    let mut show = |corner: &str, cell: &dyn Fn(&[&Row]) -> String| {
+        text += &table(corner, &methods, &spread(&methods, &runs, place, |run| cell(run)));
+    };
+    show("error of solutions", &|run| largest(run, |row| row.error) + &rebuilds(run));
+    show("error of columns", &|run| largest(run, |row| row.columns_error));
+    show("monitor", &|run| largest(run, |row| row.monitor));
+    text.extend(claims.iter().map(Claim::text));
+    let summary = Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("homogenisation", "laminate")
+        .with("updates", updates)
+        .with("claims", claims);
+    let titles = each_once(rows.iter().map(Row::title));
+    titles.into_iter().enumerate().fold(summary, |summary, (number, title)| {
+        let svg = plot(&title, rows);
+        summary.with_file(format!("drift_{:02}.svg", number + 1), svg)
+    })
 }
 
-/// The rows by case and maintainer, both in the order of their first row.
-fn courses(rows: &[Row]) -> Vec<Course<'_>> {
-    let mut courses: Vec<Course> = Vec::new();
-    for row in rows {
-        let same = |c: &&mut Course| (c[0].case(), c[0].method) == (row.case(), row.method);
-        match courses.iter_mut().find(same) {
-            Some(course) => course.push(row),
-            None => courses.push(vec![row]),
-        }
-    }
-    courses
+/// Error and monitor of every maintainer over the updates, in one case.
+fn plot(title: &str, rows: &[Row]) -> Option<String> {
+    let figures: [(&str, Figure); 2] = [("error", |row| row.error), ("monitor", |row| row.monitor)];
+    let rows: Vec<&Row> = rows.iter().filter(|row| row.title() == title).collect();
+    let of = |(figure, value): (&str, Figure)| {
+        curves(&rows, |row| {
+            let point = (row.updates as f64, value(row).filter(|value| *value > 0.0)?);
+            Some((format!("{}, {figure}", row.method), point))
+        })
+    };
+    log_log(title, ["updates", "relative error"], &figures.map(of).concat())
+}
+
+/// The rows of one maintainer in one case each, both in the order of their first row.
+fn runs(rows: &[Row]) -> Vec<Vec<&Row>> {
+    let key = |row: &Row| (row.title(), row.method);
+    let keys = each_once(rows.iter().map(key));
+    keys.iter().map(|one| rows.iter().filter(|row| key(row) == *one).collect()).collect()
+}
+
+fn claims(rows: &[Row], updates: usize) -> Vec<Claim> {
+    runs(rows).iter().filter_map(|run| claim(run, updates)).collect()
 }
 
 /// What is claimed at the largest ratio of moduli, up to ν = .499.
-fn claim(course: &Course, updates: usize) -> Option<Claim> {
-    let &&Row { e_ratio, poisson_low, poisson_high, vertices, method, precision, .. } =
-        course.first()?;
+fn claim(course: &[&Row], updates: usize) -> Option<Claim> {
+    let &&Row { e_ratio, poisson_low, poisson_high, method, precision, .. } = course.first()?;
     if e_ratio != 1e6 || poisson_high > 0.499 {
         return None;
     }
@@ -222,7 +132,8 @@ fn claim(course: &Course, updates: usize) -> Option<Claim> {
         }
         _ => return None,
     };
-    Some(Claim { e_ratio, poisson_low, poisson_high, vertices, method, claim, holds })
+    let name = format!("{method}, E ratio {e_ratio:e}, ν {poisson_low}-{poisson_high}");
+    Some(Claim { name, value: None, claim: claim.to_owned(), holds })
 }
 
 #[cfg(test)]
@@ -246,8 +157,8 @@ mod tests {
     }
 
     fn holds(rows: &[Row]) -> Vec<bool> {
-        let report = Report::new(Machine::here(), 1, rows.to_vec());
-        report.claims.iter().map(|claim| claim.holds).collect()
+        let updates = rows.iter().map(|row| row.updates).max().unwrap();
+        claims(rows, updates).iter().map(|claim| claim.holds).collect()
     }
 
     #[test]
@@ -274,7 +185,7 @@ mod tests {
     #[test]
     fn a_maintainer_that_is_lost_is_said_to_be() {
         let rows = vec![row("sparse", 10, Some(2e-14), 0), row("paper", 5, Some(1e-3), 0)];
-        let text = Report::new(Machine::here(), 1, rows).markdown();
+        let text = summary(&rows).text;
         assert!(
             text.contains("2e-14") && text.contains("lost") && !text.contains("1e-3"),
             "{text}"

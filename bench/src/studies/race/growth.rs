@@ -2,10 +2,9 @@
 
 use std::collections::HashMap;
 
-use crate::plot::slope;
-use crate::statistics::median;
-
-use super::lane::is_sparse;
+use super::settings::is_sparse;
+use crate::harness::plot::slope;
+use crate::harness::statistics::median;
 
 /// Method, family and operation.
 pub(crate) type Key = (&'static str, &'static str, &'static str);

@@ -1,9 +1,9 @@
 //! The bound of memory, measured beside the methods.
 
-use super::lane::timed;
-use super::{BURST, Quantiles, Samples};
-use crate::machine::gigabytes_per_second;
-use crate::stream::Stream;
+use super::samples::{Quantiles, Samples, timed};
+use super::settings::BURST;
+use crate::harness::machine::gigabytes_per_second;
+use crate::solvers::stream::Stream;
 
 /// Passes over as many numbers as half of C has, in the turns of the methods.
 #[derive(Debug, Default)]
@@ -34,29 +34,19 @@ impl Memory {
         if self.double.is_empty() {
             return;
         }
-        let updates = 2 * (BURST + 1);
-        let (double, single) = (&mut self.double, &mut self.single);
-        for at in 0..updates {
-            let time = timed(|| double.pass(self.numbers));
-            match at {
-                0 => self.cold[0].push(number, time),
-                1 => {}
-                _ => self.pass.push(number, time),
-            }
+        let Self { numbers, double, single, pass, pass_f32, copy, cold } = self;
+        let [cold, cold_f32] = cold;
+        for at in 0..2 * (BURST + 1) {
+            let time = timed(|| double.pass(*numbers));
+            sort(at, number, time, cold, pass);
         }
-        for at in 0..updates {
-            let time = timed(|| single.pass(self.numbers / 2));
-            match at {
-                0 => self.cold[1].push(number, time),
-                1 => {}
-                _ => self.pass_f32.push(number, time),
-            }
+        for at in 0..2 * (BURST + 1) {
+            let time = timed(|| single.pass(*numbers / 2));
+            sort(at, number, time, cold_f32, pass_f32);
         }
-        for at in 0..updates {
-            let time = timed(|| double.copy(self.numbers));
-            if at > 1 {
-                self.copy.push(number, time);
-            }
+        for at in 0..2 * (BURST + 1) {
+            let time = timed(|| double.copy(*numbers));
+            sort(at, number, time, &mut Samples::default(), copy);
         }
     }
 
@@ -85,6 +75,15 @@ impl Memory {
             Some(gigabytes_per_second(self.bytes(), seconds))
         };
         Some([speed(&self.cold[0])?, speed(&self.pass)?, speed(&self.copy)?])
+    }
+}
+
+/// The first of a burst counts apart, the second not at all.
+fn sort(at: usize, burst: usize, time: f64, cold: &mut Samples, others: &mut Samples) {
+    match at {
+        0 => cold.push(burst, time),
+        1 => {}
+        _ => others.push(burst, time),
     }
 }
 

@@ -4,10 +4,11 @@ use nalgebra::{Matrix3, Vector3};
 use yawara_corot::{ElementCorotation, equilibrium_by_name};
 use yawara_embed::isotropic;
 
-use super::{Row, solve, solve_linear};
+use super::row::Row;
+use super::solve::{solve, solve_linear};
+use crate::bodies::solid::Solid;
+use crate::bodies::statics::Statics;
 use crate::error::BenchError;
-use crate::solid::Solid;
-use crate::statics::Statics;
 
 /// Coordinates are products of few rounded numbers.
 fn near(x: f64, to: f64) -> bool {

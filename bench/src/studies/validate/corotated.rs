@@ -4,10 +4,11 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use yawara_corot::{Anderson, ElementCorotation, equilibrium_by_name};
 use yawara_embed::isotropic;
 
-use super::{Row, solve};
+use super::row::Row;
+use super::solve::solve;
+use crate::bodies::solid::Solid;
+use crate::bodies::statics::Statics;
 use crate::error::BenchError;
-use crate::solid::Solid;
-use crate::statics::Statics;
 
 /// A block under dead traction s along its axis, turned by some angle: it gets 1 + s/E longer and
 /// 1 − ν s/E thinner, exactly, however large s is.

@@ -1,12 +1,12 @@
-//! Which co-rotation and solver find the equilibrium of a bent beam, and up to which rotation.
+//! Which forces and solver find the equilibrium of a bent beam, and up to which rotation.
 
-use std::fmt::Write;
-
+use serde::Serialize;
 use yawara_corot::{Tolerance, equilibrium_by_name, forces_by_name};
 
-use crate::beams::{Beam, BeamLoad};
+use crate::bodies::beams::{Beam, BeamLoad};
 use crate::error::BenchError;
-use crate::plot::{Line, log_log};
+use crate::harness::plot::log_log;
+use crate::harness::report::curves;
 
 /// Co-rotation and solver, the paper's own first.
 const CHOICES: [(&str, &str); 5] = [
@@ -21,6 +21,7 @@ const CHOICES: [(&str, &str); 5] = [
 const MOST: usize = 300;
 
 /// One beam bent in one jump.
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct Row {
     corotation: &'static str,
     equilibrium: &'static str,
@@ -30,86 +31,56 @@ pub(super) struct Row {
     converged: bool,
 }
 
-/// All angles by all choices.
-pub(super) struct Report {
-    rows: Vec<Row>,
+/// Bends the beam of the iteration counts from rest by each angle at once.
+///
+/// # Errors
+/// [`BenchError::Corot`], [`BenchError::Inverse`]: a defect of the constants here.
+pub(super) fn rows(quick: bool) -> Result<Vec<Row>, BenchError> {
+    let angles: &[u32] =
+        if quick { &[1, 3, 9, 30, 90] } else { &[1, 2, 3, 5, 7, 9, 12, 16, 22, 30, 45, 65, 90] };
+    let tolerance = Tolerance { residual: 1e-8, max_iterations: MOST };
+    let mut rows = Vec::new();
+    for (corotation, equilibrium) in CHOICES {
+        for &degrees in angles {
+            let mut beam = Beam::new(BeamLoad::Bend, 0.3)?;
+            let stage = forces_by_name(corotation)?;
+            let mut solver = equilibrium_by_name(equilibrium)?;
+            let part = f64::from(degrees) / 90.0;
+            let outcome = beam.step(part, stage.as_ref(), solver.as_mut(), &tolerance).outcome;
+            rows.push(Row {
+                corotation,
+                equilibrium,
+                degrees,
+                iterations: outcome.iterations,
+                residual: outcome.residual,
+                converged: outcome.converged,
+            });
+        }
+    }
+    Ok(rows)
 }
 
-impl Report {
-    /// Bends the beam of the iteration counts from rest by each angle at once.
-    ///
-    /// # Errors
-    /// [`BenchError::Corot`], [`BenchError::Inverse`]: a defect of the constants here.
-    pub fn new(quick: bool) -> Result<Self, BenchError> {
-        let angles: &[u32] = if quick {
-            &[1, 3, 9, 30, 90]
-        } else {
-            &[1, 2, 3, 5, 7, 9, 12, 16, 22, 30, 45, 65, 90]
-        };
-        let tolerance = Tolerance { residual: 1e-8, max_iterations: MOST };
-        let mut rows = Vec::new();
-        for (corotation, equilibrium) in CHOICES {
-            for &degrees in angles {
-                let mut beam = Beam::new(BeamLoad::Bend, 0.3)?;
-                let stage = forces_by_name(corotation)?;
-                let mut solver = equilibrium_by_name(equilibrium)?;
-                let part = f64::from(degrees) / 90.0;
-                let outcome = beam.step(part, stage.as_ref(), solver.as_mut(), &tolerance).outcome;
-                rows.push(Row {
-                    corotation,
-                    equilibrium,
-                    degrees,
-                    iterations: outcome.iterations,
-                    residual: outcome.residual,
-                    converged: outcome.converged,
-                });
-            }
-        }
-        Ok(Self { rows })
+pub(super) fn table(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| co-rotation | solver | converges up to | fails from |\n| --- | --- | --: | --: |\n",
+    );
+    for (corotation, equilibrium) in CHOICES {
+        let of = |row: &&Row| (row.corotation, row.equilibrium) == (corotation, equilibrium);
+        let angle = |row: &Row| format!("{}°", row.degrees);
+        let fails = rows.iter().filter(of).find(|row| !row.converged);
+        let first = fails.map_or(u32::MAX, |row| row.degrees);
+        let good = rows.iter().filter(of).rfind(|row| row.degrees < first);
+        let cells = [good.map(angle), fails.map(angle)].map(Option::unwrap_or_default);
+        text += &format!("| {corotation} | {equilibrium} | {} | {} |\n", cells[0], cells[1]);
     }
+    text
+}
 
-    pub fn table(&self) -> String {
-        let mut text = String::from(
-            "| co-rotation | solver | converges up to | fails from |\n| --- | --- | --: | --: |\n",
-        );
-        for (corotation, equilibrium) in CHOICES {
-            let of = |row: &&Row| (row.corotation, row.equilibrium) == (corotation, equilibrium);
-            let angle = |row: &Row| format!("{}°", row.degrees);
-            let fails = self.rows.iter().filter(of).find(|row| !row.converged);
-            let first = fails.map_or(u32::MAX, |row| row.degrees);
-            let good = self.rows.iter().filter(of).rfind(|row| row.degrees < first);
-            let cells = [good.map(angle), fails.map(angle)].map(Option::unwrap_or_default);
-            let _ =
-                writeln!(text, "| {corotation} | {equilibrium} | {} | {} |", cells[0], cells[1]);
-        }
-        text
-    }
-
-    pub fn csv(&self) -> String {
-        let mut text =
-            String::from("corotation,equilibrium,degrees,iterations,residual,converged\n");
-        for r in &self.rows {
-            let names = [r.corotation, r.equilibrium].join(",");
-            let _ = writeln!(
-                text,
-                "{names},{},{},{:?},{}",
-                r.degrees, r.iterations, r.residual, r.converged
-            );
-        }
-        text
-    }
-
-    pub fn plot(&self) -> Option<String> {
-        let line = |(corotation, equilibrium): (&str, &str)| Line {
-            name: format!("{corotation}, {equilibrium}"),
-            points: self
-                .rows
-                .iter()
-                .filter(|row| (row.corotation, row.equilibrium) == (corotation, equilibrium))
-                .map(|row| (f64::from(row.degrees), row.residual.max(1e-12)))
-                .collect(),
-        };
-        let title = "Relative residual reached when a beam is bent at once";
-        log_log(title, ["rotation of the end (degrees)", "residual"], &CHOICES.map(line))
-    }
+pub(super) fn plot(rows: &[Row]) -> Option<String> {
+    let curves = curves(rows, |row| {
+        let name = format!("{}, {}", row.corotation, row.equilibrium);
+        Some((name, (f64::from(row.degrees), row.residual.max(1e-12))))
+    });
+    let title = "Relative residual reached when a beam is bent at once";
+    log_log(title, ["rotation of the end (degrees)", "residual"], &curves)
 }

@@ -3,10 +3,11 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{isotropic, strain_from_gradient};
 
-use super::{Row, solve_linear};
+use super::row::Row;
+use super::solve::solve_linear;
+use crate::bodies::solid::Solid;
+use crate::bodies::statics::Statics;
 use crate::error::BenchError;
-use crate::solid::Solid;
-use crate::statics::Statics;
 
 /// Radii of `layers` layers from `outer` down to `inner`, both included.
 fn radii(outer: f64, inner: f64, layers: usize) -> Vec<f64> {

@@ -1,10 +1,9 @@
 //! NIfTI-1 images (.nii, .nii.gz), read and written.
 //!
 //! Open `reader` first. `header` checks the 348 bytes of the header field by field, `affine` finds
-//! the place of the voxels in them, `decode` turns bytes into numbers.
+//! the place of the voxels in them.
 
 mod affine;
-mod decode;
 mod header;
 mod reader;
 mod writer;

@@ -1,15 +1,13 @@
-//! Reads NIfTI-1 images (.nii, .nii.gz).
-//!
-//! The header is checked field by field before the voxels are read; the `nifti` crate, which
-//! ignores vox_offset and trusts dims, decodes them.
+//! Reads NIfTI-1 images: the header is checked field by field before the voxels are read.
 
 use std::path::Path;
 
+use super::affine;
 use super::header::{HEADER_BYTES, Header, check_start};
-use super::{affine, decode};
 use crate::image::ImageError;
 use crate::image::bytes::{ByteStream, GZIP_MAGIC};
 use crate::image::raw::RawVolume;
+use crate::image::voxels::Voxels;
 
 /// Reads a single-file NIfTI-1 image.
 ///
@@ -18,7 +16,7 @@ use crate::image::raw::RawVolume;
 /// (`scl_slope`, `scl_inter`) is applied unless the slope is 0 or not finite. Bytes after the
 /// voxels are left unread, with a warning.
 ///
-/// Cost: O(voxels); at most three copies of the stored bytes.
+/// Cost: O(voxels); at most two copies of the stored bytes.
 ///
 /// # Errors
 /// [`ImageError`] that names the file and the field: no readable file, no NIfTI-1 image, a
@@ -42,6 +40,6 @@ pub fn read_nifti(path: &Path) -> Result<RawVolume, ImageError> {
     stream.check_length(gap, header.voxel_bytes)?;
     stream.skip(gap, "extensions before vox_offset")?;
     let bytes = stream.voxel_bytes(header.voxel_bytes)?;
-    let voxels = decode::decode(path, &header, bytes)?;
+    let voxels = Voxels::decode(header.datatype, header.big_endian, &bytes);
     RawVolume::new(path, header.dims, &affine, header.scale, voxels)
 }

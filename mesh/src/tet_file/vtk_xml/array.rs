@@ -2,9 +2,11 @@
 
 use std::io::Read;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use flate2::read::ZlibDecoder;
 
-use super::document::{Attributes, Document};
+use super::layout::{Attributes, Layout};
 use crate::tet_file::TetMeshError;
 
 /// Deflate shrinks to a 1032nd at best (zlib's technical details).
@@ -66,11 +68,11 @@ impl Numbers {
 }
 
 impl Array {
-    pub(super) fn new(document: &Document, tag: &Attributes) -> Result<Self, TetMeshError> {
+    pub(super) fn new(layout: &Layout, tag: &Attributes) -> Result<Self, TetMeshError> {
         let name = tag.get("Name").unwrap_or_default().to_string();
         let wrong = |what: &str, want: &str| {
             let found = format!("{what} {:?}", tag.get(what).unwrap_or("missing"));
-            Err(document.syntax(format!("array {name:?}"), found, want))
+            Err(layout.syntax(format!("array {name:?}"), found, want))
         };
         let kind = match tag.get("type") {
             Some("Int8") => Kind::Signed(1),
@@ -105,42 +107,42 @@ impl Array {
     }
 
     /// Decodes exactly `count` numbers.
-    pub(super) fn numbers(&self, document: &Document, count: u64) -> Result<Numbers, TetMeshError> {
+    pub(super) fn numbers(&self, layout: &Layout, count: u64) -> Result<Numbers, TetMeshError> {
         let width = match self.kind {
             Kind::Signed(width) | Kind::Unsigned(width) | Kind::Float(width) => width,
             Kind::Other => {
                 let advice = "use Int8 to UInt64, Float32 or Float64";
-                return Err(document.unsupported(self.place(), "its type", advice));
+                return Err(layout.unsupported(self.place(), "its type", advice));
             }
         };
         let (source, base64) = match self.format {
-            Format::Ascii => return self.ascii(document, count),
+            Format::Ascii => return self.ascii(layout, count),
             Format::Binary => (self.text.as_slice(), true),
             Format::Appended(offset) => {
                 let start = usize::try_from(offset).ok();
-                let Some(source) = start.and_then(|at| document.appended.get(at..)) else {
-                    let limit = document.appended.len();
+                let Some(source) = start.and_then(|at| layout.appended.get(at..)) else {
+                    let limit = layout.appended.len();
                     let want = format!("at most {limit}, the appended bytes");
-                    return Err(document.syntax(self.place(), format!("offset {offset}"), want));
+                    return Err(layout.syntax(self.place(), format!("offset {offset}"), want));
                 };
-                (source, document.base64)
+                (source, layout.base64)
             }
         };
-        let ratio = if document.compressor.is_empty() { 1 } else { BEST_RATIO };
+        let ratio = if layout.compressor.is_empty() { 1 } else { BEST_RATIO };
         let limit = (source.len() as u64).saturating_mul(ratio) / width as u64;
         if count > limit {
-            return Err(document.claim(self.place(), count, limit));
+            return Err(layout.claim(self.place(), count, limit));
         }
-        let mut bytes = Source { document, array: self, left: source, base64 };
+        let mut bytes = Source { layout, array: self, left: source, base64 };
         let bytes = bytes.data(count as usize * width)?;
-        self.convert(document, &bytes, width)
+        self.convert(layout, &bytes, width)
     }
 
-    fn ascii(&self, document: &Document, count: u64) -> Result<Numbers, TetMeshError> {
+    fn ascii(&self, layout: &Layout, count: u64) -> Result<Numbers, TetMeshError> {
         let text = String::from_utf8_lossy(&self.text);
         let words = text.split_ascii_whitespace();
         let wrong = |word: &str| {
-            document.syntax(self.place(), format!("{word:?}"), "numbers of the array's type")
+            layout.syntax(self.place(), format!("{word:?}"), "numbers of the array's type")
         };
         let numbers = if matches!(self.kind, Kind::Float(_)) {
             let values: Result<Vec<f64>, _> =
@@ -158,19 +160,19 @@ impl Array {
         if found as u64 == count {
             return Ok(numbers);
         }
-        Err(document.syntax(self.place(), format!("{found} numbers"), count.to_string()))
+        Err(layout.syntax(self.place(), format!("{found} numbers"), count.to_string()))
     }
 
     fn convert(
         &self,
-        document: &Document,
+        layout: &Layout,
         bytes: &[u8],
         width: usize,
     ) -> Result<Numbers, TetMeshError> {
         let raw = |chunk: &[u8]| {
             let mut value = [0; 8];
             value[..width].copy_from_slice(chunk);
-            if document.big_endian {
+            if layout.big_endian {
                 value[..width].reverse();
             }
             u64::from_le_bytes(value)
@@ -189,7 +191,7 @@ impl Array {
             _ => {
                 let narrow = |v: u64| {
                     let want = "integers below 2^63";
-                    i64::try_from(v).map_err(|_| document.syntax(self.place(), v.to_string(), want))
+                    i64::try_from(v).map_err(|_| layout.syntax(self.place(), v.to_string(), want))
                 };
                 Numbers::Integers(chunks.map(narrow).collect::<Result<_, _>>()?)
             }
@@ -199,7 +201,7 @@ impl Array {
 
 /// The stored bytes of an array, from its start.
 struct Source<'a> {
-    document: &'a Document<'a>,
+    layout: &'a Layout<'a>,
     array: &'a Array,
     left: &'a [u8],
     base64: bool,
@@ -207,7 +209,7 @@ struct Source<'a> {
 
 impl Source<'_> {
     fn wrong(&self, found: String, want: impl Into<String>) -> TetMeshError {
-        self.document.syntax(self.array.place(), found, want)
+        self.layout.syntax(self.array.place(), found, want)
     }
 
     /// The next `count` bytes; in base64, of a group of characters that starts here.
@@ -234,7 +236,7 @@ impl Source<'_> {
             return Err(short(self));
         }
         self.left = &self.left[used..];
-        let mut bytes = base64::decode(&group).map_err(|e| self.wrong(e.to_string(), "base64"))?;
+        let mut bytes = STANDARD.decode(&group).map_err(|e| self.wrong(e.to_string(), "base64"))?;
         if bytes.len() < count {
             return Err(short(self));
         }
@@ -245,7 +247,7 @@ impl Source<'_> {
     fn count(&self, bytes: &[u8]) -> usize {
         let mut value = [0; 8];
         value[..bytes.len()].copy_from_slice(bytes);
-        if self.document.big_endian {
+        if self.layout.big_endian {
             value[..bytes.len()].reverse();
         }
         // More than usize is more than any file holds.
@@ -254,8 +256,8 @@ impl Source<'_> {
 
     /// Exactly `want` bytes of data.
     fn data(&mut self, want: usize) -> Result<Vec<u8>, TetMeshError> {
-        let header = self.document.header;
-        match self.document.compressor.as_str() {
+        let header = self.layout.header;
+        match self.layout.compressor.as_str() {
             "" => {
                 let start = self.left;
                 let announced = self.take(header)?;
@@ -274,7 +276,7 @@ impl Source<'_> {
             "vtkZLibDataCompressor" => self.blocks(want),
             other => {
                 let advice = "save the mesh uncompressed or with zlib";
-                Err(self.document.unsupported(self.array.place(), other, advice))
+                Err(self.layout.unsupported(self.array.place(), other, advice))
             }
         }
     }
@@ -288,7 +290,7 @@ impl Source<'_> {
     /// Compressed data: number of blocks, size of a block, size of the last one if it is partial,
     /// compressed sizes; then the blocks.
     fn blocks(&mut self, want: usize) -> Result<Vec<u8>, TetMeshError> {
-        let header = self.document.header;
+        let header = self.layout.header;
         let start = self.left;
         let blocks = self.take(header)?;
         let blocks = self.count(&blocks);
@@ -298,7 +300,7 @@ impl Source<'_> {
         self.left = start;
         if blocks > self.left.len() / header {
             let limit = (self.left.len() / header) as u64;
-            return Err(self.document.claim(self.array.place(), blocks as u64, limit));
+            return Err(self.layout.claim(self.array.place(), blocks as u64, limit));
         }
         let sizes = self.take(header * (3 + blocks))?;
         let sizes: Vec<usize> = sizes.chunks_exact(header).map(|size| self.count(size)).collect();

@@ -1,14 +1,29 @@
-//! Reads the tetrahedra of VTK XML unstructured grids (.vtu).
+//! VTK XML files: unstructured grids (.vtu) read and written, PolyData (.vtp) written.
 //!
-//! Arrays may be text, base64 or appended (base64 or raw), plain or compressed with zlib. A
-//! reader of its own, since `vtkio` takes no `Int64` cell types and a default header of eight
-//! bytes (so that it refuses what meshio writes), leaves out arrays it can't decode without a
-//! word, and panics where bytes are missing.
+//! Open `writer` for writing: one writer for all files, arrays in base64 or appended raw. Open
+//! `reader` for reading (feature `vtu`): `document` finds the elements, `array` decodes their
+//! numbers (text, base64 or appended, plain or compressed with zlib), `layout` says how the file
+//! stores them. `plain` writes a plain mesh with fields.
+//!
+//! A reader of our own, since `vtkio` 0.6 takes no `Int64` cell types and a default header of
+//! eight bytes (so that it refuses what meshio writes), leaves out arrays it can't decode without
+//! a word, and panics where bytes are missing.
 
+#[cfg(feature = "vtu")]
 mod array;
+#[cfg(feature = "vtu")]
 mod document;
+#[cfg(feature = "vtu")]
+mod layout;
+#[cfg(feature = "vtu")]
+mod plain;
+#[cfg(feature = "vtu")]
 mod reader;
 mod writer;
 
+#[cfg(feature = "vtu")]
+pub use plain::{MeshField, write_vtu_plain};
+#[cfg(feature = "vtu")]
 pub use reader::{TAG_ARRAYS, read_vtu};
-pub use writer::{MeshField, write_vtu_plain};
+pub(crate) use writer::triangles_xml;
+pub use writer::{VtkArray, VtkValues, tetrahedra_xml};

@@ -6,6 +6,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::document::{Document, Piece};
+use super::layout::Layout;
 use crate::tet_file::TetMeshError;
 use crate::tet_file::file::{self, LoadedMesh};
 use crate::tet_file::mesh::PlainMesh;
@@ -54,7 +55,7 @@ pub fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
     let document = Document::parse(path, &bytes)?;
     let mut content = Content::default();
     for piece in &document.pieces {
-        content.add(&document, piece)?;
+        content.add(&document.layout, piece)?;
     }
     let points = content.points.into_iter().map(|x| x * unit_m).collect();
     let (mesh, repairs) = PlainMesh::new(points, content.tets, content.tags)
@@ -72,80 +73,72 @@ struct Content {
 }
 
 impl Content {
-    fn add(&mut self, document: &Document, piece: &Piece) -> Result<(), TetMeshError> {
+    fn add(&mut self, layout: &Layout, piece: &Piece) -> Result<(), TetMeshError> {
         let first = self.points.len();
-        let array = piece.points(document)?;
+        let array = piece.points(layout)?;
         if array.components != 3 {
             let found = format!("{} components", array.components);
-            return Err(document.syntax(array.place(), found, "3 per point"));
+            return Err(layout.syntax(array.place(), found, "3 per point"));
         }
         let place = array.place();
-        let points = array.numbers(document, piece.points.saturating_mul(3))?.reals();
+        let points = array.numbers(layout, piece.points.saturating_mul(3))?.reals();
         if let Some(value) = points.iter().find(|c| !c.is_finite()) {
-            return Err(document.syntax(place, value.to_string(), "finite coordinates"));
+            return Err(layout.syntax(place, value.to_string(), "finite coordinates"));
         }
         self.points.extend(points.chunks_exact(3).map(|x| Vector3::new(x[0], x[1], x[2])));
         let integers = |name: &str, count: u64| {
-            let array = piece.topology(document, name)?;
+            let array = piece.topology(layout, name)?;
             let place = array.place();
             array
-                .numbers(document, count)?
+                .numbers(layout, count)?
                 .integers()
-                .map_err(|value| document.syntax(place, value.to_string(), "integers of 64 bits"))
+                .map_err(|value| layout.syntax(place, value.to_string(), "integers of 64 bits"))
         };
         let types = integers("types", piece.cells)?;
         let offsets = integers("offsets", piece.cells)?;
         let corners = u64::try_from(offsets.last().copied().unwrap_or(0)).unwrap_or(u64::MAX);
         let connectivity = integers("connectivity", corners)?;
-        let tags = self.piece_tags(document, piece)?;
+        let tags = self.piece_tags(layout, piece)?;
         let mut start = 0;
         for (cell, (&kind, &end)) in types.iter().zip(&offsets).enumerate() {
             let range = usize::try_from(start).ok().zip(usize::try_from(end).ok());
             let corners = range.and_then(|(start, end)| connectivity.get(start..end));
             let Some(corners) = corners else {
                 let want = format!("{start} to {}, ascending", connectivity.len());
-                return Err(document.syntax(
-                    format!("offset of cell {cell}"),
-                    end.to_string(),
-                    want,
-                ));
+                return Err(layout.syntax(format!("offset of cell {cell}"), end.to_string(), want));
             };
             start = end;
             if let Some((_, name)) = CURVED.iter().find(|(code, _)| *code == kind) {
                 let advice = "save the mesh with linear cells";
-                return Err(document.unsupported(format!("cell {cell}"), name, advice));
+                return Err(layout.unsupported(format!("cell {cell}"), name, advice));
             }
             if kind != TETRAHEDRON {
                 self.ignored_elements += 1;
                 continue;
             }
-            self.tets.push(tetrahedron(document, cell, corners, first, self.points.len())?);
+            self.tets.push(tetrahedron(layout, cell, corners, first, self.points.len())?);
             self.tags.push(tags.as_ref().map_or(0, |tags| tags[cell]));
         }
         Ok(())
     }
 
-    fn piece_tags(
-        &self,
-        document: &Document,
-        piece: &Piece,
-    ) -> Result<Option<Vec<i64>>, TetMeshError> {
+    fn piece_tags(&self, layout: &Layout, piece: &Piece) -> Result<Option<Vec<i64>>, TetMeshError> {
         let Some(array) = TAG_ARRAYS.iter().find_map(|name| piece.cell_array(name)) else {
             return Ok(None);
         };
         if array.components != 1 {
             let found = format!("{} components", array.components);
-            return Err(document.syntax(array.place(), found, "1, a material tag per cell"));
+            return Err(layout.syntax(array.place(), found, "1, a material tag per cell"));
         }
-        let tags: Result<_, f64> = array.numbers(document, piece.cells)?.integers();
+        let tags: Result<_, f64> = array.numbers(layout, piece.cells)?.integers();
         let want = "integers, a material tag per cell";
-        tags.map(Some).map_err(|value| document.syntax(array.place(), value.to_string(), want))
+        tags.map(Some).map_err(|value| layout.syntax(array.place(), value.to_string(), want))
     }
 }
 
 /// Corners of a cell, counted over all pieces.
 fn tetrahedron(
-    document: &Document,
+    layout: &Layout,
     cell: usize,
     corners: &[i64],
     first: usize,
@@ -153,7 +146,7 @@ fn tetrahedron(
 ) -> Result<[u32; 4], TetMeshError> {
     let Ok(corners) = <[i64; 4]>::try_from(corners) else {
         let found = format!("{} corners", corners.len());
-        return Err(document.syntax(format!("cell {cell}, a VTK_TETRA"), found, "4"));
+        return Err(layout.syntax(format!("cell {cell}, a VTK_TETRA"), found, "4"));
     };
     let mut numbers = [0; 4];
     for (number, corner) in numbers.iter_mut().zip(corners) {
@@ -161,7 +154,7 @@ fn tetrahedron(
         let valid = shifted.filter(|&c| c < end).and_then(|c| u32::try_from(c).ok());
         *number = valid.ok_or_else(|| {
             let want = format!("a point below {}", end - first);
-            document.syntax(format!("cell {cell}"), format!("corner {corner}"), want)
+            layout.syntax(format!("cell {cell}"), format!("corner {corner}"), want)
         })?;
     }
     Ok(numbers)

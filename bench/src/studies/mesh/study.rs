@@ -1,0 +1,269 @@
+//! All parts of the study.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
+
+use super::updates::{UpdateCost, UpdateRow, UpdateSlopes, update_row};
+use super::volumes::{self, VolumeRow};
+use crate::error::BenchError;
+use crate::harness::arguments::Common;
+use crate::harness::plot::{Curve, log_log, slope};
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Summary};
+use crate::workloads::random::SplitMix64;
+
+/// Version of the JSON layout.
+const SCHEMA: u32 = 4;
+
+/// A similarity class of tetrahedra.
+#[derive(Clone, Debug, Serialize)]
+pub struct ShapeRow {
+    /// TYPE0, TYPE1 or TYPE2.
+    pub shape: String,
+    /// Circumradius over shortest edge.
+    pub circumradius_over_shortest_edge: f64,
+    /// Three inradii over the circumradius.
+    pub radius_ratio: f64,
+}
+
+/// Requests of random refinement at one generation.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClosureRow {
+    /// Generation of the vertex asked for.
+    pub generation: u8,
+    /// How many requests.
+    pub requests: usize,
+    /// Vertices added per request, mean and most.
+    pub mean: f64,
+    /// The most.
+    pub most: usize,
+}
+
+/// A line of the CSV file: a table's name, a key, and that table's columns.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    table: String,
+    key: String,
+    a: f64,
+    b: f64,
+    c: Option<f64>,
+    d: Option<f64>,
+    e: Option<f64>,
+    f: Option<f64>,
+}
+
+impl Row {
+    fn new(table: &str, key: impl ToString, values: &[f64]) -> Self {
+        let at = |i: usize| values.get(i).copied();
+        let [a, b] = [0, 1].map(|i| at(i).unwrap_or(f64::NAN));
+        Self {
+            table: table.into(),
+            key: key.to_string(),
+            a,
+            b,
+            c: at(2),
+            d: at(3),
+            e: at(4),
+            f: None,
+        }
+    }
+}
+
+/// Runs the study, writes its files and returns its tables.
+///
+/// # Errors
+/// [`BenchError`] for bad arguments; nothing is written then.
+pub fn run(arguments: &Common) -> Result<String, BenchError> {
+    let folder = arguments.destination.folder()?;
+    let (cells, sizes): (&[usize], &[usize]) = match arguments.quick {
+        true => (&[3, 6, 13], &[64, 96, 128]),
+        false => (&[3, 6, 13, 28], &[64, 96, 128, 192, 256]),
+    };
+    let found = Found {
+        updates: cells
+            .iter()
+            .map(|&n| update_row(&mut forest(n, 3, 6)?))
+            .collect::<Result<_, _>>()?,
+        volumes: sizes.iter().map(|&n| volumes::row(n)).collect::<Result<_, _>>()?,
+        shapes: shapes()?,
+        closures: closures()?,
+    };
+    report::write(&folder, "mesh", &found.rows(), found.summary())
+}
+
+/// Everything measured, table by table.
+struct Found {
+    shapes: Vec<ShapeRow>,
+    closures: Vec<ClosureRow>,
+    updates: Vec<UpdateRow>,
+    volumes: Vec<VolumeRow>,
+}
+
+fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest, BenchError> {
+    let cells = [cells; 3];
+    let tree = Arc::new(LabelTree::homogeneous(cells, 1));
+    Ok(BisectionForest::new(Domain::full(Lattice::new(cells, max)), tree, start, max)?)
+}
+
+fn shapes() -> Result<Vec<ShapeRow>, BenchError> {
+    let placement = Placement { origin: Vector3::zeros(), unit: 1.0 };
+    (0..3)
+        .map(|level| {
+            let f = forest(2, level, 3)?;
+            let worst = f
+                .leaves()
+                .map(|t| Quality::of(&t.vertices.map(|v| placement.position(f.point(v)))))
+                .reduce(Quality::worse);
+            let Quality { radius_ratio, circumradius_over_shortest_edge } = worst
+                .unwrap_or(Quality { radius_ratio: 0.0, circumradius_over_shortest_edge: 0.0 });
+            let shape = format!("TYPE{level}");
+            Ok(ShapeRow { shape, circumradius_over_shortest_edge, radius_ratio })
+        })
+        .collect()
+}
+
+/// Random refinement from 27 to a few thousand vertices.
+fn closures() -> Result<Vec<ClosureRow>, BenchError> {
+    const MAX_LEVEL: u8 = 18;
+    let mut f = forest(2, 0, MAX_LEVEL)?;
+    let mut random = SplitMix64(1);
+    let mut delta = MeshDelta::empty();
+    let mut added = vec![Vec::new(); usize::from(MAX_LEVEL) + 1];
+    while f.vertex_count() < 4000 {
+        let leaf = random.below(f.leaf_count());
+        let Some(p) = f.leaves().nth(leaf).and_then(|tet| f.refinement_point(tet.id)) else {
+            continue;
+        };
+        let generation = f.domain().lattice().generation(p);
+        let before = f.vertex_count();
+        f.split_with_closure(p, &mut delta, |_, _| ())?;
+        added[usize::from(generation)].push(f.vertex_count() - before);
+    }
+    let row = |(generation, added): (usize, &Vec<usize>)| ClosureRow {
+        generation: generation as u8,
+        requests: added.len(),
+        mean: added.iter().sum::<usize>() as f64 / added.len() as f64,
+        most: added.iter().copied().max().unwrap_or(0),
+    };
+    Ok(added.iter().enumerate().filter(|(_, a)| !a.is_empty()).map(row).collect())
+}
+
+impl Found {
+    fn summary(&self) -> Summary {
+        let Found { shapes, closures, updates, volumes } = self;
+        let slopes = UpdateSlopes::of(updates);
+        let trees: Vec<(f64, f64)> = volumes.iter().map(|r| (r.nodes as f64, r.seconds)).collect();
+        let forests: Vec<(f64, f64)> =
+            volumes.iter().map(|r| (r.forest_leaves as f64, r.forest_seconds)).collect();
+        let [tree_slope, forest_slope] = [slope(&trees), slope(&forests)];
+        let UpdateSlopes { random, local, ring_pass, random_ratio } = &slopes;
+        let text = self.element_tables()
+            + &self.update_table()
+            + &format!(
+                "Time goes with leaves^{random:.3} at random places, leaves^{local:.3} in a sweep; \
+                 at random places the pass with leaves^{ring_pass:.3}, the ratio with \
+                 leaves^{random_ratio:.3}.\n\n"
+            )
+            + &volumes::table(volumes)
+            + &format!(
+                "The tree's time goes with heterogeneous tetrahedra^{tree_slope:.2}, the forest's \
+                 with its leaves^{forest_slope:.2}.\n"
+            );
+        let name = "liver phantom, 64 to 256 voxels".to_owned();
+        let volumes_svg = log_log(
+            "Volume to label tree",
+            ["heterogeneous tetrahedra", "s"],
+            &[Curve { name, points: trees }],
+        );
+        Summary::new(text)
+            .with("schema", SCHEMA)
+            .with("shapes", shapes)
+            .with("closures", closures)
+            .with("updates", updates)
+            .with("update_slopes", slopes)
+            .with("volumes", volumes)
+            .with("volume_time_slope", tree_slope)
+            .with("forest_time_slope", forest_slope)
+            .with_file("mesh_updates.svg", self.update_chart())
+            .with_file("mesh_volumes.svg", volumes_svg)
+    }
+
+    fn rows(&self) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for r in &self.shapes {
+            let values = [r.circumradius_over_shortest_edge, r.radius_ratio];
+            rows.push(Row::new("shape", &r.shape, &values));
+        }
+        for r in &self.closures {
+            let values = [r.requests as f64, r.mean, r.most as f64];
+            rows.push(Row::new("closure", r.generation, &values));
+        }
+        for r in &self.updates {
+            for (table, cost) in [("update_random", &r.random), ("update_local", &r.local)] {
+                let UpdateCost { split_and_merge_ns, ring_pass_ns, ratio } = *cost;
+                let values = [split_and_merge_ns, ring_pass_ns, ratio, r.bytes_per_leaf];
+                rows.push(Row::new(table, r.leaves, &values));
+            }
+        }
+        for r in &self.volumes {
+            let [voxels, nodes, leaves] = [r.voxels, r.nodes, r.forest_leaves].map(|n| n as f64);
+            let values = [voxels, nodes, r.seconds, r.bytes_per_node, leaves];
+            rows.push(Row { f: Some(r.forest_seconds), ..Row::new("volume", r.size, &values) });
+        }
+        rows
+    }
+
+    fn element_tables(&self) -> String {
+        let heads = ["circumradius/shortest edge", "3 r/R"].map(str::to_owned);
+        let shape = |r: &ShapeRow| {
+            let cells = [r.circumradius_over_shortest_edge, r.radius_ratio];
+            (r.shape.clone(), cells.map(|x| format!("{x:.4}")).to_vec())
+        };
+        let shapes: Vec<_> = self.shapes.iter().map(shape).collect();
+        let closure = |r: &ClosureRow| {
+            let cells = [r.requests.to_string(), format!("{:.2}", r.mean), r.most.to_string()];
+            (r.generation.to_string(), cells.to_vec())
+        };
+        let mut closures: Vec<_> = self.closures.iter().map(closure).collect();
+        let requests: usize = self.closures.iter().map(|r| r.requests).sum();
+        let added: f64 = self.closures.iter().map(|r| r.mean * r.requests as f64).sum();
+        let mean = format!("{:.2}", added / requests as f64);
+        closures.push(("all".into(), vec![requests.to_string(), mean, String::new()]));
+        let closure_heads = ["requests", "vertices added: mean", "most"].map(str::to_owned);
+        table("shape", &heads, &shapes) + &table("generation", &closure_heads, &closures)
+    }
+
+    fn update_table(&self) -> String {
+        let heads = ["random places: ns", "pass over the rings, ns", "ratio"];
+        let sweep = ["a sweep: ns", "pass, ns", "ratio", "bytes/leaf"];
+        let heads: Vec<String> = heads.iter().chain(&sweep).map(|&head| head.to_owned()).collect();
+        let line = |r: &UpdateRow| {
+            let costs = [&r.random, &r.local].map(|c| {
+                [format!("{:.0}", c.split_and_merge_ns), format!("{:.0}", c.ring_pass_ns)]
+                    .into_iter()
+                    .chain([format!("{:.1}", c.ratio)])
+            });
+            let cells = costs.into_iter().flatten().chain([format!("{:.0}", r.bytes_per_leaf)]);
+            (r.leaves.to_string(), cells.collect())
+        };
+        table("split + merge, leaves", &heads, &self.updates.iter().map(line).collect::<Vec<_>>())
+    }
+
+    fn update_chart(&self) -> Option<String> {
+        type Value = fn(&UpdateRow) -> f64;
+        let values: [(&str, Value); 4] = [
+            ("random places", |r| r.random.split_and_merge_ns),
+            ("a sweep", |r| r.local.split_and_merge_ns),
+            ("one pass over the rings' memory, random", |r| r.random.ring_pass_ns),
+            ("one pass over the rings' memory, sweep", |r| r.local.ring_pass_ns),
+        ];
+        let curve = |(name, value): (&str, Value)| {
+            let points = self.updates.iter().map(|r| (r.leaves as f64, value(r))).collect();
+            Curve { name: name.to_owned(), points }
+        };
+        log_log("One vertex in and out again", ["leaves", "ns"], &values.map(curve))
+    }
+}

@@ -1,0 +1,284 @@
+//! All maintainers and direct methods, size by size, with the bound of memory.
+
+use yawara_inverse_update::SparseStiffness;
+
+use super::at_size::AtSize;
+use super::competitor::Competitor;
+use super::growth::Growth;
+use super::memory::Memory;
+use super::row::Row;
+use super::settings::{FAMILIES, LeftOut, Settings, is_sparse, maintainers};
+use super::workload::Workload;
+use crate::bodies::organ::Organ;
+use crate::error::BenchError;
+use crate::harness::Progress;
+use crate::solvers::direct::Direct;
+use crate::solvers::reference::Reference;
+use crate::workloads::history::History;
+use crate::workloads::random::SplitMix64;
+
+/// Rebuilds of a direct method at one size, where the time cap allows them.
+const REBUILDS: usize = 5;
+
+/// Units of work of one size, for the time left: between the updates of a dense method and its
+/// start.
+fn work(vertices: usize) -> f64 {
+    (vertices as f64).powf(2.5)
+}
+
+/// Half of C with its diagonal, for `dofs` rows.
+fn packed(dofs: usize) -> usize {
+    dofs * (dofs + 1) / 2
+}
+
+/// Runs all sizes one after the other; what the smaller ones took tells what the larger ones will.
+///
+/// # Errors
+/// [`BenchError`] from the mesh, the homogenisation or a method that fails.
+pub(crate) fn run(settings: &Settings) -> Result<Vec<AtSize>, BenchError> {
+    let mut progress = Progress::new(settings.vertices.iter().map(|&n| work(n)).sum());
+    let mut growth = Growth::default();
+    let mut sizes = Vec::new();
+    for &vertices in &settings.vertices {
+        let mut race = Race::new(settings, vertices, &mut growth, &mut progress)?;
+        let bursts = settings.bursts();
+        for number in 0..bursts {
+            race.burst(number)?;
+            progress.advance(&format!("{vertices} vertices"), 0.5 * work(vertices) / bursts as f64);
+        }
+        sizes.push(race.finish(&mut growth)?);
+    }
+    Ok(sizes)
+}
+
+/// One size under way.
+struct Race<'a> {
+    settings: &'a Settings,
+    vertices: usize,
+    workloads: Vec<Workload>,
+    competitors: Vec<Competitor>,
+    left_out: Vec<LeftOut>,
+    predicted: Vec<Row>,
+    memory: Memory,
+}
+
+impl<'a> Race<'a> {
+    fn new(
+        settings: &'a Settings,
+        vertices: usize,
+        growth: &mut Growth,
+        progress: &mut Progress,
+    ) -> Result<Self, BenchError> {
+        let organ = Organ::with_at_most(vertices)?;
+        let mut race = Self {
+            settings,
+            vertices,
+            workloads: Vec::new(),
+            competitors: Vec::new(),
+            left_out: Vec::new(),
+            predicted: Vec::new(),
+            memory: Memory::default(),
+        };
+        for family in FAMILIES {
+            let seed = settings.seed;
+            let history = History::refined(&organ, family.homogenisation, vertices, 0, seed)?;
+            let stiffness = history.stiffness()?;
+            race.workloads.push(Workload { family, history, ranks: Vec::new(), reference: None });
+            for name in maintainers() {
+                race.enter(name, &stiffness, growth)?;
+            }
+            for &direct in settings.direct {
+                race.enter_direct(direct, growth);
+            }
+            let share = 0.5 / FAMILIES.len() as f64;
+            progress.advance(&format!("{vertices} vertices"), share * work(vertices));
+        }
+        if race.competitors.iter().any(Competitor::is_dense) {
+            race.memory = Memory::new(packed(3 * vertices));
+        }
+        Ok(race)
+    }
+
+    /// Starts a maintainer, unless it would take too much.
+    fn enter(
+        &mut self,
+        name: &'static str,
+        stiffness: &SparseStiffness,
+        growth: &mut Growth,
+    ) -> Result<(), BenchError> {
+        let workload = self.workloads.len() - 1;
+        let family = self.workloads[workload].family.name;
+        let dofs = 3 * self.vertices;
+        let expected = growth.expect((name, family, "build"), dofs);
+        if let Some(reason) = self.too_much(name, expected) {
+            let vertices = self.vertices;
+            self.left_out.push(LeftOut { vertices, method: name, family, reason });
+            return Ok(());
+        }
+        let competitor = Competitor::maintainer(name, workload, stiffness.clone())?;
+        if let Some(build_ms) = competitor.build_ms {
+            growth.note((name, family, "build"), dofs, build_ms);
+        }
+        self.competitors.push(competitor);
+        Ok(())
+    }
+
+    /// Enters a direct method, its figure extrapolated if it would take too much.
+    fn enter_direct(&mut self, direct: Direct, growth: &Growth) {
+        let workload = self.workloads.len() - 1;
+        let family = self.workloads[workload].family.name;
+        let (name, dofs, vertices) = (direct.name(), 3 * self.vertices, self.vertices);
+        let expected = growth.expect((name, family, "split"), dofs);
+        let Some(reason) = self.too_much(name, expected) else {
+            let cap = 1e3 * self.settings.cap_s;
+            let rebuilds = expected.map_or(REBUILDS as f64, |ms| cap / ms);
+            let rebuilds = (rebuilds as usize).clamp(1, REBUILDS);
+            self.competitors.push(Competitor::direct(direct, workload, rebuilds));
+            return;
+        };
+        match growth.fitted((name, family, "split"), dofs) {
+            Some(ms) => self.predicted.push(Row::extrapolated(name, family, vertices, ms)),
+            None => self.left_out.push(LeftOut { vertices, method: name, family, reason }),
+        }
+    }
+
+    fn too_much(&self, name: &str, expected_ms: Option<f64>) -> Option<String> {
+        let dofs = 3.0 * self.vertices as f64;
+        // K, its factor and C, dense, stand side by side while a dense method begins.
+        let bytes = if is_sparse(name) { 0.0 } else { 3.0 * 8.0 * dofs * dofs };
+        if bytes > self.settings.memory_bytes {
+            let limit = self.settings.memory_bytes / 1e9;
+            return Some(format!("needs {:.2} GB, limit {limit:.2} GB", bytes / 1e9));
+        }
+        let seconds = expected_ms? / 1e3;
+        let cap = self.settings.cap_s;
+        (seconds > cap).then(|| format!("would take {seconds:.0} s once, limit {cap} s"))
+    }
+
+    /// A burst by everyone, in turns.
+    fn burst(&mut self, number: usize) -> Result<(), BenchError> {
+        // All families get the same loads and tools.
+        let random = SplitMix64(!self.settings.seed ^ number as u64);
+        let bursts = self.workloads.iter_mut().map(|workload| workload.burst(random));
+        let bursts = bursts.collect::<Result<Vec<_>, _>>()?;
+        let turns = self.competitors.len() + 1;
+        for turn in 0..turns {
+            let at = (number + turn) % turns;
+            match self.competitors.get_mut(at) {
+                Some(competitor) if competitor.runs(number, self.settings.bursts()) => {
+                    let workload = &self.workloads[competitor.workload];
+                    competitor.burst(number, &bursts[competitor.workload], || {
+                        workload.history.stiffness()
+                    })?;
+                    if number == 0 {
+                        competitor.limit_to(self.settings);
+                    }
+                }
+                Some(_) => {}
+                None => self.memory.burst(number),
+            }
+        }
+        self.judge(number)
+    }
+
+    /// The errors of those who have run their last burst.
+    fn judge(&mut self, number: usize) -> Result<(), BenchError> {
+        let bursts = self.settings.bursts();
+        for workload in &mut self.workloads {
+            workload.reference = None;
+        }
+        for competitor in &mut self.competitors {
+            if competitor.last_burst(bursts) != Some(number) {
+                continue;
+            }
+            let workload = &mut self.workloads[competitor.workload];
+            if workload.reference.is_none() {
+                workload.reference = Some(Reference::new(workload.history.stiffness()?)?);
+            }
+            if let Some(reference) = &workload.reference {
+                competitor.judge(reference, self.settings.seed)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(mut self, growth: &mut Growth) -> Result<AtSize, BenchError> {
+        self.memory.free();
+        let dofs = 3 * self.vertices;
+        let mut rows = Vec::new();
+        for competitor in &self.competitors {
+            let workload = &self.workloads[competitor.workload];
+            let bound = self.memory.bound(competitor.precision());
+            let row = Row::measured(
+                competitor,
+                workload.family.name,
+                self.vertices,
+                bound,
+                &workload.ranks,
+            )?;
+            growth.note((competitor.name, workload.family.name, "split"), dofs, row.split_ms.p50);
+            rows.push(row);
+        }
+        rows.extend(self.predicted);
+        rows.sort_by_key(|row| FAMILIES.iter().position(|family| family.name == row.family));
+        Ok(AtSize {
+            vertices: self.vertices,
+            rows,
+            competitors: self.competitors,
+            left_out: self.left_out,
+            memory: self.memory,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::organ::Size;
+    use crate::solvers::direct::DIRECT;
+
+    fn race(settings: &Settings) -> Race<'_> {
+        let organ = Organ::new(Size::Quick).unwrap();
+        let history = History::refined(&organ, "linear", 160, 0, 1).unwrap();
+        let family = FAMILIES[0];
+        Race {
+            settings,
+            vertices: 1000,
+            workloads: vec![Workload { family, history, ranks: Vec::new(), reference: None }],
+            competitors: Vec::new(),
+            left_out: Vec::new(),
+            predicted: Vec::new(),
+            memory: Memory::default(),
+        }
+    }
+
+    #[test]
+    fn what_would_take_too_long_is_extrapolated_or_left_out() {
+        let settings = Settings {
+            vertices: vec![1000],
+            direct: &DIRECT,
+            pairs: 10,
+            cap_s: 60.0,
+            memory_bytes: 1e9,
+            seed: 1,
+        };
+        let mut race = race(&settings);
+        let mut growth = Growth::default();
+        // 1 s and 8 s: 1000 s at 3000 rows.
+        growth.note(("lu", "rank3", "split"), 300, 1e3);
+        growth.note(("lu", "rank3", "split"), 600, 8e3);
+        growth.note(("cholesky", "rank3", "split"), 300, 1e3);
+        growth.note(("sparse_refactor_amd", "rank3", "split"), 1500, 1e4);
+        DIRECT.iter().for_each(|&direct| race.enter_direct(direct, &growth));
+        let [lu] = &race.predicted[..] else { panic!("{:?}", race.predicted) };
+        assert!(lu.extrapolated && lu.method == "lu");
+        assert!((lu.split_ms.p50 / 1e6 - 1.0).abs() < 1e-9, "{lu:?}");
+        let [cholesky] = &race.left_out[..] else { panic!("{:?}", race.left_out) };
+        assert_eq!((cholesky.method, cholesky.vertices), ("cholesky", 1000));
+        assert_eq!(cholesky.reason, "would take 1000 s once, limit 60 s");
+        let names: Vec<&str> = race.competitors.iter().map(|competitor| competitor.name).collect();
+        assert_eq!(names, ["sparse_refactor_amd", "sparse_refactor_nd"]);
+        // 40 s at 3000 rows, limit 60: a single rebuild in two bursts.
+        assert_eq!(race.competitors[0].last_burst(2), Some(0));
+    }
+}

@@ -1,0 +1,285 @@
+//! `table1 --gpu`: one vertex in and out with the inverse on a device, beside the dense maintainers
+//! of the host and the bound of the device's memory.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use faer::Mat;
+use serde::Serialize;
+use yawara_gpu::{
+    AdapterChoice, Device, DeviceInverse, DeviceOptions, DeviceScalar, DeviceType, on_device,
+};
+use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, build, drift};
+
+use crate::bodies::organ::Organ;
+use crate::error::BenchError;
+use crate::harness::machine::Machine;
+use crate::harness::report::markdown::table;
+use crate::harness::report::{self, Summary};
+use crate::harness::statistics::median;
+use crate::solvers::direct::DIRECT;
+use crate::studies::race::{Arguments, Defaults, three_slots};
+use crate::workloads::history::{History, Update};
+use crate::workloads::random::SplitMix64;
+
+/// Version of the JSON layout.
+const SCHEMA: &str = "yawara-bench-table1-gpu-1";
+
+const DEFAULTS: Defaults =
+    Defaults { vertices: [&[728, 1024, 2048, 3456], &[192, 432]], pairs: [20, 5], direct: &DIRECT };
+
+/// What one method took at one size; medians, ms.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    vertices: usize,
+    method: String,
+    /// The whole start: the inverse by the host, and its way to the device.
+    build_ms: f64,
+    /// The way of a whole C to the device; of the host none.
+    upload_ms: Option<f64>,
+    /// One update, the pass over C included.
+    split_ms: f64,
+    merge_ms: f64,
+    /// One of many updates put off and folded in together, the fold included.
+    put_off_ms: f64,
+    solve_ms: f64,
+    /// Columns of three vertices.
+    columns_ms: f64,
+    /// A read and write of half of C at the rate of a copy on the device; of the host none.
+    bound_ms: Option<f64>,
+    drift: f64,
+}
+
+/// A maintainer, and how its device is waited for.
+enum Competitor {
+    Host(Box<dyn InverseMaintainer>),
+    Double(DeviceInverse<f64>),
+    Single(DeviceInverse<f32>),
+}
+
+impl Competitor {
+    fn start(
+        name: &str,
+        most: usize,
+        k: SparseStiffness,
+        device: &Arc<Device>,
+    ) -> Result<Self, BenchError> {
+        Ok(match name {
+            "gpu" => Self::Double(on_device(k, device)?.with_most_delayed(most)),
+            "gpu_f32" => Self::Single(on_device(k, device)?.with_most_delayed(most)),
+            _ => Self::Host(build(name, k)?),
+        })
+    }
+
+    fn kept(&mut self) -> &mut dyn InverseMaintainer {
+        match self {
+            Self::Host(kept) => kept.as_mut(),
+            Self::Double(kept) => kept,
+            Self::Single(kept) => kept,
+        }
+    }
+
+    /// Folds what is put off, and waits until the device is done.
+    fn finish(&mut self, is_folded: bool) -> Result<(), BenchError> {
+        fn wait<E: DeviceScalar>(
+            kept: &mut DeviceInverse<E>,
+            fold: bool,
+        ) -> Result<(), BenchError> {
+            if fold {
+                kept.fold()?;
+            }
+            Ok(kept.store().finish()?)
+        }
+        match self {
+            Self::Host(_) => Ok(()),
+            Self::Double(kept) => wait(kept, is_folded),
+            Self::Single(kept) => wait(kept, is_folded),
+        }
+    }
+
+    /// The way of a C of so many rows to the device, ms; C is lost by it.
+    fn upload(&mut self, rows: usize) -> Result<Option<f64>, BenchError> {
+        let other = Mat::<f64>::identity(rows, rows);
+        let start = Instant::now();
+        match self {
+            Self::Host(_) => return Ok(None),
+            Self::Double(kept) => kept.store().load(other.as_ref())?,
+            Self::Single(kept) => kept.store().load(other.as_ref())?,
+        }
+        Ok(Some(start.elapsed().as_secs_f64() * 1e3))
+    }
+
+    /// An update, until all of it is done; ms.
+    fn timed(&mut self, update: &Update) -> Result<f64, BenchError> {
+        let start = Instant::now();
+        update.apply(self.kept())?;
+        self.finish(false)?;
+        Ok(start.elapsed().as_secs_f64() * 1e3)
+    }
+}
+
+/// The methods, dense all of them: the host's and the device's.
+const METHODS: [&str; 4] = ["woodbury", "woodbury_f32", "gpu", "gpu_f32"];
+
+/// Runs the study on the first device, or on the one of that number or part of a name; writes its
+/// files and returns its table.
+///
+/// # Errors
+/// [`BenchError`] for bad arguments or without a device (nothing is written then), or a method that
+/// fails.
+pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, BenchError> {
+    let machine = Machine::here();
+    let settings = arguments.settings(&DEFAULTS, &machine)?;
+    let adapter = adapter.map(|adapter| match adapter.parse() {
+        Ok(index) => AdapterChoice::Index(index),
+        Err(_) => AdapterChoice::Name(adapter.to_owned()),
+    });
+    let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
+    let folder = arguments.common.destination.folder()?;
+    let copy = device.copy_rate(5)?;
+    let mut rows = Vec::new();
+    for &vertices in &settings.vertices {
+        let organ = Organ::with_at_most(vertices)?;
+        for method in METHODS {
+            // Every method gets the same mesh and the same places.
+            let mut history = History::refined(&organ, "linear", vertices, 0, settings.seed)?;
+            rows.push(row(method, &mut history, copy, &device, settings.pairs)?);
+        }
+    }
+    report::write(&folder, "table1_gpu", &rows, summary(&rows, &machine, &device, copy))
+}
+
+/// `copy`: bytes per second of a copy on the device.
+fn summary(rows: &[Row], machine: &Machine, device: &Device, copy: f64) -> Summary {
+    let (device, copy_gb_s) = (device.report(), copy / 1e9);
+    let is_cpu = device.device_type == DeviceType::Cpu;
+    let mut text = format!("```\n{device}\n```\n\n");
+    if is_cpu {
+        text += "This device is a CPU: the figures say nothing about a card.\n\n";
+    }
+    text += &format!(
+        "Copies on the device read and write {copy_gb_s:.1} GB/s. The bound is a read and write \
+         of half of C at that rate. Medians, ms; rings of rank 3.\n\n"
+    );
+    let heads =
+        ["build", "upload", "split", "merge", "put off", "solve", "columns", "bound", "drift"];
+    let line = |row: &Row| {
+        let three = |value: f64| format!("{value:.3}");
+        let cells = [
+            format!("{:.0}", row.build_ms),
+            row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
+            three(row.split_ms),
+            three(row.merge_ms),
+            three(row.put_off_ms),
+            three(row.solve_ms),
+            three(row.columns_ms),
+            row.bound_ms.map_or(String::new(), three),
+            format!("{:.0e}", row.drift),
+        ];
+        (format!("{}, {}", row.vertices, row.method), cells.to_vec())
+    };
+    let lines: Vec<_> = rows.iter().map(line).collect();
+    text += &table("vertices, method", &heads.map(str::to_owned), &lines);
+    Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("machine", machine)
+        .with("device", device.to_string())
+        .with("is_cpu", is_cpu)
+        .with("copy_gb_s", copy_gb_s)
+}
+
+/// One method at one size.
+fn row(
+    method: &str,
+    history: &mut History,
+    copy: f64,
+    device: &Arc<Device>,
+    pairs: usize,
+) -> Result<Row, BenchError> {
+    let stiffness = history.stiffness()?;
+    let (vertices, dofs) = (stiffness.vertices(), stiffness.dofs());
+    let start = Instant::now();
+    let mut competitor = Competitor::start(method, 0, stiffness, device)?;
+    competitor.finish(false)?;
+    let build_ms = start.elapsed().as_secs_f64() * 1e3;
+    let (mut split, mut merge) = (Vec::new(), Vec::new());
+    for at in 0..=pairs {
+        let updates = pair(history)?;
+        let times = [competitor.timed(&updates[0])?, competitor.timed(&updates[1])?];
+        // The first pair translates kernels and fills caches.
+        if at > 0 {
+            split.push(times[0]);
+            merge.push(times[1]);
+        }
+    }
+    let (solve_ms, columns_ms) = use_it(&mut competitor, pairs)?;
+    let put_off_ms = put_off(method, history, device, pairs)?;
+    let drift = drift(competitor.kept(), 1, 16);
+    let numbers = dofs * (dofs + 1) / 2;
+    let bytes = if method.ends_with("_f32") { 4 } else { 8 } * numbers;
+    let bound = 2.0 * bytes as f64 / copy * 1e3;
+    Ok(Row {
+        vertices,
+        method: method.to_owned(),
+        build_ms,
+        split_ms: median(&split),
+        merge_ms: median(&merge),
+        put_off_ms,
+        solve_ms,
+        columns_ms,
+        bound_ms: method.starts_with("gpu").then_some(bound),
+        drift,
+        upload_ms: competitor.upload(dofs)?,
+    })
+}
+
+/// A split and its merge, which leave the mesh as it was.
+fn pair(history: &mut History) -> Result<[Update; 2], BenchError> {
+    let split = history.split()?;
+    let merge = history.merge_at(split.point)?;
+    Ok([split, merge])
+}
+
+/// Medians of a solve and of columns, ms.
+fn use_it(lane: &mut Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
+    let dofs = competitor.kept().stiffness().dofs();
+    let tool = three_slots(&mut SplitMix64(7), dofs / 3);
+    let load: Vec<f64> = (0..dofs).map(|i| (0.3 * i as f64).sin()).collect();
+    let mut u = vec![0.0; dofs];
+    let (mut solve, mut columns) = (Vec::new(), Vec::new());
+    for at in 0..=repeats {
+        let start = Instant::now();
+        competitor.kept().solve(&load, &mut u)?;
+        let middle = Instant::now();
+        std::hint::black_box(competitor.kept().columns(&tool)?);
+        if at > 0 {
+            solve.push((middle - start).as_secs_f64() * 1e3);
+            columns.push(middle.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    Ok((median(&solve), median(&columns)))
+}
+
+/// One of many updates, the last of which folds in all that were put off; on the host one of a run.
+fn put_off(
+    method: &str,
+    history: &mut History,
+    device: &Arc<Device>,
+    pairs: usize,
+) -> Result<f64, BenchError> {
+    let most = yawara_inverse_update::MOST_DELAYED;
+    let mut competitor = Competitor::start(method, most, history.stiffness()?, device)?;
+    let mut times = Vec::new();
+    for at in 0..3 {
+        let updates = (0..pairs).map(|_| pair(history)).collect::<Result<Vec<_>, _>>()?;
+        let start = Instant::now();
+        for update in updates.iter().flatten() {
+            update.apply(competitor.kept())?;
+        }
+        competitor.finish(true)?;
+        if at > 0 {
+            times.push(start.elapsed().as_secs_f64() * 1e3 / (2 * pairs) as f64);
+        }
+    }
+    Ok(median(&times))
+}

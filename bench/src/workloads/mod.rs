@@ -1,0 +1,7 @@
+//! What is done to a body: random splits, merges and changes of material, the same on every run.
+//!
+//! Start with `history.rs`.
+
+pub(crate) mod history;
+pub(crate) mod material_edits;
+pub(crate) mod random;

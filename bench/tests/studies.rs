@@ -1,0 +1,234 @@
+//! Whole studies, smaller than `--quick`: what they write, and what their figures have to be.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use yawara_bench::harness::arguments::Destination;
+use yawara_bench::studies::{Arguments, Common, drift, elements, homogenisation, scaling, table1};
+use yawara_bench::{BenchError, DIRECT};
+use yawara_inverse_update::CHOICES;
+
+/// A folder that goes with the test, and a study's path in it.
+fn scratch() -> (tempfile::TempDir, Common) {
+    let root = tempfile::tempdir().unwrap();
+    let destination = Destination { out: root.path().join("study"), force: false };
+    (root, Common { destination, quick: true })
+}
+
+/// The files of a study: its CSV has a line per row and as many cells in each, the text is what was
+/// printed, and JSON has no nulls. Returns the JSON.
+fn files(out: &Path, name: &str, printed: &str) -> Value {
+    let read = |end: &str| std::fs::read_to_string(out.join(format!("{name}.{end}"))).unwrap();
+    assert_eq!(read("md"), printed);
+    assert!(!printed.contains("NaN"), "{printed}");
+    let json = read("json");
+    assert!(!json.contains("null"), "{json}");
+    let value: Value = serde_json::from_str(&json).unwrap();
+    let csv = read("csv");
+    assert_eq!(csv.lines().count(), 1 + rows(&value).len());
+    let commas = |line: &str| line.replace("1e3, ", "").matches(',').count();
+    let want = csv.lines().next().map(commas);
+    assert!(csv.lines().all(|line| Some(commas(line)) == want), "{csv}");
+    assert!(!csv.contains("NaN") && !csv.contains("inf"), "{csv}");
+    value
+}
+
+fn rows(value: &Value) -> &Vec<Value> {
+    value["rows"].as_array().unwrap()
+}
+
+fn number(row: &Value, key: &str) -> f64 {
+    row[key].as_f64().unwrap_or_else(|| panic!("{key} of {row}"))
+}
+
+fn maintainers() -> impl Iterator<Item = &'static str> {
+    CHOICES.iter().copied().filter(|name| DIRECT.iter().all(|direct| direct.name() != *name))
+}
+
+/// A study that refuses leaves nothing behind.
+fn refused(root: &Path, result: Result<String, BenchError>) -> BenchError {
+    assert!(std::fs::read_dir(root).unwrap().next().is_none());
+    result.unwrap_err()
+}
+
+fn sizes(common: Common, vertices: Vec<usize>) -> Arguments {
+    Arguments { common, vertices, pairs: Some(10), cap_s: 60, memory_gb: Some(1), seed: 2 }
+}
+
+#[test]
+fn table1_times_all_methods_at_exact_sizes_and_they_stay_right() {
+    let (_root, common) = scratch();
+    let out = common.destination.out.clone();
+    let text = table1::run(&sizes(common, vec![160, 200])).unwrap();
+    let value = files(&out, "table1", &text);
+    assert_eq!(rows(&value).len(), 2 * 2 * (maintainers().count() + DIRECT.len()));
+    for row in rows(&value) {
+        let (method, n) = (row["method"].as_str().unwrap(), number(row, "vertices"));
+        assert_eq!(number(row, "dofs"), 3.0 * n);
+        let direct = DIRECT.iter().any(|direct| direct.name() == method);
+        assert_eq!(number(row, "updates"), if direct { 2.0 } else { 20.0 }, "{row}");
+        for key in ["split_ms", "merge_ms"] {
+            let (p50, p99) = (number(&row[key], "p50"), number(&row[key], "p99"));
+            assert!(0.0 < p50 && p50 <= p99, "{row}");
+        }
+        for key in ["solve_ms", "columns_ms", "bound_ms"] {
+            assert!(number(row, key) > 0.0, "{row}");
+        }
+        // Far above rounding at a condition of 1e5, far below a wrong update.
+        let limit = if row["precision"] == "f32" { 1e-9 } else { 1e-10 };
+        assert!(number(row, "error_vs_lu") < limit, "{row}");
+        assert_eq!(row["reference"], "lu");
+        assert_eq!(row["extrapolated"], false);
+    }
+    let laminate = rows(&value).iter().find(|row| row["family"] == "laminate").unwrap();
+    assert!(number(laminate, "rank_max") > 3.0 && number(&rows(&value)[0], "rank_max") == 3.0);
+    let ratios = value["ratios"].as_array().unwrap();
+    for name in [
+        "woodbury / bound",
+        "cholesky / woodbury",
+        "sparse_refactor_amd / sparse",
+        "woodbury / sparse",
+        "sparse laminate / sparse rank3",
+        "bound / memcpy",
+    ] {
+        let count = ratios.iter().filter(|ratio| ratio["name"] == name).count();
+        assert!(count > 0 && count % 2 == 0, "{name}");
+    }
+    for ratio in ratios {
+        // Whatever the machine does meanwhile, a fresh start takes longer than an update.
+        if ratio["name"] == "lu / woodbury" || ratio["name"] == "sparse_refactor_amd / sparse" {
+            assert!(number(ratio, "value") > 1.0, "{ratio}");
+        }
+    }
+    assert_eq!(number(&value["memory"][0], "bytes"), 8.0 * 480.0 * 481.0 / 2.0);
+    for name in ["table1.svg", "table1_laminate.svg"] {
+        let svg = std::fs::read_to_string(out.join(name)).unwrap();
+        assert!(svg.contains("sparse_refactor_amd") && svg.contains("</svg>"));
+    }
+}
+
+#[test]
+fn table1_writes_nothing_for_bad_arguments() {
+    let (root, common) = scratch();
+    let bad = Arguments { pairs: Some(0), ..sizes(common.clone(), vec![160]) };
+    let error = refused(root.path(), table1::run(&bad));
+    assert!(matches!(error, BenchError::OutOfRange { option: "--pairs", .. }), "{error}");
+    let error = refused(root.path(), table1::run(&sizes(common, vec![20, 200])));
+    assert!(matches!(error, BenchError::TooFewVertices { value: 20, .. }), "{error}");
+}
+
+#[test]
+fn scaling_gives_every_maintainer_exponents_and_leaves_large_ones_out() {
+    let (_root, common) = scratch();
+    let out = common.destination.out.clone();
+    // Three times 6600² numbers are 1.05 GB.
+    let arguments = Arguments { pairs: Some(5), ..sizes(common, vec![160, 240, 2200]) };
+    let text = scaling::run(&arguments).unwrap();
+    let value = files(&out, "scaling", &text);
+    let fits = value["fits"].as_array().unwrap();
+    for method in maintainers() {
+        for family in ["rank3", "laminate"] {
+            let splits: Vec<&Value> = fits
+                .iter()
+                .filter(|f| f["method"] == method && f["family"] == family)
+                .filter(|f| f["operation"] == "split")
+                .collect();
+            assert_eq!(splits.len(), 1, "{method}");
+            assert_eq!(splits[0]["sizes"], if method.starts_with("sparse") { 3 } else { 2 });
+        }
+    }
+    let left_out = value["left_out"].as_array().unwrap();
+    let dense = maintainers().filter(|name| !name.starts_with("sparse")).count();
+    assert_eq!(left_out.len(), 2 * dense);
+    assert!(left_out.iter().all(|l| l["vertices"] == 2200));
+    assert!(text.contains("left out, needs 1.05 GB, limit 1.00 GB"), "{text}");
+    let large = || rows(&value).iter().filter(|row| row["vertices"] == 2200);
+    assert!(large().any(|row| row["method"] == "sparse"));
+    for row in large() {
+        assert!(number(row, "error_vs_lu") < 1e-10, "{row}");
+        assert_eq!(row["reference"], "sparse_refactor_amd");
+    }
+}
+
+#[test]
+fn drift_stays_small_for_all_maintainers_on_the_quick_cases() {
+    let (_root, common) = scratch();
+    let out = common.destination.out.clone();
+    let arguments = drift::Arguments { common, vertices: vec![160], updates: Some(60), seed: 3 };
+    let text = drift::run(&arguments).unwrap();
+    let value = files(&out, "drift", &text);
+    // 1, 2, 5, 10, 20, 50, 60 updates, three cases.
+    assert_eq!(rows(&value).len(), 7 * 3 * maintainers().count());
+    for row in rows(&value) {
+        let limit = match (row["method"].as_str().unwrap(), row["precision"].as_str().unwrap()) {
+            ("sparse" | "woodbury", _) => 1e-10,
+            (_, "f32") => 1e-6,
+            _ => 1e-4,
+        };
+        assert!(number(row, "error") < limit, "{row}");
+        assert!(number(row, "monitor") < 1.0, "{row}");
+    }
+    let names = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path());
+    let svgs: Vec<PathBuf> =
+        names.filter(|path| path.extension().is_some_and(|end| end == "svg")).collect();
+    assert_eq!(svgs.len(), 3);
+}
+
+#[test]
+fn drift_writes_nothing_for_bad_arguments() {
+    let (root, common) = scratch();
+    let arguments = drift::Arguments { common, vertices: vec![], updates: Some(0), seed: 3 };
+    let error = refused(root.path(), drift::run(&arguments));
+    assert!(matches!(error, BenchError::OutOfRange { option: "--updates", .. }), "{error}");
+}
+
+#[test]
+fn elements_writes_what_is_documented() {
+    let (_root, common) = scratch();
+    let out = &common.destination.out;
+    let text = elements::run(&common).unwrap();
+    let value = files(out, "elements", &text);
+    assert_eq!(rows(&value).len(), 2 * (4 * 3 + 2 * 2));
+    assert!(text.contains("p1p1"));
+    assert!(std::fs::read_to_string(out.join("elements.svg")).unwrap().contains("</svg>"));
+    assert!(elements::run(&common).is_err(), "the directory is in use");
+}
+
+/// The bounds that the choices are held to, and what is written.
+#[test]
+fn homogenisation_holds_what_is_claimed() {
+    let (_root, common) = scratch();
+    let out = &common.destination.out;
+    let text = homogenisation::run(&common).unwrap();
+    let value = files(out, "homogenisation", &text);
+    assert_eq!(rows(&value).len(), 8 * yawara_embed::CHOICES.len());
+    let keys = [
+        "case",
+        "ratio",
+        "nu",
+        "levels",
+        "choice",
+        "error_coarse",
+        "error_fine",
+        "compliance_error",
+        "min_eigenvalue",
+        "seconds",
+        "bytes",
+    ];
+    for row in rows(&value) {
+        assert!(row.as_object().unwrap().keys().eq(keys));
+        assert!(number(row, "min_eigenvalue") > 0.0, "{row}");
+    }
+    let mean = |choice: &str, key: &str| {
+        let of = |row: &&Value| row["choice"] == choice && row["case"] != "homogeneous";
+        rows(&value).iter().filter(of).map(|row| number(row, key)).sum::<f64>() / 7.0
+    };
+    let [laminate, linear, kharevych, paper] =
+        ["laminate", "linear", "kharevych", "paper"].map(|c| mean(c, "error_coarse"));
+    assert!(laminate < 0.17 && kharevych < 0.09, "{laminate} {kharevych}");
+    assert!(kharevych < laminate && laminate < linear && linear < paper && paper > 1.0);
+    assert!(mean("kharevych", "error_fine") < kharevych);
+    assert!(mean("laminate", "error_fine") < 1.001 * laminate);
+    let svg = std::fs::read_to_string(out.join("homogenisation.svg")).unwrap();
+    assert!(svg.contains("kharevych, 3 levels"));
+}
