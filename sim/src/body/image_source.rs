@@ -159,7 +159,7 @@ fn labels(
     for (&label, &voxels) in volume.values().iter().zip(&counts).skip(1) {
         if ignored(&label) {
             summary.ignored_labels.push(LabelVoxels { label, voxels });
-        } else if material_of_label(scene, label).is_none() {
+        } else if scene.material_of(label).is_none() {
             let image = summary.name;
             return Err(SimError::LabelWithoutMaterial { label, image, voxels });
         }
@@ -172,16 +172,9 @@ fn labels(
         let voxels = volume.labels().iter().map(|&id| kept[usize::from(id)]);
         LabelVolume::from_original(volume.grid().clone(), voxels)?
     };
-    let material_of = count(scene, &volume, &mut summary, |label| {
-        material_of_label(scene, label).unwrap_or_default()
-    });
+    let of_label = |label| scene.material_of(label).unwrap_or_default();
+    let material_of = count(scene, &volume, &mut summary, of_label);
     Ok(ImageSource { volume, material_of, summary })
-}
-
-/// The entry that names a label, else the one for all others.
-fn material_of_label(scene: &Scene, label: i64) -> Option<usize> {
-    let named = scene.materials.iter().position(|material| material.label == Some(label));
-    named.or_else(|| scene.materials.iter().position(|material| material.other))
 }
 
 /// Labels from the intensities of a file, by the materials' ranges.

@@ -13,7 +13,7 @@ use super::components::spans_a_plane;
 use super::organ_box::OrganBox;
 use super::state::{BodyState, Cell, Hold};
 use crate::error::SimError;
-use crate::scene::{MaterialEntry, Scene};
+use crate::scene::Scene;
 
 /// A mesh from a file with a material per tetrahedron.
 pub(crate) struct FileMesh {
@@ -215,17 +215,12 @@ fn materials(
     }
     let mut materials = BTreeMap::new();
     for (tag, count) in counts {
-        let Some(entry) = material_of(scene, tag) else {
+        let Some(position) = scene.material_of(tag) else {
             return Err(SimError::TagWithoutMaterial { tag, mesh: name.into(), tets: count });
         };
+        let entry = &scene.materials[position];
         let (e, nu) = (entry.young_modulus_pa, entry.poisson_ratio);
         materials.insert(tag, Material::new(e, nu, entry.density_kg_m3)?);
     }
     Ok(materials)
-}
-
-/// The entry that names the tag, else the one for all others.
-fn material_of(scene: &Scene, tag: i64) -> Option<&MaterialEntry> {
-    let named = scene.materials.iter().find(|material| material.label == Some(tag));
-    named.or_else(|| scene.materials.iter().find(|material| material.other))
 }

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 use yawara_embed::{DetailMesh, Embedding, Follower};
-use yawara_mesh::{BisectionForest, Domain, Lattice, Placement, VertexId};
+use yawara_mesh::{BisectionForest, Placement, VertexId};
 
 use super::surfaces::rotation;
+use crate::body::same_cells;
 use crate::error::SimError;
 
 /// The vertices of a uniformly fine mesh that belong to something else than void, and where the
@@ -42,15 +43,12 @@ impl Probe {
         mut placement: Placement,
         level: u8,
     ) -> Result<Self, SimError> {
-        let coarse = forest.domain();
         let level = level.max(forest.max_level());
         let tree = forest.tree();
-        let lattice = Lattice::new(coarse.lattice().cells, level);
-        let mut domain = Domain::of_labels(lattice, tree);
-        let dropped: Vec<usize> = domain.cells().filter(|&cell| !coarse.has_cell(cell)).collect();
-        domain.exclude(&dropped);
+        let domain = same_cells(forest, level);
+        let units = f64::from(domain.lattice().units);
         let fine = BisectionForest::new(domain, tree.clone(), level, level)?;
-        placement.unit /= f64::from(lattice.units) / f64::from(coarse.lattice().units);
+        placement.unit /= units / f64::from(forest.domain().lattice().units);
         let mut number = vec![u32::MAX; fine.vertex_capacity()];
         let (mut vertices, mut rest, mut tets) = (Vec::new(), Vec::new(), Vec::new());
         for tet in fine.leaves().filter(|tet| tree.majority(tet.node) != 0) {

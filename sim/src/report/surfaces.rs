@@ -6,11 +6,11 @@ use nalgebra::{Matrix3, Vector3};
 use yawara_corot::rotation::polar_warm;
 use yawara_embed::{DetailMesh, Embedding, Follower};
 use yawara_mesh::BisectionForest;
-use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
+use yawara_mesh::isosurface::{IsoSurface, Outline};
 use yawara_mesh::volume::LabelVolume;
 
 use super::records::{SurfaceFrame, SurfaceSummary};
-use crate::body::{ImageBody, ScannerAxes, carrier, surface_level};
+use crate::body::{Cut, ImageBody, ScannerAxes};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -42,8 +42,6 @@ impl Surfaces {
         if asked.is_empty() {
             return Ok(None);
         }
-        let level = surface_level(scene, setup);
-        let domain = carrier(setup, level);
         let mut outlines = Vec::new();
         for (i, one) in asked.iter().enumerate() {
             let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
@@ -54,9 +52,8 @@ impl Surfaces {
             })?;
             outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
         }
-        let lattice = *domain.lattice();
-        let Outlines { forest, surfaces } =
-            Outlines::new(&setup.volume, &setup.tree, domain, level, &outlines)?;
+        let Cut { forest, placement, rest, surfaces } =
+            Cut::new(scene, setup, &setup.volume, &outlines)?;
         let mut parts = Vec::new();
         for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
             if surface.triangles.is_empty() {
@@ -68,12 +65,6 @@ impl Surfaces {
                 );
             }
             parts.push(Part { label: one.label, surface });
-        }
-        let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
-        let placement = setup.tree.grid().placement(voxel_m, &lattice);
-        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
-        for v in forest.vertices() {
-            rest[v.index()] = placement.position(forest.point(v));
         }
         let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
         let ends = parts.iter().flat_map(|part| &part.surface.vertices).flat_map(|v| v.edge);

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
-use yawara_mesh::isosurface::{Outline, Outlines};
+use yawara_mesh::isosurface::Outline;
 use yawara_mesh::volume::LabelVolume;
 
 use super::surface_points::SurfacePoints;
-use crate::body::{ImageBody, Origin, Start, carrier, surface_level};
+use crate::body::{Cut, ImageBody, Origin, Start};
 use crate::error::SimError;
 use crate::scene::{Region, Scene};
 
@@ -86,21 +86,12 @@ impl<'a> SurfaceSource<'a> {
 fn outline(scene: &Scene, setup: &ImageBody) -> Result<Triangles, SimError> {
     let solid = setup.volume.labels().iter().map(|&label| u16::from(label > 0)).collect();
     let volume = LabelVolume::new(setup.volume.grid().clone(), solid, vec![0, 1])?;
-    let level = surface_level(scene, setup);
-    let domain = carrier(setup, level);
-    let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
-    let placement = setup.tree.grid().placement(voxel_m, domain.lattice());
     let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
-    let Outlines { forest, surfaces } = Outlines::new(&volume, &setup.tree, domain, level, &asked)?;
-    let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
-    for v in forest.vertices() {
-        rest[v.index()] = placement.position(forest.point(v));
-    }
-    let surface = &surfaces[0];
+    let Cut { rest, surfaces, .. } = Cut::new(scene, setup, &volume, &asked)?;
     Ok(Triangles {
-        points: surface.positions(&rest)?,
-        corners: surface.triangles.iter().map(|t| t.map(|i| i as usize)).collect(),
-        off: voxel_m,
+        points: surfaces[0].positions(&rest)?,
+        corners: surfaces[0].triangles.iter().map(|t| t.map(|i| i as usize)).collect(),
+        off: volume.grid().spacing_mm * 1e-3,
     })
 }
 

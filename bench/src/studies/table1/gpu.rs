@@ -241,7 +241,7 @@ fn pair(history: &mut History) -> Result<[Update; 2], BenchError> {
 }
 
 /// Medians of a solve and of columns, ms.
-fn use_it(lane: &mut Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
+fn use_it(competitor: &mut Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
     let dofs = competitor.kept().stiffness().dofs();
     let tool = three_slots(&mut SplitMix64(7), dofs / 3);
     let load: Vec<f64> = (0..dofs).map(|i| (0.3 * i as f64).sin()).collect();

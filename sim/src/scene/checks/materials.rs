@@ -9,6 +9,12 @@ impl Scene {
     pub(crate) fn reads_intensities(&self) -> bool {
         self.materials.iter().any(|material| material.range.is_some())
     }
+
+    /// The position of the material that names `label`, else of the one for all others.
+    pub(crate) fn material_of(&self, label: i64) -> Option<usize> {
+        let named = self.materials.iter().position(|material| material.label == Some(label));
+        named.or_else(|| self.materials.iter().position(|material| material.other))
+    }
 }
 
 impl MaterialEntry {
