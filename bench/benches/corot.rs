@@ -62,6 +62,7 @@ impl Case {
         let mut problem = Problem {
             body,
             forces: corotation.as_ref(),
+            inertia: None,
             external: &self.weight,
             free: &self.free,
             inverse: &inverse,

@@ -1,7 +1,7 @@
 //! What can be wrong with a co-rotational problem.
 
 /// Why a stage could not be made.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CorotError {
     /// An unknown name.
@@ -13,6 +13,16 @@ pub enum CorotError {
         name: String,
         /// What there is.
         choices: &'static [&'static str],
+    },
+    /// A parameter out of its range.
+    #[error("{what} is {value}, want {want}")]
+    Range {
+        /// Which parameter.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The admissible range.
+        want: &'static str,
     },
     /// A solver that needs a tangent and a co-rotation without one.
     #[error(

@@ -14,9 +14,10 @@ mod equilibrium;
 mod error;
 mod forces;
 mod kernels;
+mod law;
 mod time;
 
-pub use body::Body;
+pub use body::{Body, LawState};
 pub use contact::{Contact, ContactOutcome, Obstacle, Sphere, SurfacePoint, solve_with_contact};
 pub use element::{Element, rotation};
 pub use equilibrium::{
@@ -29,4 +30,10 @@ pub use forces::{
     PaperCorotation, RowCorotation, element_tangent, forces_by_name,
 };
 pub use kernels::element::StiffnessPacket;
-pub use time::{EulerStep, ImplicitEuler};
+pub use law::{
+    ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,
+};
+pub use time::{
+    INTEGRATORS, ImplicitEuler, Inertia, InertiaWeights, QuasiStatic, TimeIntegrator, TimeStep,
+    VertexMotion, forces_with_inertia, integrator_by_name,
+};

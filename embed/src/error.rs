@@ -178,7 +178,7 @@ pub enum EmbedError {
         /// The smallest eigenvalue, Pa, or NaN.
         eigenvalue: f64,
     },
-    /// A step, or a damping, that implicit Euler can't take.
+    /// A weight of mass or stiffness that no time step has.
     #[error("the {what} is {value}, want {want}")]
     StepWeight {
         /// Which one.

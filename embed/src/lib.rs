@@ -25,7 +25,7 @@ mod material;
 
 pub use detail::{DetailMesh, Follower, RotationOf};
 pub use element::{
-    Dynamic, ElementFormulation, EulerWeights, FORMULATIONS, Mass, MixedModuli, P1, P1P1,
+    Dynamic, ElementFormulation, FORMULATIONS, Mass, MixedModuli, P1, P1P1, StepWeights,
     dynamic_by_name, formulation_by_name,
 };
 pub use embedding::Embedding;

@@ -276,9 +276,10 @@ fn what_has_no_inertia_or_damping_is_refused_by_name() {
     refused(&["dynamics.spin_rad_s=[0.0, inf, 0.0]"], &["dynamics.spin_rad_s[1]", "finite"]);
     refused(&["dynamics.mass=heavy"], &["dynamics.mass", "consistent"]);
     refused(
-        &["stages.element=p1p1", "dynamics.damping_stiffness_s=0.01"],
-        &["damping by stiffness of p1p1", "element p1"],
+        &["stages.law=linear", "dynamics.damping_stiffness_s=0.01"],
+        &["stages.law", "rayleigh"],
     );
+    refused(&["stages.integrator=leapfrog"], &["stages.integrator", "implicit_euler"]);
     refused(&["budget.step_ms=0.0"], &["budget.step_ms"]);
     // Without inertia a body that nothing holds is still refused.
     let (mut scene, _) = scene_file::load("drop", &["fixed=[]".into()]).unwrap();

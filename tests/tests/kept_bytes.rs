@@ -3,7 +3,8 @@
 //! Everything in a run directory counts but times and the plan's explanations. Last digits depend
 //! on the processor's vector unit, by which kernels are chosen when the program starts, so hashes
 //! are kept for each class of it; they depend neither on threads nor on the profile (the record was
-//! begun with a release build). The figures hold on every machine.
+//! begun with a release build). The figures hold on every machine. Without a processor of class
+//! `x86-v3`, `qemu-x86_64 -cpu max` runs the test as one.
 //!
 //! `YAWARA_KEEP=1 cargo test -p yawara-tests --test kept_bytes -- --nocapture` prints the record of
 //! this machine's class. Whoever changes it says why in `reason`, and in the changelog.
@@ -19,9 +20,15 @@ use yawara::{Simulation, Stages, scene_file};
 
 const RECORD: &str = include_str!("kept_bytes.toml");
 
-/// How far figures may be off: far more than the last digits of any vector unit, far less than any
-/// other split or iteration would make.
-const RELATIVE: f64 = 1e-6;
+/// How far figures may be off where no bytes are kept: a step is solved to a residual of 1e-6, so
+/// that other last digits end it an iteration sooner or later. Counts of the mesh are exact.
+fn tolerance(figure: &str) -> f64 {
+    match figure {
+        "iterations" => 0.05,
+        "force_max_n" | "displacement_max_mm" => 1e-4,
+        _ => 0.0,
+    }
+}
 
 /// The vector unit's class, by the names of the architecture's levels.
 fn class() -> Option<&'static str> {
@@ -160,7 +167,7 @@ fn check(scene: &str) {
     for (name, figure) in &run.figures {
         let want = &kept["figures"][name];
         let want = want.as_float().unwrap_or_else(|| want.as_integer().unwrap() as f64);
-        if !((figure - want).abs() <= RELATIVE * want.abs()) {
+        if !((figure - want).abs() <= tolerance(name) * want.abs()) {
             wrong.push(format!("{name} is {figure}, kept is {want}"));
         }
     }

@@ -1,9 +1,12 @@
-//! Who may import whom: the table of the workspace, checked against `cargo metadata`.
+//! Who may import whom: crates by the table of the workspace, checked against `cargo metadata`; files
+//! of a crate without circles, checked against the sources.
 
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
+
+use yawara_tests::module_graph::{package_graph, packages};
 
 /// One row of the table: what a package may import of ours, always or behind a feature.
 struct Row {
@@ -145,6 +148,15 @@ fn forbids_unsafe_code(source: &str) -> bool {
 fn nobody_imports_what_the_table_forbids() {
     let found = breaches(&metadata());
     assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn no_files_of_a_crate_use_each_other_in_a_circle() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let packages = packages(&root).unwrap();
+    let circles = |package| package_graph(&root, package).unwrap().describe_circles();
+    let found: String = packages.iter().map(circles).collect();
+    assert!(found.is_empty(), "\n{found}");
 }
 
 #[test]

@@ -194,6 +194,7 @@ fn a_small_load_gives_what_linear_statics_gives() {
             let mut problem = Problem {
                 body: &mut body,
                 forces: corotation.as_ref(),
+                inertia: None,
                 external: &external,
                 free: &free,
                 inverse: &select,
@@ -242,6 +243,7 @@ fn what_can_t_take_pressures_says_so() {
         let mut problem = Problem {
             body: &mut body,
             forces: element.as_ref(),
+            inertia: None,
             external: &external,
             free: &free,
             inverse: &|_, y| y.fill(f64::NAN),

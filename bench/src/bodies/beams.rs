@@ -5,9 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Rotation3, Vector3};
-use yawara_corot::{
-    Body, Element, ElementTangent, Equilibrium, InternalForces, Outcome, Tolerance,
-};
+use yawara_corot::{Body, ElementTangent, Equilibrium, InternalForces, Outcome, Tolerance};
 use yawara_embed::isotropic;
 
 use crate::bodies::solid::Solid;
@@ -205,7 +203,12 @@ impl InternalForces for Recorded<'_> {
         self.inner.internal_forces(body, positions, forces)
     }
 
-    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
-        self.inner.tangent(element, positions)
+    fn tangent(
+        &self,
+        body: &Body,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> Option<ElementTangent> {
+        self.inner.tangent(body, number, positions)
     }
 }

@@ -86,7 +86,8 @@ impl Statics {
             before_inverse();
             link.apply(f, u);
         };
-        let mut problem = Problem { body, forces: corotation, external, free, inverse: &inverse };
+        let mut problem =
+            Problem { body, forces: corotation, inertia: None, external, free, inverse: &inverse };
         equilibrium.solve(&mut problem, positions, internal, tolerance)
     }
 

@@ -134,6 +134,6 @@ mod tests {
         assert!(error.contains("did you mean `corotation`?"), "{error}");
         let candidate = Candidate::new("g", "n", &["stages.corotation=none"]);
         let scene = candidate.scene("beam", &[]).unwrap();
-        assert_eq!(candidate.stages(&scene).unwrap().corotation.name(), "none");
+        assert_eq!(candidate.stages(&scene).unwrap().forces.name(), "none");
     }
 }

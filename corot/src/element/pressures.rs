@@ -1,20 +1,22 @@
 //! Pressures of a body of mixed elements: one per vertex, beside the displacements.
 
 use nalgebra::{Matrix6, Vector3};
-use yawara_embed::{LinearTet, MixedModuli, P1P1};
+use yawara_embed::{LinearTet, MixedModuli, P1P1, Strain};
 
 use super::Element;
 
 /// What the pressures of a body are made of.
 ///
 /// With θ = tr(RᵀF) − 3, q̄ the mean over an element's corners, a = μ²/κ and s = αμ, the element
-/// adds V μ q̄ I to its scaled stress, and to what its corners lack of equilibrium in volume r_i =
+/// adds V μ q̄ I to its scaled stress, and to the pressure residual of corner i
 /// (V/20)[(a+s) q_i + (a − s/4) Σ q] − μ (V/4) θ: the rows P q − G u of [`P1P1`].
 #[derive(Clone, Debug)]
 pub(crate) struct Pressures {
     stabilisation: f64,
     /// By element number.
     elements: Vec<PressedElement>,
+    /// By element number, apart from what every evaluation reads.
+    moduli: Vec<MixedModuli>,
     /// By vertex number.
     pub vertices: Vec<PressedVertex>,
     /// Whether elements have come or gone since the weights were renewed.
@@ -26,22 +28,20 @@ pub(crate) struct Pressures {
 pub(crate) struct PressedVertex {
     /// q = p/μ.
     pub q: f64,
-    /// P q − G u at the last evaluation, N m.
-    pub lack: f64,
+    /// P q − G u at the last evaluation, times the law's stiffening, N m.
+    pub residual: f64,
     /// Mean of 1/h over the elements around, 1/m, h the least height; 0 without elements.
     pub weight: f64,
 }
 
-/// The moduli of an element as its pressures see them.
+/// What an element's pressures weigh.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PressedElement {
-    pub deviatoric: Matrix6<f64>,
+struct PressedElement {
     /// V μ/4, J.
     quarter: f64,
     /// (V/20)(a+s) and (V/20)(a − s/4), J.
     own: f64,
     across: f64,
-    shear: f64,
 }
 
 impl Pressures {
@@ -49,6 +49,7 @@ impl Pressures {
         Self {
             stabilisation: element.stabilisation(),
             elements: Vec::new(),
+            moduli: Vec::new(),
             vertices: Vec::new(),
             stale: true,
         }
@@ -57,16 +58,18 @@ impl Pressures {
     /// Takes in the last element; returns it as the displacements see it, D' in place of D.
     pub fn push(&mut self, element: &Element) -> Element {
         self.stale = true;
-        let pressed = PressedElement::new(element, self.stabilisation);
-        self.elements.push(pressed);
-        Element { elasticity: pressed.deviatoric, ..*element }
+        let moduli = moduli_of(element);
+        self.elements.push(PressedElement::new(element, &moduli, self.stabilisation));
+        self.moduli.push(moduli);
+        Element { elasticity: moduli.deviatoric, ..*element }
     }
 
     /// The last element takes the place of element `at`; see [`Self::push`].
     pub fn swap_remove(&mut self, at: usize, moved: Option<&Element>) -> Option<Element> {
         self.stale = true;
         self.elements.swap_remove(at);
-        moved.map(|moved| Element { elasticity: self.elements[at].deviatoric, ..*moved })
+        self.moduli.swap_remove(at);
+        moved.map(|moved| Element { elasticity: self.moduli[at].deviatoric, ..*moved })
     }
 
     /// Makes room for `vertices` vertices and renews their weights where elements have come or
@@ -103,51 +106,74 @@ impl Pressures {
 
     /// Adds an element's P q − G u to the rows of its corners in `lack`.
     #[inline(always)]
-    pub fn add_lack(&self, number: usize, corners: [usize; 4], dilation: f64, lack: &mut [f64]) {
+    pub fn add_residual(
+        &self,
+        number: usize,
+        corners: [usize; 4],
+        dilation: f64,
+        residuals: &mut [f64],
+    ) {
         let PressedElement { quarter, own, across, .. } = self.elements[number];
         let q = corners.map(|v| self.vertices[v].q);
         let common = across * (q[0] + q[1] + q[2] + q[3]) - quarter * dilation;
         for (v, q) in corners.into_iter().zip(q) {
-            lack[v] += own * q + common;
+            residuals[v] += own * q + common;
         }
     }
 
-    /// Takes P q − G u of all vertices.
-    pub fn set_lack(&mut self, lack: &[f64]) {
-        for (vertex, &lack) in self.vertices.iter_mut().zip(lack) {
-            vertex.lack = lack;
+    /// Takes P q − G u of all vertices, times the law's `stiffening`.
+    pub fn set_residuals(&mut self, residuals: &[f64], stiffening: f64) {
+        for (vertex, &residual) in self.vertices.iter_mut().zip(residuals) {
+            vertex.residual = stiffening * residual;
         }
     }
 
-    pub fn element(&self, number: usize) -> &PressedElement {
-        &self.elements[number]
+    /// How an element's elasticity divides up.
+    pub fn moduli(&self, number: usize) -> &MixedModuli {
+        &self.moduli[number]
+    }
+
+    /// q̄; vertices that nothing has set have none.
+    fn mean(&self, corners: [usize; 4]) -> f64 {
+        0.25 * corners.map(|v| self.vertices.get(v).map_or(0.0, |v| v.q)).iter().sum::<f64>()
+    }
+
+    /// D'ε + μ q̄ m, Pa.
+    pub fn stress(&self, number: usize, corners: [usize; 4], strain: &Strain) -> Strain {
+        let MixedModuli { shear, deviatoric, .. } = &self.moduli[number];
+        let pressure = shear * self.mean(corners);
+        deviatoric * strain + Strain::new(pressure, pressure, pressure, 0.0, 0.0, 0.0)
+    }
+
+    /// The assumed strain ε + D⁻¹m (μ q̄ − κ mᵀε): D times it is D'ε + μ q̄ m.
+    pub fn assumed_strain(&self, number: usize, corners: [usize; 4], strain: &Strain) -> Strain {
+        let MixedModuli { bulk, shear, expansion, .. } = &self.moduli[number];
+        let dilation = strain[0] + strain[1] + strain[2];
+        strain + expansion * (shear * self.mean(corners) - bulk * dilation)
     }
 }
 
 impl PressedElement {
-    fn new(element: &Element, stabilisation: f64) -> Self {
-        // What is no elasticity gives forces that are no numbers, which every solver refuses.
-        let moduli = MixedModuli::new(&element.elasticity).unwrap_or(MixedModuli {
-            bulk: f64::NAN,
-            shear: f64::NAN,
-            deviatoric: Matrix6::repeat(f64::NAN),
-        });
-        let MixedModuli { bulk, shear, deviatoric } = moduli;
+    fn new(element: &Element, moduli: &MixedModuli, stabilisation: f64) -> Self {
+        let MixedModuli { bulk, shear, .. } = *moduli;
         let (volume, s) = (element.geometry.volume, stabilisation * shear);
         let a = shear * (shear / bulk);
         Self {
-            deviatoric,
             quarter: 0.25 * volume * shear,
             own: volume / 20.0 * (a + s),
             across: volume / 20.0 * (a - 0.25 * s),
-            shear,
         }
     }
+}
 
-    /// The largest modulus, Pa.
-    pub fn modulus(&self) -> f64 {
-        self.deviatoric.amax().max(self.shear)
-    }
+/// NaN for what is no elasticity: its forces are then no numbers, which every solver refuses.
+fn moduli_of(element: &Element) -> MixedModuli {
+    MixedModuli::new(&element.elasticity).unwrap_or(MixedModuli {
+        bulk: f64::NAN,
+        shear: f64::NAN,
+        deviatoric: Matrix6::repeat(f64::NAN),
+        expansion: Strain::repeat(f64::NAN),
+    })
 }
 
 /// The largest |∇λ|, 1/m: one over the least height.

@@ -25,6 +25,7 @@ pub use problem::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 use nalgebra::Vector3;
 use yawara_embed::LinearTet;
 
+use crate::body::Body;
 use crate::element::Element;
 use crate::error::CorotError;
 use crate::forces::InternalForces;
@@ -67,15 +68,15 @@ pub fn check_pair(
     forces: &dyn InternalForces,
     equilibrium: &dyn Equilibrium,
 ) -> Result<(), CorotError> {
-    let geometry = LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 };
-    let element = Element {
+    let mut body = Body::new();
+    body.insert(Element {
         tet: yawara_mesh::TetId(0),
         vertices: [0; 4],
-        geometry,
+        geometry: LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 },
         elasticity: nalgebra::Matrix6::zeros(),
         rotation: nalgebra::Matrix3::identity(),
-    };
-    let has_tangent = forces.tangent(&element, &[Vector3::zeros()]).is_some();
+    });
+    let has_tangent = forces.tangent(&body, 0, &[Vector3::zeros()]).is_some();
     if equilibrium.needs_tangent() && !has_tangent {
         let (corotation, equilibrium) = (forces.name(), equilibrium.name());
         return Err(CorotError::NoTangent { corotation, equilibrium });

@@ -9,7 +9,10 @@ use super::iterate::{Point, untouched};
 use super::line_search::search;
 use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
 use super::vectors::dot;
+use crate::element::Element;
+use crate::forces::ElementTangent;
 use crate::forces::tangent::convex_part;
+use crate::time::Inertia;
 
 /// x ← x + α K_t(x)⁻¹(f_ext − f_int(x)), K_t with the derivatives of the rotations, by sparse LU.
 /// The reference: quadratic near the solution, for anisotropic D too (K_t is not symmetric then).
@@ -97,6 +100,14 @@ fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     step.iter().all(|v| v.is_finite()) && search(problem, point, &step) > 0.0
 }
 
+/// Adds c M, the same for each axis.
+fn add_inertia(tangent: &mut ElementTangent, inertia: &Inertia, element: &Element) {
+    let mass = inertia.matrix(element);
+    for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
+        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += mass[(i, j)]);
+    }
+}
+
 /// The rows of the free vertices, counted through.
 struct Rows {
     of_vertex: Vec<usize>,
@@ -124,8 +135,11 @@ impl Rows {
         let n = 3 * self.vertices.len();
         let mut triplets = Vec::with_capacity(144 * problem.body.elements().len());
         let mut touched = vec![false; n];
-        for element in problem.body.elements() {
-            let mut tangent = problem.forces.tangent(element, positions)?;
+        for (number, element) in problem.body.elements().iter().enumerate() {
+            let mut tangent = problem.forces.tangent(problem.body, number, positions)?;
+            if let Some(inertia) = problem.inertia {
+                add_inertia(&mut tangent, inertia, element);
+            }
             if convex {
                 tangent = convex_part(&tangent);
             }

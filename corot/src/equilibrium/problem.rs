@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::body::Body;
 use crate::forces::InternalForces;
+use crate::time::{Inertia, forces_with_inertia};
 
 /// Find x with f_int(x) = f_ext on the free vertices; in a [mixed](Body::mixed) body x and q with
 /// f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
@@ -17,6 +18,8 @@ pub struct Problem<'a> {
     pub body: &'a mut Body,
     /// How forces follow from positions.
     pub forces: &'a dyn InternalForces,
+    /// What the step's inertia adds to them; `None` for a static problem.
+    pub inertia: Option<&'a Inertia>,
     /// Loads by vertex number, N.
     pub external: &'a [Vector3<f64>],
     /// Which vertices may move; the others stay where `positions` has them.
@@ -97,6 +100,7 @@ impl Problem<'_> {
         Problem {
             body: &mut *self.body,
             forces: self.forces,
+            inertia: self.inertia,
             external,
             free: self.free,
             inverse: self.inverse,
@@ -129,7 +133,8 @@ impl Problem<'_> {
         residual: &mut [f64],
         tolerance: &Tolerance,
     ) -> f64 {
-        let elements = self.forces.internal_forces(self.body, positions, internal);
+        let elements =
+            forces_with_inertia(self.forces, self.inertia, self.body, positions, internal);
         let m = self.unknowns_per_vertex();
         let mut squares = 0.0;
         for v in 0..positions.len() {
@@ -137,13 +142,15 @@ impl Problem<'_> {
             squares += r.norm_squared();
             residual[m * v..m * v + 3].copy_from_slice(r.as_slice());
             if m > 3 {
-                let (lack, weight) = self.body.lack(v);
-                residual[m * v + 3] = weight * lack;
-                squares += (weight * lack).powi(2);
+                let (row, weight) = self.body.pressure_row(v);
+                residual[m * v + 3] = weight * row;
+                squares += (weight * row).powi(2);
             }
         }
         let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
-        let rounding = f64::EPSILON * self.forces.stiffness_scale(self.body) * norm(positions);
+        let inertial = self.inertia.map_or(0.0, Inertia::stiffness_scale);
+        let stiffness = self.forces.stiffness_scale(self.body) + inertial;
+        let rounding = f64::EPSILON * stiffness * norm(positions);
         let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
         match squares.sqrt() {
             0.0 => 0.0,
@@ -167,7 +174,7 @@ impl Problem<'_> {
             let local = r.transpose() * Vector3::from_column_slice(&residual[at.clone()]);
             scratch[at].copy_from_slice(local.as_slice());
             if m > 3 {
-                let (_, weight) = self.body.lack(v);
+                let (_, weight) = self.body.pressure_row(v);
                 scratch[m * v + 3] = if weight > 0.0 { residual[m * v + 3] / weight } else { 0.0 };
             }
         }
@@ -177,7 +184,7 @@ impl Problem<'_> {
             let world = r * Vector3::from_column_slice(&step[at.clone()]);
             step[at].copy_from_slice(world.as_slice());
             if m > 3 {
-                let (_, weight) = self.body.lack(v);
+                let (_, weight) = self.body.pressure_row(v);
                 step[m * v + 3] = if weight > 0.0 { step[m * v + 3] / weight } else { 0.0 };
             }
         }
@@ -189,7 +196,7 @@ impl Problem<'_> {
         for (v, (x, d)) in positions.iter_mut().zip(step.chunks_exact(m)).enumerate() {
             *x += length * Vector3::from_column_slice(&d[..3]);
             if m > 3 {
-                let (_, weight) = self.body.lack(v);
+                let (_, weight) = self.body.pressure_row(v);
                 let q = self.body.pressure(v) + length * weight * d[3];
                 self.body.set_pressure(v, q);
             }

@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 use super::internal_forces::InternalForces;
 use super::tangent::{ElementTangent, element_tangent};
 use crate::body::Body;
-use crate::element::Element;
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
 /// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
@@ -36,7 +35,12 @@ impl InternalForces for ElementCorotation {
         true
     }
 
-    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
-        Some(element_tangent(element, positions))
+    fn tangent(
+        &self,
+        body: &Body,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> Option<ElementTangent> {
+        Some(element_tangent(body, number, positions))
     }
 }

@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 use super::internal_forces::InternalForces;
 use super::tangent::{ElementTangent, element_tangent};
 use crate::body::Body;
-use crate::element::Element;
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
 /// those are tested against. Cost: about ten times theirs.
@@ -32,7 +31,12 @@ impl InternalForces for ElementReference {
         true
     }
 
-    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
-        Some(element_tangent(element, positions))
+    fn tangent(
+        &self,
+        body: &Body,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> Option<ElementTangent> {
+        Some(element_tangent(body, number, positions))
     }
 }

@@ -4,7 +4,6 @@ use nalgebra::Vector3;
 
 use super::tangent::ElementTangent;
 use crate::body::Body;
-use crate::element::Element;
 
 /// How internal forces follow from positions.
 pub trait InternalForces: Send + Sync {
@@ -22,9 +21,15 @@ pub trait InternalForces: Send + Sync {
         forces: &mut [Vector3<f64>],
     ) -> f64;
 
-    /// ∂f_int/∂x of one element at its stored rotation, if there is such a thing. N/m.
-    fn tangent(&self, element: &Element, positions: &[Vector3<f64>]) -> Option<ElementTangent> {
-        let _ = (element, positions);
+    /// ∂f_int/∂x of element `number` of `body` at its stored rotation under the body's law, if there
+    /// is such a thing. N/m.
+    fn tangent(
+        &self,
+        body: &Body,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> Option<ElementTangent> {
+        let _ = (body, number, positions);
         None
     }
 

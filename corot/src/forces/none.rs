@@ -5,7 +5,6 @@ use nalgebra::{Matrix3, Vector3};
 use super::internal_forces::InternalForces;
 use super::tangent::ElementTangent;
 use crate::body::Body;
-use crate::element::Element;
 
 /// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
 /// a body that turns by θ without strain is loaded as if strained by 1 − cos θ.
@@ -31,7 +30,13 @@ impl InternalForces for NoCorotation {
         true
     }
 
-    fn tangent(&self, element: &Element, _: &[Vector3<f64>]) -> Option<ElementTangent> {
-        Some(element.geometry.stiffness(&element.elasticity))
+    fn tangent(
+        &self,
+        body: &Body,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> Option<ElementTangent> {
+        let (_, modulus) = body.response(number, positions);
+        Some(body.elements()[number].geometry.stiffness(&modulus))
     }
 }

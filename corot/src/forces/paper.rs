@@ -43,6 +43,6 @@ impl InternalForces for PaperCorotation {
                 forces[v] += force;
             }
         }
-        squares.sqrt()
+        (squares + body.add_law_forces(positions, forces)).sqrt()
     }
 }

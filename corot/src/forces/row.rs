@@ -42,6 +42,6 @@ impl InternalForces for RowCorotation {
                 forces[v] += force;
             }
         }
-        squares.sqrt()
+        (squares + body.add_law_forces(positions, forces)).sqrt()
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use yawara_embed::strain_from_gradient;
 
-use crate::element::Element;
+use crate::body::Body;
 use crate::element::stress::stress_matrix;
 
 /// ∂f_a/∂x_b of the four corners, 12×12, corner-major x, y, z.
@@ -12,17 +12,21 @@ pub type ElementTangent = SMatrix<f64, 12, 12>;
 /// Eigenvalues of tr(S)I − S are kept this far from zero, relative to the largest.
 const FLOOR: f64 = 1e-6;
 
-/// The exact tangent of f_a = V R σ ∇λ_a, σ = D sym(RᵀF − I), at the stored rotation R, which must
-/// be that of F.
+/// The exact tangent of f_a = V R σ ∇λ_a of element `number` under the law σ of `body`, of the strain
+/// sym(RᵀF − I), at the stored rotation R, which must be that of F.
 ///
 /// With x_b moving along the local axis e_k: M = e_k ∇λ_bᵀ,
 /// ω = (tr(S)I − S)⁻¹ (M₃₂−M₂₃, M₁₃−M₃₁, M₂₁−M₁₂) turns R, S = RᵀF changes by N = M − ω×S,
-/// and f_a by V R (ω×σ + σ(N)) ∇λ_a. Symmetric for isotropic D. N/m.
-pub fn element_tangent(element: &Element, positions: &[Vector3<f64>]) -> ElementTangent {
+/// and f_a by V R (ω×σ + C N) ∇λ_a, C = ∂σ/∂ε. Symmetric for isotropic D. N/m.
+///
+/// # Panics
+/// If `number` is not below the number of the body's elements.
+pub fn element_tangent(body: &Body, number: usize, positions: &[Vector3<f64>]) -> ElementTangent {
+    let element = &body.elements()[number];
+    let (stress, modulus) = body.response(number, positions);
     let (r, gradients) = (&element.rotation, &element.geometry.gradients);
     let s = r.transpose() * element.deformation_gradient(positions);
-    let strain = strain_from_gradient(&(s - Matrix3::identity()));
-    let stress = stress_matrix(&(element.elasticity * strain));
+    let stress = stress_matrix(&stress);
     let turning = inverse_of_turning(&s);
     let mut tangent = ElementTangent::zeros();
     for b in 0..4 {
@@ -32,7 +36,7 @@ pub fn element_tangent(element: &Element, positions: &[Vector3<f64>]) -> Element
             let skew = Vector3::new(m.m32 - m.m23, m.m13 - m.m31, m.m21 - m.m12);
             let omega = (turning * skew).cross_matrix();
             let n = m - omega * s;
-            let change = stress_matrix(&(element.elasticity * strain_from_gradient(&n)));
+            let change = stress_matrix(&(modulus * strain_from_gradient(&n)));
             let local = (omega * stress + change) * element.geometry.volume;
             for a in 0..4 {
                 tangent.fixed_view_mut::<3, 1>(3 * a, 3 * b + k).copy_from(&(local * gradients[a]));
@@ -73,7 +77,7 @@ pub(crate) fn convex_part(tangent: &ElementTangent) -> ElementTangent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Body, ElementReference, InternalForces};
+    use crate::{Element, ElementReference, InternalForces};
     use nalgebra::Matrix6;
     use proptest::prelude::*;
     use yawara_embed::{LinearTet, isotropic};
@@ -118,7 +122,7 @@ mod tests {
                 // Away from where rotations jump.
                 let s = body.elements()[0].deformation_gradient(&x);
                 prop_assume!(s.determinant() > 0.05);
-                let tangent = element_tangent(&body.elements()[0], &x);
+                let tangent = element_tangent(&body, 0, &x);
                 let h = 1e-5;
                 for column in 0..12 {
                     let at = x[column / 3][column % 3];

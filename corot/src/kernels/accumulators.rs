@@ -10,7 +10,7 @@ pub(crate) struct Accumulators {
     /// Σ V_e F_e and Σ V_e.
     pub gradients: Vec<(Matrix3<f64>, f64)>,
     /// P q − G u, N m; empty without pressures.
-    pub lack: Vec<f64>,
+    pub pressure_residuals: Vec<f64>,
     /// Σ_e ‖f_e‖².
     pub squares: f64,
 }
@@ -22,8 +22,8 @@ impl Accumulators {
         self.forces.resize(vertices, Vector3::zeros());
         self.gradients.clear();
         self.gradients.resize(vertices, (Matrix3::zeros(), 0.0));
-        self.lack.clear();
-        self.lack.resize(if is_mixed { vertices } else { 0 }, 0.0);
+        self.pressure_residuals.clear();
+        self.pressure_residuals.resize(if is_mixed { vertices } else { 0 }, 0.0);
         self.squares = 0.0;
     }
 
@@ -34,7 +34,10 @@ impl Accumulators {
             sum.0 += gradient;
             sum.1 += volume;
         }
-        self.lack.iter_mut().zip(&other.lack).for_each(|(sum, lack)| *sum += lack);
+        self.pressure_residuals
+            .iter_mut()
+            .zip(&other.pressure_residuals)
+            .for_each(|(sum, r)| *sum += r);
         self.squares += other.squares;
     }
 }

@@ -45,6 +45,19 @@ struct Buffers {
     dilation: Row,
 }
 
+impl Pass<'_> {
+    /// The same pass, for as long as this one is not used.
+    pub fn reborrow(&mut self) -> Pass<'_> {
+        Pass {
+            packets: self.packets,
+            elements: self.elements,
+            sums: self.sums,
+            stiffness: self.stiffness,
+            ..*self
+        }
+    }
+}
+
 impl WithSimd for Pass<'_> {
     type Output = ();
 
@@ -87,7 +100,7 @@ impl WithSimd for Pass<'_> {
                 if let Some(pressures) = pressures {
                     let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
                     let number = first + number * LANES + lane;
-                    pressures.add_lack(number, corners, dilation, &mut sums.lack);
+                    pressures.add_residual(number, corners, dilation, &mut sums.pressure_residuals);
                 }
                 add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
                 elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);

@@ -1,4 +1,4 @@
-//! An element as implicit Euler sees it: its stiffness, its mass and its damping in one matrix.
+//! An element in a time step: its stiffness, mass and damping in one matrix.
 
 use faer::Mat;
 use nalgebra::{Matrix6, Vector3};
@@ -14,78 +14,59 @@ use crate::error::EmbedError;
 use crate::hand_over::{Halved, RingPart, RingStiffness};
 use crate::linear_tet::LinearTet;
 
-/// The weights of an element's mass and stiffness in a step of implicit Euler.
-///
-/// With step h, Rayleigh damping α M + β K: the effective matrix is s K + c M,
-/// c = 1/h² + α/h (1/s²), s = 1 + β/h.
+/// The weights of an element's mass and stiffness in a time step: the effective matrix is s K + c M.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EulerWeights {
+pub struct StepWeights {
     /// How mass lies on the corners.
     pub mass: Mass,
-    /// c, 1/s².
+    /// c, 1/s²: of the time integrator.
     pub mass_per_s2: f64,
-    /// s, 1 without damping by stiffness.
+    /// s: of the constitutive law, 1 for linear elasticity.
     pub stiffness: f64,
 }
 
-impl EulerWeights {
-    /// Those of a step of `step_s` with damping α (1/s) by mass and β (s) by stiffness.
+impl StepWeights {
+    /// With c ≥ 0 and s > 0.
     ///
     /// # Errors
-    /// [`EmbedError::StepWeight`] unless `step_s` > 0, α, β ≥ 0, all finite.
-    pub fn new(mass: Mass, step_s: f64, alpha: f64, beta: f64) -> Result<Self, EmbedError> {
+    /// [`EmbedError::StepWeight`] for other values, NaN and infinity among them.
+    pub fn new(mass: Mass, mass_per_s2: f64, stiffness: f64) -> Result<Self, EmbedError> {
         let refuse = |what, value, want| Err(EmbedError::StepWeight { what, value, want });
-        if !(step_s > 0.0 && step_s.is_finite()) {
-            return refuse("step", step_s, "a finite time > 0");
+        if !(mass_per_s2 >= 0.0 && mass_per_s2.is_finite()) {
+            return refuse("weight of the mass, 1/s²,", mass_per_s2, "a finite number >= 0");
         }
-        for (what, value) in [("damping by mass", alpha), ("damping by stiffness", beta)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return refuse(what, value, "a finite number >= 0");
-            }
-        }
-        let (mass_per_s2, stiffness) = ((1.0 / step_s + alpha) / step_s, 1.0 + beta / step_s);
-        if !(mass_per_s2.is_finite() && stiffness.is_finite()) {
-            return refuse("step", step_s, "one whose inverse square is finite");
+        if !(stiffness > 0.0 && stiffness.is_finite()) {
+            return refuse("weight of the stiffness", stiffness, "a finite number > 0");
         }
         Ok(Self { mass, mass_per_s2, stiffness })
     }
 }
 
-/// An element with its mass: s K + c M on the displacements, other unknowns as they are.
+/// An element with its mass: s K + c M, M on the displacements alone. Under damping by stiffness
+/// pressures are damped as all stress is, so that s multiplies the whole matrix of `p1p1`.
 ///
 /// With [`Mass::Consistent`] a split changes the matrix by the rank of the element alone where
 /// densities do not differ. Where they do, the homogenised parent has the mean of its halves and
 /// their mass leans to one end of the edge: that adds three columns of either sign for the whole
-/// ring. [`Mass::Lumped`] adds −(ρV/16)(1/h² + α/h)(e_a − e_b)(e_a − e_b)ᵀ: three negative ones,
+/// ring. [`Mass::Lumped`] adds −(ρV/16) c (e_a − e_b)(e_a − e_b)ᵀ: three negative ones,
 /// and as many positive where densities differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dynamic<E> {
     element: E,
-    weights: EulerWeights,
+    weights: StepWeights,
 }
 
 impl Dynamic<P1> {
     /// Displacements alone.
-    pub fn new(weights: EulerWeights) -> Self {
+    pub fn new(weights: StepWeights) -> Self {
         Self { element: P1, weights }
     }
 }
 
 impl Dynamic<P1P1> {
     /// Displacements with mass, pressures without.
-    ///
-    /// # Errors
-    /// [`EmbedError::StepWeight`] for a damping by stiffness: what divides up between displacements
-    /// and pressures has none.
-    pub fn mixed(element: P1P1, weights: EulerWeights) -> Result<Self, EmbedError> {
-        if weights.stiffness != 1.0 {
-            return Err(EmbedError::StepWeight {
-                what: "damping by stiffness of p1p1",
-                value: weights.stiffness - 1.0,
-                want: "0 (damp by mass, or take element p1)",
-            });
-        }
-        Ok(Self { element, weights })
+    pub fn mixed(element: P1P1, weights: StepWeights) -> Self {
+        Self { element, weights }
     }
 }
 
@@ -94,7 +75,7 @@ trait TakesMass: ElementFormulation {
     /// The ring of s K + c M, but for the mass by which halves differ from their parents.
     fn weighted_ring(
         &self,
-        weights: &EulerWeights,
+        weights: &StepWeights,
         delta: &MeshDelta,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
@@ -104,7 +85,7 @@ trait TakesMass: ElementFormulation {
 impl TakesMass for P1 {
     fn weighted_ring(
         &self,
-        weights: &EulerWeights,
+        weights: &StepWeights,
         delta: &MeshDelta,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
@@ -117,7 +98,7 @@ impl TakesMass for P1 {
 impl TakesMass for P1P1 {
     fn weighted_ring(
         &self,
-        weights: &EulerWeights,
+        weights: &StepWeights,
         delta: &MeshDelta,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
@@ -159,7 +140,7 @@ impl<E: TakesMass> ElementFormulation for Dynamic<E> {
     }
 }
 
-impl EulerWeights {
+impl StepWeights {
     /// s K + c M of an element's matrix on four corners.
     fn matrix(&self, mut k: Mat<f64>, mass_kg: f64) -> Mat<f64> {
         let m = k.nrows() / 4;

@@ -10,7 +10,7 @@ mod mass;
 mod p1;
 mod p1p1;
 
-pub use dynamic::{Dynamic, EulerWeights};
+pub use dynamic::{Dynamic, StepWeights};
 pub use formulation::ElementFormulation;
 pub use mass::Mass;
 pub use p1::P1;
@@ -33,16 +33,16 @@ pub fn formulation_by_name(name: &str) -> Result<Box<dyn ElementFormulation>, Em
     }
 }
 
-/// A built-in element in a step of implicit Euler, by the name of the element.
+/// A built-in element in a time step, by the name of the element.
 ///
 /// # Errors
-/// [`EmbedError::UnknownFormulation`] listing the choices; those of [`Dynamic::mixed`].
+/// [`EmbedError::UnknownFormulation`] listing the choices.
 pub fn dynamic_by_name(
     name: &str,
-    weights: EulerWeights,
+    weights: StepWeights,
 ) -> Result<Box<dyn ElementFormulation>, EmbedError> {
     match name {
-        "p1p1" => Ok(Box::new(Dynamic::mixed(P1P1::default(), weights)?)),
+        "p1p1" => Ok(Box::new(Dynamic::mixed(P1P1::default(), weights))),
         "p1" => Ok(Box::new(Dynamic::new(weights))),
         _ => formulation_by_name(name),
     }

@@ -28,6 +28,8 @@ pub struct MixedModuli {
     pub shear: f64,
     /// D' = D − κ m mᵀ, Pa: positive semidefinite, singular along D⁻¹m.
     pub deviatoric: Matrix6<f64>,
+    /// D⁻¹m, 1/Pa: the strain under a unit of hydrostatic stress.
+    pub expansion: Vector6<f64>,
 }
 
 impl MixedModuli {
@@ -54,13 +56,14 @@ impl MixedModuli {
     /// The same, NaN where D is not positive definite.
     fn split(elasticity: &Matrix6<f64>) -> Self {
         let dilation = Vector6::from(DILATION);
-        let compliance =
-            elasticity.cholesky().map_or(f64::NAN, |factor| dilation.dot(&factor.solve(&dilation)));
-        let bulk = compliance.recip();
+        let expansion = elasticity
+            .cholesky()
+            .map_or(Vector6::repeat(f64::NAN), |factor| factor.solve(&dilation));
+        let bulk = dilation.dot(&expansion).recip();
         let deviatoric = elasticity - bulk * dilation * dilation.transpose();
         let d = |i: usize| deviatoric[(i, i)];
         let shear = (d(0) + d(1) + d(2) + 2.0 * (d(3) + d(4) + d(5))) / 10.0;
-        Self { bulk, shear, deviatoric }
+        Self { bulk, shear, deviatoric, expansion }
     }
 
     /// μ²/κ, Pa: what a unit of q² weighs.

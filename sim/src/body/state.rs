@@ -36,6 +36,8 @@ pub struct BodyState {
     /// By vertex number, m/s. In a quasi-static body the velocities of the last step if the next
     /// one may continue it, else zero.
     pub(crate) velocities: Vec<Vector3<f64>>,
+    /// By vertex number, m/s²; zero unless the time integrator uses them.
+    pub(crate) accelerations: Vec<Vector3<f64>>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub(crate) masses: Vec<f64>,
     /// Whether the body has inertia.
@@ -139,12 +141,14 @@ impl BodyState {
             self.positions.resize(at + 1, Vector3::zeros());
             self.holds.resize(at + 1, Hold::Free);
             self.velocities.resize(at + 1, Vector3::zeros());
+            self.accelerations.resize(at + 1, Vector3::zeros());
             self.masses.resize(at + 1, 0.0);
         }
         self.is_active[at] = true;
         self.vertex_count += 1;
         (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
         (self.velocities[at], self.masses[at]) = (Vector3::zeros(), 0.0);
+        self.accelerations[at] = Vector3::zeros();
     }
 
     /// `vertex` goes out.

@@ -27,7 +27,7 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
 /// That of [`check_mixed`] if an element with pressures is asked for and another stage does not
 /// work with it.
 pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, SimError> {
-    let works = check_mixed(stages.corotation.as_ref(), stages.equilibrium.as_ref());
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     match (&scene.stages.element[..], works) {
         (AUTO, Ok(())) => Ok(choose_element(ratios(scene))),
         (AUTO, Err(_)) => Ok(P1.name()),
@@ -65,7 +65,7 @@ fn ratios(scene: &Scene) -> impl Iterator<Item = f64> {
 pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
     let highest = ratios(scene).fold(f64::NEG_INFINITY, f64::max);
     let asked = if scene.stages.element == AUTO { "" } else { "asked for; " };
-    let works = check_mixed(stages.corotation.as_ref(), stages.equilibrium.as_ref());
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     let better = choose_element(ratios(scene));
     let has_pressures =
         |name: &str| formulation_by_name(name).is_ok_and(|e| carries_pressures(e.as_ref()));

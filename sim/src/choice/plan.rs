@@ -27,7 +27,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
     };
     rows.extend([
         row("element", chosen, true, element::reason(scene, stages, chosen)),
-        row("corotation", stages.corotation.name(), true, "rotations are not known to stay small"),
+        row("corotation", stages.forces.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         dynamics(scene),
         refinement(scene, stages),

@@ -1,12 +1,15 @@
 //! The swappable stages of a simulation, by name or by hand.
 
-use yawara_corot::{Equilibrium, InternalForces, equilibrium_by_name, forces_by_name};
+use yawara_corot::{
+    ConstitutiveLaw, Equilibrium, InternalForces, TimeIntegrator, equilibrium_by_name,
+    forces_by_name, integrator_by_name, law_by_name,
+};
 use yawara_embed::Homogenisation;
 use yawara_inverse_update::{SparseStiffness, choose};
 
 use crate::error::SimError;
 use crate::inverse::InverseFactory;
-use crate::scene::{AUTO, ON_DEVICE, StageNames};
+use crate::scene::{AUTO, ON_DEVICE, Scene, StageNames};
 use crate::step::indicator::{self, Indicator};
 
 /// One implementation of each stage. Replace any field with your own before
@@ -15,7 +18,11 @@ pub struct Stages {
     /// How fine material acts in coarse tetrahedra.
     pub homogenisation: Box<dyn Homogenisation>,
     /// How forces follow from positions.
-    pub corotation: Box<dyn InternalForces>,
+    pub forces: Box<dyn InternalForces>,
+    /// How stress follows from strain; `None` for the one that the scene's damping calls for.
+    pub law: Option<Box<dyn ConstitutiveLaw>>,
+    /// How a step in time is made; `None` for implicit Euler with `[dynamics]`, none without.
+    pub integrator: Option<Box<dyn TimeIntegrator>>,
     /// How equilibrium is found.
     pub equilibrium: Box<dyn Equilibrium>,
     /// What asks for refinement.
@@ -47,16 +54,47 @@ impl Stages {
             AUTO => choose(k.vertices(), 0).to_owned(),
             name => name.to_owned(),
         };
-        let corotation = forces_by_name(&names.corotation)?;
+        let forces = forces_by_name(&names.corotation)?;
         let equilibrium = equilibrium_by_name(&names.equilibrium)?;
-        yawara_corot::check_pair(corotation.as_ref(), equilibrium.as_ref())?;
+        yawara_corot::check_pair(forces.as_ref(), equilibrium.as_ref())?;
         Ok(Self {
             homogenisation: yawara_embed::by_name(&names.homogenisation)?,
-            corotation,
+            forces,
+            law: None,
+            integrator: match &names.integrator[..] {
+                AUTO => None,
+                name => Some(integrator_by_name(name)?),
+            },
             equilibrium,
             indicator: indicator::by_name(&names.indicator)?,
             inverse: Box::new(move |k| yawara_inverse_update::build(&name(&k), k)),
         })
+    }
+
+    /// The law: the one given, else that of the scene.
+    ///
+    /// # Errors
+    /// [`SimError::Corot`] for a name or a damping that no law has.
+    pub(crate) fn take_law(&mut self, scene: &Scene) -> Result<Box<dyn ConstitutiveLaw>, SimError> {
+        let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
+        let name = match (&scene.stages.law[..], damping_s > 0.0) {
+            (AUTO, true) => "rayleigh",
+            (AUTO, false) => "linear",
+            (name, _) => name,
+        };
+        self.law.take().map_or_else(|| Ok(law_by_name(name, damping_s)?), Ok)
+    }
+
+    /// The integrator: the one given, else implicit Euler where the scene has inertia.
+    ///
+    /// # Errors
+    /// None of the built-in names.
+    pub(crate) fn take_integrator(
+        &mut self,
+        scene: &Scene,
+    ) -> Result<Box<dyn TimeIntegrator>, SimError> {
+        let name = if scene.dynamics.is_some() { "implicit_euler" } else { "quasi_static" };
+        self.integrator.take().map_or_else(|| Ok(integrator_by_name(name)?), Ok)
     }
 }
 

@@ -25,20 +25,21 @@ pub(crate) fn capture(
         frame.points_mm.push(axes.to_ras_mm(&now).into());
         frame.displacement_mm.push(axes.to_ras_direction(&((now - rest) * 1e3)).into());
     }
-    let mut elements: Vec<&Element> = state.body.elements().iter().collect();
-    elements.sort_unstable_by_key(|element| element.tet);
-    for element in elements {
+    let mut elements: Vec<(usize, &Element)> = state.body.elements().iter().enumerate().collect();
+    elements.sort_unstable_by_key(|(_, element)| element.tet);
+    for (of_body, element) in elements {
         let mut corners = element.vertices;
         if signed_volume(&corners.map(|v| state.rest[v])) < 0.0 {
             corners.swap(2, 3);
         }
-        let stress = element.elasticity * element.corotated_strain(&state.positions);
         let cell = state.cell(element.tet);
         frame.tets.push(corners.map(|v| number[v]));
         frame.level.push(cell.level);
         frame.label.push(cell.label);
         frame.young_modulus_pa.push(isotropic_part(&element.elasticity));
-        frame.von_mises_pa.push(von_mises(&stress));
+        frame
+            .von_mises_pa
+            .push(von_mises(&state.body.stress_without_pressure(of_body, &state.positions)));
         frame.indicator.extend(indicator.map(|measured| measured(element.tet)));
     }
     frame

@@ -35,12 +35,12 @@ impl Fields {
         let mut stress = vec![0f32; count];
         let mut label = vec![0u16; count];
         let BodyState { body, rest, positions, .. } = state;
-        let mut elements: Vec<&Element> = body.elements().iter().collect();
-        elements.sort_unstable_by_key(|element| element.tet);
-        for element in elements {
+        let mut elements: Vec<(usize, &Element)> = body.elements().iter().enumerate().collect();
+        elements.sort_unstable_by_key(|(_, element)| element.tet);
+        for (number, element) in elements {
             let moved = element.vertices.map(|v| positions[v] - rest[v]);
             let rest = element.vertices.map(|v| rest[v]);
-            let here = von_mises(&(element.elasticity * element.corotated_strain(positions)));
+            let here = von_mises(&body.stress_without_pressure(number, positions));
             for_each_centre(&rest, grid.dims, grid.spacing_mm * 1e-3, |voxel, weights| {
                 let id = volume.labels()[voxel];
                 // Void has no matter, and a voxel that a face divides is its first tetrahedron's.

@@ -20,6 +20,12 @@ pub struct StageNames {
     pub homogenisation: String,
     /// How forces follow from positions.
     pub corotation: String,
+    /// How stress follows from strain; `auto` takes the damping of `[dynamics]` in.
+    #[serde(skip_serializing_if = "is_auto")]
+    pub law: String,
+    /// How a step in time is made; `auto` is `implicit_euler` with `[dynamics]`.
+    #[serde(skip_serializing_if = "is_auto")]
+    pub integrator: String,
     /// How equilibrium is found.
     pub equilibrium: String,
     /// What asks for refinement.
@@ -31,12 +37,18 @@ pub struct StageNames {
     pub gpu_adapter: Option<Adapter>,
 }
 
+fn is_auto(name: &str) -> bool {
+    name == AUTO
+}
+
 impl Default for StageNames {
     fn default() -> Self {
         Self {
             element: AUTO.into(),
             homogenisation: "laminate".into(),
             corotation: "element".into(),
+            law: AUTO.into(),
+            integrator: AUTO.into(),
             equilibrium: "fallback".into(),
             indicator: "energy".into(),
             inverse: AUTO.into(),

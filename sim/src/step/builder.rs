@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_embed::{Embedding, dynamic_by_name, formulation_by_name};
+use yawara_embed::{ElementFormulation, Embedding};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
 
@@ -100,14 +100,15 @@ impl<'a> SimulationBuilder<'a> {
         let begin = Instant::now();
         let scene = self.scene;
         scene.validate_for(&scene.name, self.volume.is_some())?;
-        let stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
+        let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
         let (mut tools, holds) = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
-        let Stages { homogenisation, corotation, equilibrium, indicator, inverse } = stages;
+        let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
+        let integrator = stages.take_integrator(scene)?;
+        let Stages { homogenisation, forces, equilibrium, indicator, inverse, .. } = stages;
         let Start { axes, organ, origin, .. } = start;
-        let empty = empty_body(element)?;
         let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
         let (mut state, refiner) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
@@ -134,8 +135,9 @@ impl<'a> SimulationBuilder<'a> {
                 (state, Some(Refiner::new(content, rules, regions)))
             }
         };
-        let link = invert(scene, element, &state, refiner.as_ref(), &organ, &inverse)?;
-        let motion = Motion::new(scene, &axes, &mut state)?;
+        let motion = Motion::new(scene, integrator, &axes, &mut state);
+        let formulation = dynamics::formulation(scene, element, state.body.law(), motion.as_ref())?;
+        let link = invert(formulation, &state, refiner.as_ref(), &organ, &inverse)?;
         plan.push(plan::inverse(scene, &link));
         let points = tools.iter_mut().filter_map(|tool| tool.surface_points_mut());
         points.for_each(|points| points.bind(&state));
@@ -145,7 +147,7 @@ impl<'a> SimulationBuilder<'a> {
             scene: scene.clone(),
             tools,
             contact: ContactState::default(),
-            solver: StepSolver::new(corotation, equilibrium, scene, gravity, motion),
+            solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),
             body: SimulatedBody { state, inverse: link, refiner },
             recorder: Recorder { axes, plan, body: body_summary, volume, surfaces, statistics },
             support: Vector3::zeros(),
@@ -170,8 +172,7 @@ impl<'a> SimulationBuilder<'a> {
 
 /// The inverse of the stiffness of `state` with its fixed vertices held.
 fn invert(
-    scene: &Scene,
-    element: &str,
+    formulation: Box<dyn ElementFormulation>,
     state: &BodyState,
     refiner: Option<&Refiner>,
     organ: &OrganBox,
@@ -180,10 +181,6 @@ fn invert(
     let key = |v: VertexId| match refiner {
         Some(refiner) => Lattice::key(refiner.content.forest.point(v)),
         None => organ.grid_key(&state.rest[v.index()]),
-    };
-    let formulation = match dynamics::weights(scene)? {
-        Some(weights) => dynamic_by_name(element, weights)?,
-        None => formulation_by_name(element)?,
     };
     InverseLink::with_densities(
         &state.body,

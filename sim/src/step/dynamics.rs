@@ -1,19 +1,23 @@
-//! Motion with inertia: what a step of implicit Euler starts from and what it ends in.
+//! Motion with inertia: what a step starts from and what it ends in.
 
 use nalgebra::Vector3;
-use yawara_corot::{EulerStep, ImplicitEuler, InternalForces};
-use yawara_embed::{EulerWeights, Mass};
+use yawara_corot::{
+    ConstitutiveLaw, Inertia, InternalForces, TimeIntegrator, TimeStep, VertexMotion,
+    forces_with_inertia,
+};
+use yawara_embed::{ElementFormulation, Mass, StepWeights, dynamic_by_name, formulation_by_name};
 
 use super::span::Span;
 use crate::body::{BodyState, Hold, ScannerAxes};
 use crate::error::SimError;
 use crate::report::Momentum;
-use crate::scene::{Dynamics, MassModel, Scene};
+use crate::scene::{MassModel, Scene};
 
 /// The inertia of a body.
 pub(crate) struct Motion {
-    weights: EulerWeights,
-    step_s: f64,
+    integrator: Box<dyn TimeIntegrator>,
+    mass: Mass,
+    step: TimeStep,
     axes: ScannerAxes,
     /// While a step is under way.
     under_way: Option<UnderWay>,
@@ -21,48 +25,42 @@ pub(crate) struct Motion {
 
 /// A step that has begun.
 struct UnderWay {
-    euler: EulerStep,
-    /// Positions at its start.
-    from: Vec<Vector3<f64>>,
+    inertia: Inertia,
+    /// The motion at its start by vertex number.
+    from: Vec<VertexMotion>,
     /// Loads at its end by vertex number, N.
     loads: Vec<Vector3<f64>>,
     /// Loads at its end less all forces at its start, by vertex number, N.
     unbalanced: Vec<Vector3<f64>>,
 }
 
-/// The weights of the scene's steps; none for a quasi-static scene.
-///
-/// # Errors
-/// [`SimError::Embed`] for a step or a damping out of range.
-pub(crate) fn weights(scene: &Scene) -> Result<Option<EulerWeights>, SimError> {
-    let Some(dynamics) = &scene.dynamics else { return Ok(None) };
-    let mass = match dynamics.mass {
-        MassModel::Consistent => Mass::Consistent,
-        MassModel::Lumped => Mass::Lumped,
-    };
-    let Dynamics { damping_mass_per_s: alpha, damping_stiffness_s: beta, .. } = *dynamics;
-    Ok(Some(EulerWeights::new(mass, scene.time.step_s, alpha, beta)?))
-}
-
 impl Motion {
     /// Sets a body at rest in the motion that the scene starts with; none for a quasi-static scene.
     pub fn new(
         scene: &Scene,
+        integrator: Box<dyn TimeIntegrator>,
         axes: &ScannerAxes,
         state: &mut BodyState,
-    ) -> Result<Option<Self>, SimError> {
-        let (Some(weights), Some(dynamics)) = (weights(scene)?, &scene.dynamics) else {
-            return Ok(None);
+    ) -> Option<Self> {
+        let dynamics = scene.dynamics.as_ref()?;
+        let step = TimeStep {
+            length_s: scene.time.step_s,
+            damping_mass_per_s: dynamics.damping_mass_per_s,
+        };
+        integrator.weights(&step)?;
+        let mass = match dynamics.mass {
+            MassModel::Consistent => Mass::Consistent,
+            MassModel::Lumped => Mass::Lumped,
         };
         let velocity = axes.to_solver_direction(&Vector3::from(dynamics.velocity_m_s));
         let spin = axes.to_solver_direction(&Vector3::from(dynamics.spin_rad_s));
         state.set_moving(velocity, spin);
-        Ok(Some(Self { weights, step_s: scene.time.step_s, axes: *axes, under_way: None }))
+        Some(Self { integrator, mass, step, axes: *axes, under_way: None })
     }
 
-    /// `forces` with the inertia of the step under way.
-    pub fn forces<'a>(&'a self, forces: &'a dyn InternalForces) -> Option<ImplicitEuler<'a>> {
-        Some(ImplicitEuler::new(forces, &self.under_way.as_ref()?.euler))
+    /// The inertia of the step under way.
+    pub fn inertia(&self) -> Option<&Inertia> {
+        Some(&self.under_way.as_ref()?.inertia)
     }
 
     /// Begins a step under `loads` at its end, by vertex number, N. `state` has the rotations of its
@@ -74,26 +72,33 @@ impl Motion {
         loads: Vec<Vector3<f64>>,
         internal: &mut [Vector3<f64>],
     ) {
-        let euler = EulerStep::new(
-            self.weights,
-            self.step_s,
-            &state.body,
-            &state.positions,
-            &state.velocities,
-            |tet| state.cell(tet).density_kg_m3,
-        );
-        let moving = ImplicitEuler::new(forces, &euler);
-        moving.internal_forces(&mut state.body, &state.positions, internal);
+        let from: Vec<VertexMotion> = (0..state.positions.len())
+            .map(|v| VertexMotion {
+                position: state.positions[v],
+                velocity: state.velocities[v],
+                acceleration: state.accelerations[v],
+            })
+            .collect();
+        let (integrator, start) = (&*self.integrator, from.iter().copied());
+        let density = |tet| state.cell(tet).density_kg_m3;
+        let inertia = Inertia::new(integrator, &self.step, self.mass, &state.body, start, density);
+        let Some(inertia) = inertia else { return };
+        let BodyState { body, positions, .. } = state;
+        forces_with_inertia(forces, Some(&inertia), body, positions, internal);
         let unbalanced = loads.iter().zip(&*internal).map(|(l, f)| l - f).collect();
-        let from = state.positions.clone();
-        self.under_way = Some(UnderWay { euler, from, loads, unbalanced });
+        self.under_way = Some(UnderWay { inertia, from, loads, unbalanced });
     }
 
-    /// Ends a step: the velocities are v' = (x' − x)/h.
+    /// Ends a step: velocities, and accelerations if the integrator uses them, are those at its end.
     pub fn finish(&mut self, state: &mut BodyState) {
         let Some(UnderWay { from, .. }) = self.under_way.take() else { return };
+        let keeps = self.integrator.uses_accelerations();
         for (v, from) in from.iter().enumerate() {
-            state.velocities[v] = (state.positions[v] - from) / self.step_s;
+            let end = self.integrator.finish(&self.step, from, state.positions[v]);
+            state.velocities[v] = end.velocity;
+            if keeps {
+                state.accelerations[v] = end.acceleration;
+            }
         }
     }
 
@@ -111,7 +116,7 @@ impl Motion {
     /// Moves the free vertices to where inertia alone would take them.
     pub fn coast(&self, state: &mut BodyState) {
         let Some(under_way) = &self.under_way else { return };
-        for (v, x) in under_way.euler.coasting().iter().enumerate() {
+        for (v, x) in under_way.inertia.predicted().iter().enumerate() {
             if state.holds[v] == Hold::Free {
                 state.positions[v] = *x;
             }
@@ -127,7 +132,7 @@ impl Motion {
             let kg = element.geometry.volume * state.cell(element.tet).density_kg_m3;
             let x = element.vertices.map(|v| state.positions[v]);
             let v = element.vertices.map(|v| state.velocities[v]);
-            let m = self.weights.mass.matrix(kg);
+            let m = self.mass.matrix(kg);
             for i in 0..4 {
                 let p: Vector3<f64> = (0..4).map(|j| m[(i, j)] * v[j]).sum();
                 linear += p;
@@ -147,6 +152,27 @@ impl Motion {
             kinetic_j: kinetic,
         }
     }
+}
+
+/// The element of a scene's steps: with the mass that the integrator and the stiffness that the law
+/// gives it.
+///
+/// # Errors
+/// [`SimError::Embed`] for weights out of range.
+pub(crate) fn formulation(
+    scene: &Scene,
+    element: &str,
+    law: &dyn ConstitutiveLaw,
+    motion: Option<&Motion>,
+) -> Result<Box<dyn ElementFormulation>, SimError> {
+    let stiffness = if law.is_linear() { 1.0 } else { law.stiffening(scene.time.step_s) };
+    let inertia = motion.and_then(|motion| motion.integrator.weights(&motion.step));
+    if inertia.is_none() && stiffness == 1.0 {
+        return Ok(formulation_by_name(element)?);
+    }
+    let mass = motion.map_or_else(Mass::default, |motion| motion.mass);
+    let mass_per_s2 = inertia.map_or(0.0, |inertia| inertia.mass_per_s2);
+    Ok(dynamic_by_name(element, StepWeights::new(mass, mass_per_s2, stiffness)?)?)
 }
 
 impl BodyState {

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::{Equilibrium, InternalForces, Outcome, Problem, Tolerance};
+use yawara_corot::{Equilibrium, InternalForces, Outcome, Problem, Tolerance, forces_with_inertia};
 use yawara_inverse_update::InverseError;
 use yawara_mesh::VertexId;
 
@@ -176,8 +176,9 @@ impl StepSolver {
         Ok(total)
     }
 
-    /// Begins a step of a body with inertia.
+    /// Begins a step: of the law, and of a body with inertia.
     fn set_off(&mut self, step: Span, state: &mut BodyState) {
+        state.body.begin_step(self.step_s);
         if self.motion.is_some() {
             self.evaluate_forces(state);
             let loads = self.weights(state, step.to);
@@ -187,7 +188,7 @@ impl StepSolver {
         }
     }
 
-    /// Ends a step: velocities, and what the next step may start from.
+    /// Ends a step: states of the law, velocities, and what the next step may start from.
     fn arrive(&mut self, step: Span, total: &StepOutcome, acting: &mut Acting<'_>) {
         let left = step.left_at(self.reached_s);
         for (_, force) in &mut self.fading {
@@ -196,6 +197,7 @@ impl StepSolver {
         if total.converged {
             self.fading.clear();
         }
+        acting.state.body.commit();
         match &mut self.motion {
             Some(motion) => motion.finish(acting.state),
             None => {
@@ -248,12 +250,13 @@ impl StepSolver {
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
         let mut pressed = tool_loads(state, tools, span.to);
         let mut settling = Settling::new(&tolerance);
-        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.forces));
+        let inertia = self.motion.as_ref().and_then(Motion::inertia);
         let outcome = loop {
             let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
             let mut problem = Problem {
                 body: &mut state.body,
-                forces: moving.as_ref().map_or(&*self.forces, |moving| moving),
+                forces: &*self.forces,
+                inertia,
                 external: &external,
                 free: &held.free,
                 inverse: &apply,
@@ -314,9 +317,9 @@ impl StepSolver {
     /// Renews rotations and internal forces at the current positions.
     fn evaluate_forces(&mut self, state: &mut BodyState) {
         self.internal.resize(state.positions.len(), Vector3::zeros());
-        let moving = self.motion.as_ref().and_then(|motion| motion.forces(&*self.forces));
-        let forces = moving.as_ref().map_or(&*self.forces, |moving| moving);
-        forces.internal_forces(&mut state.body, &state.positions, &mut self.internal);
+        let inertia = self.motion.as_ref().and_then(Motion::inertia);
+        let BodyState { body, positions, .. } = state;
+        forces_with_inertia(&*self.forces, inertia, body, positions, &mut self.internal);
     }
 
     /// Loads at time `t` within `step`: weight, and what tools have just let go of.

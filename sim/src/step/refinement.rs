@@ -190,15 +190,21 @@ impl Refiner {
         state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
         state.body.set_pressure(vertex.index(), 0.5 * (a + b));
-        let [a, b] = delta.edge.map(|v| state.velocities[v.index()]);
-        state.velocities[vertex.index()] = 0.5 * (a + b);
+        for motion in [&mut state.velocities, &mut state.accelerations] {
+            let [a, b] = delta.edge.map(|v| motion[v.index()]);
+            motion[vertex.index()] = 0.5 * (a + b);
+        }
         self.born.resize(state.vertex_capacity(), 0);
         self.born[vertex.index()] = *step;
         for ring_tet in &delta.ring {
+            let law_state = state.body.law_state(ring_tet.parent.id);
             let parent = state.remove_tet(ring_tet.parent.id);
             let rotation = parent.map_or_else(Matrix3::identity, |e| e.rotation);
             for child in &ring_tet.children {
                 self.content.add_tet(state, child, rotation);
+                if let Some(law_state) = &law_state {
+                    state.body.split_law_state(child.id, law_state);
+                }
             }
         }
         if state.is_dynamic {
@@ -219,13 +225,16 @@ impl Refiner {
         around.push(vertex.index());
         let momentum = state.momentum_of(&around);
         for ring_tet in &delta.ring {
-            let mut rotation = Matrix3::identity();
-            for child in &ring_tet.children {
-                if let Some(element) = state.remove_tet(child.id) {
-                    rotation = element.rotation;
-                }
-            }
+            let halves = ring_tet.children.map(|child| {
+                let law_state = state.body.law_state(child.id);
+                Some((state.remove_tet(child.id)?, law_state?))
+            });
+            let rotation = halves.iter().flatten().last().map(|(element, _)| element.rotation);
+            let rotation = rotation.unwrap_or_else(Matrix3::identity);
             self.content.add_tet(state, &ring_tet.parent, rotation);
+            if let [Some((first, a)), Some((second, b))] = &halves {
+                state.body.merge_law_states(ring_tet.parent.id, [(first, a), (second, b)]);
+            }
         }
         if state.is_dynamic {
             around.pop();

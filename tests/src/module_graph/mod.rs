@@ -5,9 +5,9 @@
 //! and `mod` declarations are no uses themselves. Methods called on a value name no path and are not
 //! seen.
 //!
-//! Open [`graph`] first: [`Graph`] and its circles. [`sources`] reads the modules of a package,
-//! [`paths`] finds the paths in their code, [`resolve`] follows a path to the defining file,
-//! [`uses`] makes the graph of that, [`picture`] draws it, [`workspace`] lists the packages.
+//! Open `graph` first: [`Graph`] and its circles. `sources` reads the modules of a package,
+//! `paths` finds the paths in their code, `resolve` follows a path to the defining file,
+//! `uses` makes the graph of that, `picture` draws it, `workspace` lists the packages.
 
 mod graph;
 mod paths;

@@ -45,8 +45,8 @@ impl Sources {
     /// # Errors
     /// A sentence that names the file that is missing or is not Rust.
     pub fn read(roots: &[PathBuf], library: Option<String>, read: Read) -> Result<Self, String> {
-        let (files, modules, macros) = Default::default();
-        let mut sources = Self { files, modules, macros, library };
+        let mut sources =
+            Self { files: Vec::new(), modules: Vec::new(), macros: BTreeMap::new(), library };
         for root in roots {
             let text = read(root).ok_or_else(|| format!("{} is missing", root.display()))?;
             let folder = root.parent().unwrap_or(Path::new("")).to_owned();
@@ -82,14 +82,23 @@ impl Sources {
     ) -> Result<usize, String> {
         let number = self.modules.len();
         let root = parent.map_or(number, |parent| self.modules[parent].root);
-        let (children, items_of, code) = Default::default();
-        self.modules.push(Module { file, root, parent, children, items: items_of, code });
+        self.modules.push(Module {
+            file,
+            root,
+            parent,
+            children: BTreeMap::new(),
+            items: BTreeSet::new(),
+            code: Code::default(),
+        });
         for item in items {
             match item {
-                Item::Mod(child) if compiled_for_tests(&child.attrs) => _ = child,
-                Item::Use(import) if compiled_for_tests(&import.attrs) => _ = import,
-                Item::Mod(child) => self.child(number, child, folder, read)?,
-                Item::Use(import) => self.modules[number].code.import(import),
+                Item::Mod(child) if !compiled_for_tests(&child.attrs) => {
+                    self.child(number, child, folder, read)?;
+                }
+                Item::Use(import) if !compiled_for_tests(&import.attrs) => {
+                    self.modules[number].code.import(import);
+                }
+                Item::Mod(_) | Item::Use(_) => {}
                 _ => self.item(number, item),
             }
         }

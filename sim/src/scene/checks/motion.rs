@@ -12,7 +12,13 @@ impl Check<'_> {
         if let Some(step_ms) = scene.budget.step_ms {
             self.positive("budget.step_ms", step_ms)?;
         }
-        let Some(dynamics) = &scene.dynamics else { return Ok(()) };
+        let Some(dynamics) = &scene.dynamics else {
+            let (key, name) = ("stages.integrator", &scene.stages.integrator);
+            return self.that(name != "implicit_euler", key, name, "[dynamics] in the scene");
+        };
+        let undamped = !(scene.stages.law == "linear" && dynamics.damping_stiffness_s > 0.0);
+        let want = "rayleigh or auto beside dynamics.damping_stiffness_s > 0";
+        self.that(undamped, "stages.law", &scene.stages.law, want)?;
         for (key, value) in [
             ("dynamics.damping_mass_per_s", dynamics.damping_mass_per_s),
             ("dynamics.damping_stiffness_s", dynamics.damping_stiffness_s),

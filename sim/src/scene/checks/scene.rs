@@ -149,11 +149,15 @@ impl Check<'_> {
         let inverses = [&[AUTO], yawara_inverse_update::CHOICES, ON_DEVICE].concat();
         let elements = [&[AUTO], yawara_embed::FORMULATIONS].concat();
         let want = format!("one of {}", elements.join(", "));
+        let laws = [&[AUTO], yawara_corot::LAWS].concat();
+        let integrators = [&[AUTO], yawara_corot::INTEGRATORS].concat();
         let known = elements.contains(&&stages.element[..]);
         self.that(known, "stages.element", &stages.element, &want)?;
         for (key, name, choices) in [
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::FORCES),
+            ("law", &stages.law, &laws),
+            ("integrator", &stages.integrator, &integrators),
             ("equilibrium", &stages.equilibrium, yawara_corot::EQUILIBRIA),
             ("indicator", &stages.indicator, crate::step::indicator::CHOICES),
             ("inverse", &stages.inverse, &inverses),

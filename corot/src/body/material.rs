@@ -1,0 +1,133 @@
+//! The law of a body: steps, states and stresses.
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix6, Vector3};
+use yawara_embed::Strain;
+use yawara_mesh::TetId;
+
+use super::storage::Body;
+use crate::element::Element;
+use crate::law::states::States;
+use crate::law::{ConstitutiveLaw, LawHalf};
+
+/// What an element hands on when its tetrahedron splits or merges; empty under a linear law.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LawState {
+    /// The law's state at the end of the last step.
+    pub state: Vec<f64>,
+    /// σ − D ε̃ at the last evaluation, Pa.
+    pub beyond: Strain,
+}
+
+impl Body {
+    /// The same body, still without elements, under a law; [`LinearElastic`](crate::LinearElastic)
+    /// without this.
+    #[must_use]
+    pub fn with_law(self, law: impl Into<Arc<dyn ConstitutiveLaw>>) -> Self {
+        Self { states: States::new(law.into()), ..self }
+    }
+
+    /// How stress follows from strain.
+    pub fn law(&self) -> &dyn ConstitutiveLaw {
+        self.states.law()
+    }
+
+    /// Begins a step of `step_s`: from now on the law sees strains at its end and the states
+    /// [committed](Self::commit) before. Without it no time passes.
+    pub fn begin_step(&mut self, step_s: f64) {
+        self.states.begin_step(step_s);
+    }
+
+    /// Ends the step: the states of the last evaluation of forces become those that the next step
+    /// starts from.
+    pub fn commit(&mut self) {
+        self.states.commit();
+    }
+
+    /// The factor of the elasticity in the matrix whose inverse is kept, of the law and the step.
+    pub fn stiffening(&self) -> f64 {
+        self.states.stiffening()
+    }
+
+    /// What the element of a leaf tetrahedron hands on.
+    pub fn law_state(&self, tet: TetId) -> Option<LawState> {
+        let number = self.number(tet)?;
+        Some(LawState {
+            state: self.states.of(number).to_vec(),
+            beyond: self.states.beyond(number),
+        })
+    }
+
+    /// Gives a half of a tetrahedron that has split what its parent handed on.
+    pub fn split_law_state(&mut self, half: TetId, parent: &LawState) {
+        let Some(number) = self.number(half).filter(|_| self.states.len() > 0) else { return };
+        let mut state = vec![0.0; self.states.len()];
+        self.law().split(&parent.state, &mut state);
+        self.states.set(number, &state, parent.beyond);
+    }
+
+    /// Gives a tetrahedron whose halves have merged what they handed on.
+    pub fn merge_law_states(&mut self, parent: TetId, halves: [(&Element, &LawState); 2]) {
+        let Some(number) = self.number(parent).filter(|_| self.states.len() > 0) else { return };
+        let mut state = vec![0.0; self.states.len()];
+        let both = halves.map(|(element, handed)| LawHalf {
+            elasticity: &element.elasticity,
+            volume: element.geometry.volume,
+            state: &handed.state,
+        });
+        self.law().merge(&both, &mut state);
+        let weighted = both.iter().zip(halves).map(|(half, (_, from))| from.beyond * half.volume);
+        let volume = both[0].volume + both[1].volume;
+        self.states.set(number, &state, weighted.sum::<Strain>() / volume);
+    }
+
+    /// The stress of an element in its co-rotated frame at `positions` (m, by vertex number), with
+    /// its rotation, its pressures and what the law had beyond D ε̃ at the last evaluation of
+    /// forces; Pa, Voigt order xx yy zz xy yz zx.
+    ///
+    /// # Panics
+    /// If `number` is not below the number of [`elements`](Self::elements).
+    pub fn stress(&self, number: usize, positions: &[Vector3<f64>]) -> Strain {
+        let element = &self.elements()[number];
+        let strain = element.corotated_strain(positions);
+        let elastic = match &self.pressures {
+            None => element.elasticity * strain,
+            Some(pressures) => pressures.stress(number, element.vertices, &strain),
+        };
+        if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
+    }
+
+    /// The stress of an element but for the part of its hydrostatic stress that belongs to
+    /// pressures: D ε and what the law has beyond D ε̃. As [`stress`](Self::stress) with
+    /// displacements alone; its von Mises stress is the same always.
+    ///
+    /// # Panics
+    /// As [`stress`](Self::stress).
+    pub fn stress_without_pressure(&self, number: usize, positions: &[Vector3<f64>]) -> Strain {
+        let element = &self.elements()[number];
+        let elastic = element.elasticity * element.corotated_strain(positions);
+        if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
+    }
+
+    /// The law's answer for an element at `positions` with its stored rotation: σ and ∂σ/∂ε, Pa,
+    /// pressures as they are.
+    pub(crate) fn response(
+        &self,
+        number: usize,
+        positions: &[Vector3<f64>],
+    ) -> (Strain, Matrix6<f64>) {
+        let element = &self.elements()[number];
+        let strain = element.corotated_strain(positions);
+        if self.law().is_linear() {
+            return (self.stress(number, positions), element.elasticity);
+        }
+        let assumed = match &self.pressures {
+            None => strain,
+            Some(pressures) => pressures.assumed_strain(number, element.vertices, &strain),
+        };
+        let point = self.states.point(number, &element.elasticity, assumed);
+        let mut trial = vec![0.0; self.states.len()];
+        (self.law().stress(&point, &mut trial), self.law().tangent(&point))
+    }
+}

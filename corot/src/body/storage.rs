@@ -1,0 +1,188 @@
+//! The elements of a body, dense, with what the vector kernels and the law keep of each.
+
+use std::sync::OnceLock;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_embed::P1P1;
+use yawara_mesh::TetId;
+
+use crate::element::Element;
+use crate::element::pressures::Pressures;
+use crate::kernels::accumulators::Accumulators;
+use crate::kernels::packets::Packets;
+use crate::law::states::States;
+
+const ABSENT: u32 = u32::MAX;
+
+/// All elements of the current mesh, dense, with rotations that warm-start each other.
+///
+/// Its elements are linear in displacements alone ([`new`](Self::new)) or carry pressures beside
+/// them ([`mixed`](Self::mixed)), all alike. Their stress follows from their strain by one
+/// [law](Self::with_law), linear elasticity unless told otherwise.
+#[derive(Clone, Debug, Default)]
+pub struct Body {
+    pub(super) elements: Vec<Element>,
+    /// The same elements, as the vector kernels read them.
+    pub(super) packets: Packets,
+    pub(super) of_tet: Vec<u32>,
+    pub(super) vertex_rotations: Vec<Matrix3<f64>>,
+    /// Σ V_e F_e and Σ V_e around each vertex: scratch of the renewals below.
+    pub(super) gradient_sums: Vec<(Matrix3<f64>, f64)>,
+    /// Of each run of elements that is evaluated at once: scratch.
+    pub(super) partial_sums: Vec<Accumulators>,
+    /// None for displacements alone.
+    pub(super) pressures: Option<Pressures>,
+    pub(super) states: States,
+    /// [`stiffness_scale`](Self::stiffness_scale), until an element comes or goes: every evaluation
+    /// of a residual asks for it.
+    pub(super) scale: OnceLock<f64>,
+}
+
+impl Body {
+    /// A body without elements.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A body without elements, of mixed ones: with u = Rᵀx − X and q = p/μ linear in every
+    /// tetrahedron, f = R(K'u + Gᵀq) and r = P q − G u, K', G and P those of `element`.
+    ///
+    /// The pressures q, one per vertex number, stay with the body: an evaluation of forces reads
+    /// them, a solver moves them, the next solve starts from them. An elasticity that is not
+    /// positive definite gives NaN.
+    pub fn mixed(element: P1P1) -> Self {
+        Self { pressures: Some(Pressures::new(element)), ..Self::default() }
+    }
+
+    /// Whether its elements carry pressures.
+    pub fn is_mixed(&self) -> bool {
+        self.pressures.is_some()
+    }
+
+    /// 3 displacements, and q if the body is [`mixed`](Self::mixed).
+    pub fn unknowns_per_vertex(&self) -> usize {
+        if self.is_mixed() { 4 } else { 3 }
+    }
+
+    /// q = p/μ at a vertex, positive in tension; 0 where nothing set it, or without pressures.
+    pub fn pressure(&self, vertex: usize) -> f64 {
+        let vertices = self.pressures.as_ref().map_or(&[][..], |p| &p.vertices);
+        vertices.get(vertex).map_or(0.0, |vertex| vertex.q)
+    }
+
+    /// Sets q at a vertex; nothing without pressures.
+    pub fn set_pressure(&mut self, vertex: usize, q: f64) {
+        if let Some(Pressures { vertices, .. }) = &mut self.pressures {
+            if vertices.len() <= vertex {
+                vertices.resize(vertex + 1, Default::default());
+            }
+            vertices[vertex].q = q;
+        }
+    }
+
+    /// Sets q everywhere: by vertex number, 0 behind the end of `q`; nothing without pressures.
+    pub fn set_pressures(&mut self, q: &[f64]) {
+        if let Some(last) = q.len().checked_sub(1) {
+            self.set_pressure(last, q[last]);
+        }
+        for (v, vertex) in self.pressures.iter_mut().flat_map(|p| &mut p.vertices).enumerate() {
+            vertex.q = q.get(v).copied().unwrap_or(0.0);
+        }
+    }
+
+    /// q by vertex number; empty without pressures.
+    pub fn pressures(&self) -> Vec<f64> {
+        self.pressures.iter().flat_map(|p| &p.vertices).map(|vertex| vertex.q).collect()
+    }
+
+    /// P q − G u at a vertex at the last evaluation of forces, times the law's
+    /// [stiffening](Self::stiffening), N m; 0 without pressures.
+    pub fn pressure_residual(&self, vertex: usize) -> f64 {
+        self.pressure_row(vertex).0
+    }
+
+    /// The pressure residual of a vertex, N m, and its 1/h, 1/m.
+    pub(crate) fn pressure_row(&self, vertex: usize) -> (f64, f64) {
+        let pressed = self.pressures.as_ref().and_then(|p| p.vertices.get(vertex));
+        pressed.map_or((0.0, 0.0), |vertex| (vertex.residual, vertex.weight))
+    }
+
+    /// The elements, in no particular but a reproducible order.
+    pub fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// The element of a leaf tetrahedron.
+    pub fn element(&self, tet: TetId) -> Option<&Element> {
+        Some(&self.elements[self.number(tet)?])
+    }
+
+    /// The number among [`elements`](Self::elements) of a leaf tetrahedron.
+    pub fn number(&self, tet: TetId) -> Option<usize> {
+        let at = *self.of_tet.get(tet.index())?;
+        (at != ABSENT).then_some(at as usize)
+    }
+
+    /// Adds the element of a leaf tetrahedron (replacing one of the same number).
+    pub fn insert(&mut self, element: Element) {
+        self.remove(element.tet);
+        self.scale = OnceLock::new();
+        let index = element.tet.index();
+        if self.of_tet.len() <= index {
+            self.of_tet.resize(index + 1, ABSENT);
+        }
+        self.of_tet[index] = self.elements.len() as u32;
+        let pressed = self.pressures.as_mut().map(|p| p.push(&element));
+        self.packets.push(pressed.as_ref().unwrap_or(&element));
+        self.states.push();
+        self.elements.push(element);
+    }
+
+    /// Removes the element of a tetrahedron, if there; the last one takes its place.
+    pub fn remove(&mut self, tet: TetId) -> Option<Element> {
+        let at = std::mem::replace(self.of_tet.get_mut(tet.index())?, ABSENT);
+        if at == ABSENT {
+            return None;
+        }
+        self.scale = OnceLock::new();
+        let element = self.elements.swap_remove(at as usize);
+        let moved = self.elements.get(at as usize);
+        let pressed = self.pressures.as_mut().and_then(|p| p.swap_remove(at as usize, moved));
+        self.packets.swap_remove(at as usize, pressed.as_ref().or(moved));
+        self.states.swap_remove(at as usize);
+        if let Some(moved) = moved {
+            self.of_tet[moved.tet.index()] = at;
+        }
+        Some(element)
+    }
+
+    /// Rotation of each vertex number (identity for vertices without elements).
+    pub fn vertex_rotations(&self) -> &[Matrix3<f64>] {
+        &self.vertex_rotations
+    }
+
+    /// A bound on the entries of the stiffness matrix on displacements, N/m: the largest
+    /// V |∇λ|² max|D|, with max(|D'|, μ) for D where there are pressures, times the law's
+    /// [stiffening](Self::stiffening).
+    pub fn stiffness_scale(&self) -> f64 {
+        self.stiffening() * *self.scale.get_or_init(|| self.largest_stiffness())
+    }
+
+    fn largest_stiffness(&self) -> f64 {
+        self.elements
+            .iter()
+            .enumerate()
+            .map(|(number, e)| {
+                let g2 = e.geometry.gradients.iter().map(Vector3::norm_squared).fold(0.0, f64::max);
+                let modulus = match &self.pressures {
+                    None => e.elasticity.amax(),
+                    Some(pressures) => {
+                        let moduli = pressures.moduli(number);
+                        moduli.deviatoric.amax().max(moduli.shear)
+                    }
+                };
+                e.geometry.volume * g2 * modulus
+            })
+            .fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,91 @@
+//! What the documents say of the sources: paths in ARCHITECTURE.md and all others, the pictures of
+//! modules.
+
+use std::path::{Path, PathBuf};
+
+use yawara_tests::module_graph::{packages, pictures};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The paths in backticks: what has a slash and nothing that paths have not.
+fn paths(text: &str) -> Vec<&str> {
+    let is_path = |code: &&str| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
+        code.contains('/') && code.chars().all(plain)
+    };
+    text.split('`').skip(1).step_by(2).filter(is_path).collect()
+}
+
+/// ARCHITECTURE.md and the others: at the root, in `docs` and in each crate.
+fn documents() -> Vec<PathBuf> {
+    let entries = |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries(root()).map(|entry| entry.path()).collect();
+    files.extend(entries(root().join("docs")).map(|entry| entry.path()));
+    let packages = packages(&root()).unwrap();
+    files.extend(packages.iter().map(|package| root().join(&package.folder).join("README.md")));
+    // What has been, the changelog may name.
+    files.retain(|file| file.extension().is_some_and(|end| end == "md"));
+    files.retain(|file| !file.ends_with("CHANGELOG.md"));
+    files
+}
+
+#[test]
+fn every_path_in_the_documents_exists() {
+    let mut folders: Vec<String> =
+        packages(&root()).unwrap().into_iter().map(|package| package.folder).collect();
+    folders.extend(["docs".to_owned(), ".ci".to_owned()]);
+    let (mut checked, mut missing) = (0, Vec::new());
+    for document in documents() {
+        let text = std::fs::read_to_string(&document).unwrap();
+        let prose: String = text.split("```").step_by(2).collect();
+        for path in paths(&prose) {
+            let folder = path.split('/').next().unwrap_or_default();
+            if folders.iter().any(|ours| ours == folder) {
+                checked += 1;
+                if !root().join(path).exists() && !document.with_file_name(path).exists() {
+                    missing.push(format!("{} names {path}", document.display()));
+                }
+            }
+        }
+    }
+    assert!(checked > 100, "only {checked} paths were found");
+    assert!(missing.is_empty(), "what is not there:\n{}", missing.join("\n"));
+}
+
+/// Traits are quoted with the file that they stand in as a comment before them.
+#[test]
+fn every_line_that_is_quoted_stands_in_its_file() {
+    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let quotes = text.split("```rust\n// ").skip(1);
+    let mut quoted = 0;
+    for quote in quotes.map(|quote| quote.split("```").next().unwrap()) {
+        let (file, lines) = quote.split_once('\n').unwrap();
+        let source = std::fs::read_to_string(root().join(file)).unwrap();
+        for line in lines.lines().map(str::trim) {
+            assert!(source.lines().any(|found| found.trim() == line), "{file} lacks: {line}");
+        }
+        quoted += 1;
+    }
+    assert!(quoted >= 5, "only {quoted} quotes");
+}
+
+#[test]
+fn the_pictures_are_current() {
+    let folder = root().join("docs/picture/modules");
+    let stale: Vec<String> = pictures(&root())
+        .unwrap()
+        .into_iter()
+        .filter(|(name, svg)| std::fs::read_to_string(folder.join(name)).ok().as_ref() != Some(svg))
+        .map(|(name, _)| name)
+        .collect();
+    let command = "cargo run -p yawara-tests --bin modules -- --svg docs/picture/modules";
+    assert!(stale.is_empty(), "{stale:?} are not of these sources; make them with\n{command}");
+}
+
+#[test]
+fn paths_are_told_from_other_code() {
+    let text = "`a/b.rs` and `Stages::x`, `run -- --x a/b`, `m/` `http://x`, `f(x)/2`";
+    assert_eq!(paths(text), ["a/b.rs", "m/"]);
+}
