@@ -308,6 +308,8 @@ fn example(phantom: Phantom) -> Scene {
         time: Time { steps: 1, step_s: 0.1 },
         dynamics: Some(Dynamics::default()),
         stages: StageNames {
+            law: "rayleigh".into(),
+            integrator: "implicit_euler".into(),
             gpu_adapter: Some(match phantom {
                 Phantom::Liver => Adapter::Name("card".into()),
                 Phantom::Block => Adapter::Index(0),
