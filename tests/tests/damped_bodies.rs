@@ -65,12 +65,13 @@ fn the_derivative_at_rest_is_the_effective_matrix() {
     }
 }
 
-/// All steps of `beam` without tools at ν = .3, on one mesh; and the sag of its end after each, mm.
-fn sagging(element: &str, damping_s: f64) -> (Vec<StepReport>, Vec<f64>) {
+/// All steps of `beam` at ν = .3 on one mesh, under its weight alone; and its largest sag after each,
+/// mm.
+fn sagging(element: &str, damping_s: f64, gravity: f64) -> (Vec<StepReport>, Vec<f64>) {
     let set = [
         format!("stages.element={element}"),
         format!("dynamics={{ damping_stiffness_s = {damping_s} }}"),
-        "gravity_m_s2=[0.0, 0.0, -0.01]".into(),
+        format!("gravity_m_s2=[0.0, 0.0, -{gravity}]"),
         "tools=[]".into(),
         "mesh.start_level=3".into(),
         "mesh.max_level=3".into(),
@@ -90,8 +91,9 @@ fn sagging(element: &str, damping_s: f64) -> (Vec<StepReport>, Vec<f64>) {
     (reports, sags)
 }
 
-/// ω² of the first mode from a decay u_{n+1} = 2 ρ cos θ u_n − ρ² u_{n−1} about its mean, by the
-/// ratio ρ; and by ρ cos θ, h and β in s.
+/// ω² of the first mode from a decay u_{n+1} = 2 ρ cos θ u_n − ρ² u_{n−1} about its mean: from ρ, and
+/// from ρ cos θ. Implicit Euler with damping βK makes ρ e^{iθ} a root of
+/// (1 + (h² + βh) ω²) z² − (2 + βh ω²) z + 1. Units: h and β in s.
 fn omega_squared(sags: &[f64], h: f64, beta: f64) -> [f64; 2] {
     // Differences know no mean.
     let d: Vec<f64> = sags.windows(2).map(|w| w[1] - w[0]).collect();
@@ -100,7 +102,6 @@ fn omega_squared(sags: &[f64], h: f64, beta: f64) -> [f64; 2] {
     let det = sum(0, 0) * sum(1, 1) - sum(0, 1).powi(2);
     let a = (sum(0, 2) * sum(1, 1) - sum(1, 2) * sum(0, 1)) / det;
     let b = (sum(1, 2) * sum(0, 0) - sum(0, 2) * sum(0, 1)) / det;
-    // (1 + (h² + βh) ω²) z² − (2 + βh ω²) z + 1 = 0.
     [(-1.0 / b - 1.0) / (h * h + beta * h), (-a / b - 2.0) / (beta * h)]
 }
 
@@ -108,21 +109,22 @@ fn omega_squared(sags: &[f64], h: f64, beta: f64) -> [f64; 2] {
 fn both_elements_decay_as_rayleigh_says_and_alike() {
     let (h, beta) = (0.02, 0.02);
     let [p1, mixed] = ["p1", "p1p1"].map(|element| {
-        let [by_ratio, by_angle] = omega_squared(&sagging(element, beta).1, h, beta);
+        let [by_ratio, by_angle] = omega_squared(&sagging(element, beta, 0.01).1, h, beta);
         println!("{element}: ω = {} or {} rad/s", by_ratio.sqrt(), by_angle.sqrt());
-        // What other modes there are is in both.
-        assert!((by_ratio / by_angle - 1.0).abs() < 0.05, "{element}: {by_ratio} {by_angle}");
+        // The weight is small enough for linear theory. What is left of other modes is damped
+        // more than ten times as fast.
+        assert!((by_ratio / by_angle - 1.0).abs() < 0.01, "{element}: {by_ratio} {by_angle}");
         by_ratio.sqrt()
     });
-    // Two tetrahedra and more over the height: p1 is some per cent stiffer.
-    assert!(mixed <= p1 && mixed > 0.9 * p1, "p1 {p1}, p1p1 {mixed} rad/s");
+    // Bending locks p1 a little more than p1p1 on so coarse a mesh.
+    assert!(mixed <= p1 && mixed > 0.96 * p1, "p1 {p1}, p1p1 {mixed} rad/s");
 }
 
 #[test]
 fn damping_costs_no_more_than_two_iterations_a_step() {
     for element in ["p1", "p1p1"] {
         let mean = |beta| {
-            let (reports, _) = sagging(element, beta);
+            let (reports, _) = sagging(element, beta, 9.81);
             reports.iter().map(|r| r.iterations).sum::<usize>() as f64 / reports.len() as f64
         };
         let (without, with) = (mean(0.0), mean(0.02));
