@@ -26,11 +26,20 @@ const RUN_PACKETS: usize = 1024;
 impl Body {
     /// Renews the rotation of each element from `positions`.
     pub(crate) fn renew_elements(&mut self, positions: &[Vector3<f64>]) {
-        self.gradient_sums.clear();
-        self.gradient_sums.resize(positions.len(), (Matrix3::zeros(), 0.0));
-        for (number, element) in self.elements.iter_mut().enumerate() {
+        self.turn_elements(positions.len(), |element| {
             let f = element.deformation_gradient(positions);
-            element.rotation = polar_warm(&f, &element.rotation);
+            [polar_warm(&f, &element.rotation), f]
+        });
+    }
+
+    /// Sets the rotation of each element to the first of what `turn` says of it, and sums the second
+    /// up around its vertices.
+    fn turn_elements(&mut self, vertices: usize, turn: impl Fn(&Element) -> [Matrix3<f64>; 2]) {
+        self.gradient_sums.clear();
+        self.gradient_sums.resize(vertices, (Matrix3::zeros(), 0.0));
+        for (number, element) in self.elements.iter_mut().enumerate() {
+            let [rotation, f] = turn(element);
+            element.rotation = rotation;
             let packet = &mut self.packets.packets[number / LANES];
             packet.set_rotation(number % LANES, &element.rotation);
             for v in element.vertices {
@@ -39,6 +48,26 @@ impl Body {
                 *volume += element.geometry.volume;
             }
         }
+    }
+
+    /// f_int of any co-rotation into `forces` (overwritten): each element's rotation becomes what
+    /// `rotation` says of it, each vertex's the one nearest to the mean of its elements', and stress
+    /// follows in these frames from the law and the pressures. Returns √Σ_e ‖f_e‖², as
+    /// [`InternalForces::internal_forces`](crate::InternalForces::internal_forces) has to.
+    ///
+    /// Cost: O(elements), one after the other.
+    ///
+    /// # Panics
+    /// If a vertex number of an element is not below the lengths of `positions` and `forces`.
+    pub fn forces_with_rotations(
+        &mut self,
+        rotation: impl Fn(&Element) -> Matrix3<f64>,
+        positions: &[Vector3<f64>],
+        forces: &mut [Vector3<f64>],
+    ) -> f64 {
+        self.turn_elements(positions.len(), |element| [rotation(element); 2]);
+        self.renew_vertices();
+        self.forces_in(|element| element.rotation, positions, forces)
     }
 
     /// f_int of element co-rotation into `forces` (overwritten) with the rotations of elements and

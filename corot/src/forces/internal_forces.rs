@@ -7,6 +7,11 @@ use crate::body::Body;
 
 /// How internal forces follow from positions.
 ///
+/// One that is a choice of each element's rotation calls
+/// [`Body::forces_with_rotations`], which does all the rest; `sim/examples/own_forces.rs` does so.
+/// The rotations that it leaves in the body are read by solvers (they turn the inverse with the
+/// vertices), by stresses, by indicators and by output.
+///
 /// Forces of one's own, of springs along the edges of a body of one tetrahedron:
 /// ```
 /// use nalgebra::Vector3;

@@ -37,6 +37,10 @@ pub struct InertiaWeights {
 /// gives velocity and acceleration at the end from x'. Damping by stiffness belongs to the
 /// [law](crate::ConstitutiveLaw).
 ///
+/// Vertices that are held go through [`finish`](Self::finish) too. A path with a kink (a grab that
+/// starts at full speed) leaves a velocity and an acceleration that ring in an integrator without
+/// damping, and come free when the tool lets go: let a body swing from a load or a velocity instead.
+///
 /// An integrator of one's own, Newmark's with average acceleration (second order, no damping):
 /// ```
 /// use nalgebra::Vector3;

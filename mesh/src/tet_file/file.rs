@@ -1,6 +1,5 @@
-//! What the readers and writers of mesh files share: bytes, units and what was read.
+//! What the readers and writers of mesh files share: bytes and units.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -8,21 +7,8 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::error::TetMeshError;
-use super::mesh::{PlainMesh, Repairs};
+use super::mesh::PlainMesh;
 use crate::atomic_file;
-
-/// What a mesh file holds.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LoadedMesh {
-    /// The tetrahedra, in the order of the file.
-    pub mesh: PlainMesh,
-    /// What was repaired.
-    pub repairs: Repairs,
-    /// Points, edges, triangles and other elements that were passed over.
-    pub ignored_elements: usize,
-    /// Names of material tags, where the format has them.
-    pub names: BTreeMap<i64, String>,
-}
 
 /// Refuses a length of a file unit that is no length.
 pub(crate) fn check_unit(unit_m: f64) -> Result<(), TetMeshError> {

@@ -1,5 +1,7 @@
 //! A fixed tetrahedral mesh, as other programs make it: no bisection, no refinement.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 
 use super::error::TetMeshError;
@@ -25,6 +27,19 @@ pub struct Repairs {
     pub rewound: usize,
     /// Points that were no corner of any tetrahedron, taken out.
     pub dropped_points: usize,
+}
+
+/// What a mesh file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadedMesh {
+    /// The tetrahedra, in the order of the file.
+    pub mesh: PlainMesh,
+    /// What was repaired.
+    pub repairs: Repairs,
+    /// Points, edges, triangles and other elements that were passed over.
+    pub ignored_elements: usize,
+    /// Names of material tags, where the format has them.
+    pub names: BTreeMap<i64, String>,
 }
 
 impl PlainMesh {

@@ -15,11 +15,9 @@ mod vtk_xml;
 
 pub use check::FLATNESS;
 pub use error::TetMeshError;
-#[cfg(any(feature = "gmsh", feature = "vtu"))]
-pub use file::LoadedMesh;
 #[cfg(feature = "gmsh")]
 pub use gmsh::{read_msh, write_msh22, write_msh41};
-pub use mesh::{PlainMesh, Repairs};
+pub use mesh::{LoadedMesh, PlainMesh, Repairs};
 pub(crate) use vtk_xml::triangles_xml;
 #[cfg(feature = "vtu")]
 pub use vtk_xml::{MeshField, TAG_ARRAYS, read_vtu, write_vtu_plain};

@@ -122,7 +122,10 @@ pub trait Tool {
         None
     }
 
-    /// Adds its forces on vertices at time `t` to `loads`, by vertex number, N.
+    /// Adds its forces on vertices at time `t` to `loads`, by vertex number, N; `body` is where the
+    /// solver has it now. Forces that follow the body (a spring, a pressure) are renewed after every
+    /// solve until they come to rest, so that they hold at the step's end. That converges where they
+    /// are softer than the body; where they are not the step is halved, and at last does not converge.
     fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
         let _ = (body, t, loads);
     }

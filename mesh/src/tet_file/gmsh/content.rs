@@ -8,8 +8,7 @@ use nalgebra::Vector3;
 use super::element::Element;
 use super::scanner::Scanner;
 use crate::tet_file::TetMeshError;
-use crate::tet_file::file::LoadedMesh;
-use crate::tet_file::mesh::PlainMesh;
+use crate::tet_file::mesh::{LoadedMesh, PlainMesh};
 
 /// What the sections hold, until all of them are known.
 #[derive(Default)]

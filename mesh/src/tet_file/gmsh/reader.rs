@@ -6,7 +6,8 @@ use super::content::Content;
 use super::scanner::{Scanner, Version};
 use super::{msh22, msh41};
 use crate::tet_file::TetMeshError;
-use crate::tet_file::file::{self, LoadedMesh};
+use crate::tet_file::file;
+use crate::tet_file::mesh::LoadedMesh;
 
 /// Reads the tetrahedra of an MSH 2.2 or 4.1 file, text or binary of either byte order.
 ///

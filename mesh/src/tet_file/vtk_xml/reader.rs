@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 use super::document::{Document, Piece};
 use super::layout::Layout;
 use crate::tet_file::TetMeshError;
-use crate::tet_file::file::{self, LoadedMesh};
-use crate::tet_file::mesh::PlainMesh;
+use crate::tet_file::file;
+use crate::tet_file::mesh::{LoadedMesh, PlainMesh};
 
 /// Names of cell arrays that hold the material tag; the first one present counts.
 pub const TAG_ARRAYS: [&str; 9] = [
