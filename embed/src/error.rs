@@ -39,6 +39,21 @@ pub enum EmbedError {
         /// The smallest eigenvalue of the symmetric part, Pa.
         eigenvalue: f64,
     },
+    /// A matrix of an element that is not finite.
+    #[error(
+        "entry ({row}, {column}) of the matrix of an element `{element}` is {value}, want a finite \
+         number (N/m): its elasticity has to be positive definite"
+    )]
+    ElementEntry {
+        /// The element.
+        element: &'static str,
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// The value.
+        value: f64,
+    },
     /// A label of the volume without a material.
     #[error("no material for dense label {label}: {given} materials were given")]
     MissingMaterial {

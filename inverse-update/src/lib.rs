@@ -9,7 +9,8 @@
 //!   dense.
 //! - A *ring* (edge star, edge patch) is the set of elements around a bisected edge. Splitting the
 //!   edge changes K on the vertices of these elements alone; a [`RingChange`] says how.
-//! - A [`StiffnessChange`] changes the *content*: K on vertices that stay.
+//! - A [`StiffnessChange`] is a change of *content*: an element gets another material, and all
+//!   vertices stay.
 //! - A *batch* is a sequence of such [`Update`]s made in one call, which a maintainer may combine.
 //!
 //! [`InverseMaintainer`] is the stage, [`build`] makes one by name. `matrix` holds K itself,

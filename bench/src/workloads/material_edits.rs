@@ -1,7 +1,8 @@
 //! Changes of the stiffness that bring no vertex in or out: tetrahedra made stiffer, and back.
 
-use faer::Mat;
 use yawara::inverse::SlotMap;
+use yawara_corot::Element;
+use yawara_embed::{ContentStiffness, Leaf, LeafMaterial, P1};
 use yawara_inverse_update::{SparseStiffness, StiffnessChange};
 use yawara_mesh::VertexId;
 
@@ -12,12 +13,11 @@ use crate::workloads::random::SplitMix64;
 /// At most so many tetrahedra are stiffer than their material at a time.
 const MOST: usize = 32;
 
-/// Tetrahedra of the start mesh, whose vertices stay; each with the factor F of its stiffness,
-/// K_e = F Fᵀ, 12 × 6, (N/m)^½.
+/// Tetrahedra of the start mesh, whose vertices stay.
 #[derive(Clone, Debug)]
 pub struct MaterialEdits {
-    elements: Vec<([VertexId; 4], Mat<f64>)>,
-    /// Elements that are stiffer now, and by which part of K_e.
+    elements: Vec<Element>,
+    /// Elements that are stiffer now, and by which part of their stiffness.
     active: Vec<(usize, f64)>,
 }
 
@@ -28,70 +28,64 @@ impl MaterialEdits {
     /// [`BenchError::Embed`] from the homogenisation.
     pub fn new(organ: &Organ, homogenisation: &str) -> Result<Self, BenchError> {
         let embedding = organ.embedding(homogenisation)?;
-        let body = organ.body(&embedding);
-        let mut elements = Vec::new();
-        for element in body.elements() {
-            // An elasticity that is not positive definite was refused with its material.
-            let Some(d) = element.elasticity.cholesky() else { continue };
-            let factor = element.geometry.strain_matrix().transpose()
-                * d.l()
-                * element.geometry.volume.sqrt();
-            let vertices = element.vertices.map(|v| VertexId(v as u32));
-            elements.push((vertices, Mat::from_fn(12, 6, |i, j| factor[(i, j)])));
-        }
-        Ok(Self { elements, active: Vec::new() })
+        Ok(Self { elements: organ.body(&embedding).elements().to_vec(), active: Vec::new() })
     }
 
     /// Makes a random tetrahedron stiffer by up to its own stiffness, or takes that back from one.
     /// Rank 6. None where the chosen one has no free vertex.
+    ///
+    /// # Errors
+    /// [`BenchError::Embed`] if an element's stiffness is not finite.
     pub(crate) fn step(
         &mut self,
         slots: &SlotMap,
         random: &mut SplitMix64,
-    ) -> Option<StiffnessChange> {
+    ) -> Result<Option<StiffnessChange>, BenchError> {
         let back = match self.active.len() {
             0 => false,
             MOST => true,
             _ => random.below(2) == 0,
         };
-        let (element, part) = if back {
-            self.active.swap_remove(random.below(self.active.len()))
-        } else {
-            let added = (random.below(self.elements.len()), random.symmetric().abs());
-            self.elements[added.0].0.iter().find(|&&v| slots.get(v).is_some())?;
-            self.active.push(added);
-            added
-        };
-        let (slots, factor) = self.factor(element, part, slots);
-        let none = Mat::zeros(factor.nrows(), 0);
-        let (added, removed) = if back { (none, factor) } else { (factor, none) };
-        Some(StiffnessChange { slots, added, removed })
+        if back {
+            let (element, part) = self.active.swap_remove(random.below(self.active.len()));
+            return self.change(element, [part, 0.0], slots);
+        }
+        let (element, part) = (random.below(self.elements.len()), random.symmetric().abs());
+        let change = self.change(element, [0.0, part], slots)?;
+        self.active.extend(change.is_some().then_some((element, part)));
+        Ok(change)
     }
 
     /// Adds what is stiffer now to a freshly assembled K.
     ///
     /// # Errors
-    /// [`BenchError::Inverse`] if an element's stiffness is not finite.
+    /// [`BenchError::Embed`] and [`BenchError::Inverse`] if an element's stiffness is not finite.
     pub fn add_to(
         &self,
         stiffness: &mut SparseStiffness,
         slots: &SlotMap,
     ) -> Result<(), BenchError> {
         for &(element, part) in &self.active {
-            let (slots, factor) = self.factor(element, part, slots);
-            stiffness.add(&slots, (&factor * factor.transpose()).as_ref())?;
+            if let Some(change) = self.change(element, [0.0, part], slots)? {
+                stiffness.change(&change)?;
+            }
         }
         Ok(())
     }
 
-    /// √part F on the free vertices of an element, and their slots.
-    fn factor(&self, element: usize, part: f64, slots: &SlotMap) -> (Vec<usize>, Mat<f64>) {
-        let (vertices, factor) = &self.elements[element];
-        let kept: Vec<usize> = (0..4).filter(|&i| slots.get(vertices[i]).is_some()).collect();
-        let row = |i: usize| 3 * kept[i / 3] + i % 3;
-        let root = part.sqrt();
-        let scaled = Mat::from_fn(3 * kept.len(), 6, |i, j| root * factor[(row(i), j)]);
-        (kept.iter().filter_map(|&i| slots.get(vertices[i])).collect(), scaled)
+    /// An element that was stiffer by one part of its stiffness and is so by another.
+    fn change(
+        &self,
+        element: usize,
+        parts: [f64; 2],
+        slots: &SlotMap,
+    ) -> Result<Option<StiffnessChange>, BenchError> {
+        let Element { vertices, geometry, elasticity, .. } = self.elements[element];
+        let vertices = vertices.map(|v| VertexId(v as u32));
+        let leaf = Leaf { element: &P1, vertices, held: [false; 4], geometry };
+        let [old, new] = parts
+            .map(|part| LeafMaterial { elasticity: elasticity * (1.0 + part), density_kg_m3: 0.0 });
+        Ok(slots.content_change(&ContentStiffness::new(&leaf, &old, &new)?))
     }
 }
 
@@ -100,6 +94,7 @@ mod tests {
     use super::*;
     use crate::bodies::organ::Size;
     use crate::workloads::history::History;
+    use faer::Mat;
 
     #[test]
     fn changes_add_up_to_what_is_assembled_and_stay_within_twice_the_stiffness() {
@@ -110,7 +105,7 @@ mod tests {
         let mut kept = history.stiffness().unwrap();
         let mut back = 0;
         for _ in 0..200 {
-            let Some(change) = edits.step(history.slots(), &mut random) else { continue };
+            let Some(change) = edits.step(history.slots(), &mut random).unwrap() else { continue };
             back += usize::from(change.removed.ncols() > 0);
             kept.change(&change).unwrap();
         }
@@ -134,38 +129,24 @@ mod tests {
         let slots = SlotMap::new(organ.forest.vertices());
         let mut edits = MaterialEdits::new(&organ, "linear").unwrap();
         let mut random = SplitMix64(1);
-        let change = edits.step(&slots, &mut random).unwrap();
+        let change = edits.step(&slots, &mut random).unwrap().unwrap();
         let (element, part) = edits.active[0];
         assert!(part > 0.0 && part < 1.0);
-        let factor = &edits.elements[element].1;
-        let want = Mat::from_fn(12, 12, |i, j| {
-            part * (0..6).map(|k| factor[(i, k)] * factor[(j, k)]).sum::<f64>()
-        });
-        assert!((change.delta() - &want).norm_l2() < 1e-14 * want.norm_l2());
+        let Element { geometry, elasticity, .. } = &edits.elements[element];
+        let k = geometry.stiffness(elasticity);
+        let want = Mat::from_fn(12, 12, |i, j| part * k[(i, j)]);
+        // Rounding is that of 1 + part times the stiffness.
+        let scale = k.norm();
+        assert!((change.delta() - &want).norm_l2() < 1e-13 * scale);
+        assert_eq!((change.added.ncols(), change.removed.ncols()), (6, 0));
         let mut sum = change.delta();
         while !edits.active.is_empty() {
             let first = edits.active.iter().any(|active| active.0 == element);
-            let change = edits.step(&slots, &mut random).unwrap();
+            let change = edits.step(&slots, &mut random).unwrap().unwrap();
             if first && edits.active.iter().all(|active| active.0 != element) {
                 sum += change.delta();
             }
         }
-        assert!(sum.norm_l2() < 1e-14 * want.norm_l2());
-    }
-
-    #[test]
-    fn a_factor_is_that_of_the_element_s_stiffness() {
-        let organ = Organ::new(Size::Quick).unwrap();
-        let edits = MaterialEdits::new(&organ, "linear").unwrap();
-        let embedding = organ.embedding("linear").unwrap();
-        let body = organ.body(&embedding);
-        let element = &body.elements()[5];
-        let k = element.geometry.stiffness(&element.elasticity);
-        let square = &edits.elements[5].1 * edits.elements[5].1.transpose();
-        for i in 0..12 {
-            for j in 0..12 {
-                assert!((square[(i, j)] - k[(i, j)]).abs() < 1e-13 * k.norm());
-            }
-        }
+        assert!(sum.norm_l2() < 1e-13 * scale);
     }
 }

@@ -1,14 +1,14 @@
 //! What a maintainer is told about a change of K, as plain data in slots. There are three kinds:
 //!
-//! - *split*: an edge is bisected and its midpoint becomes a free vertex. A
+//! - *split*: an edge is bisected, and its midpoint comes in as a vertex. A
 //!   [`RingChange`](ring_change::RingChange) holds the ring's stiffness before and after. A vertex
 //!   that is no longer fixed is a split of no elements (`RingChange::freed`).
-//! - *merge*: the reverse with the same `RingChange`: the vertex goes. A vertex that becomes fixed
-//!   is a merge of no elements (`RingChange::fixed`).
-//! - *content*: the vertices stay, their stiffness changes. A
-//!   [`StiffnessChange`](stiffness_change::StiffnessChange) comes of a material edit or of an
-//!   element that is removed; of a split or merge whose midpoint is fixed; and of the elements that
-//!   pass to the copy when a cut doubles a vertex (which itself comes in by `RingChange::freed`).
+//! - *merge*: the reverse of a split with the same `RingChange`, and the vertex goes. A vertex that
+//!   becomes fixed is a merge of no elements (`RingChange::fixed`).
+//! - *content*: a leaf gets another material, and all vertices stay. A
+//!   [`StiffnessChange`](stiffness_change::StiffnessChange) says so; it also serves an element that
+//!   is removed, a split or merge whose midpoint is fixed, and the elements that pass to the copy
+//!   when a cut doubles a vertex (which itself comes in by `RingChange::freed`).
 //!
 //! `batch.rs` is the file to open first: [`Update`](batch::Update) is one of the three. `apply.rs`
 //! checks an update and applies it to K. `net_change.rs` brings an update into the form U Λ Uᵀ of

@@ -56,6 +56,10 @@ pub enum Change {
 }
 
 /// One vertex in or out, with the ring of tetrahedra around the bisected edge.
+///
+/// Three kinds of change reach the inverse. A *split* bisects an edge, and its midpoint comes in as
+/// a vertex. A *merge* is the reverse of a split, and the vertex goes. A change of *content* gives a
+/// leaf another material; all vertices stay, so that it has no delta.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshDelta {
     /// In or out.

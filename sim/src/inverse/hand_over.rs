@@ -1,7 +1,7 @@
-//! A split or merge of the mesh as an update of the inverse.
+//! A split, a merge or a change of content as an update of the inverse.
 
 use faer::Mat;
-use yawara_embed::RingStiffness;
+use yawara_embed::{ContentStiffness, RingStiffness};
 use yawara_inverse_update::{RingChange, StiffnessChange, Update};
 use yawara_mesh::{Change, VertexId};
 
@@ -55,8 +55,12 @@ impl SlotMap {
     ) -> Option<Update> {
         let ring = self.ring_change(ring, order_key);
         match (has_unknowns, change) {
-            (false, Change::Split) => stiffness_change(ring.slots, ring.positive, ring.negative),
-            (false, Change::Merge) => stiffness_change(ring.slots, ring.negative, ring.positive),
+            (false, Change::Split) => {
+                stiffness_change(ring.slots, ring.positive, ring.negative).map(Update::Content)
+            }
+            (false, Change::Merge) => {
+                stiffness_change(ring.slots, ring.negative, ring.positive).map(Update::Content)
+            }
             (true, Change::Split) => {
                 self.push(vertex);
                 Some(Update::Split(ring))
@@ -67,10 +71,27 @@ impl SlotMap {
             }
         }
     }
+
+    /// The hand-over of a changed leaf on those of its vertices that have slots, if anything of it
+    /// is left there.
+    pub fn content_change(&self, content: &ContentStiffness) -> Option<StiffnessChange> {
+        let ContentStiffness { vertices, added, removed } = content;
+        let m = added.nrows() / vertices.len();
+        let kept: Vec<usize> = (0..4).filter(|&i| self.get(vertices[i]).is_some()).collect();
+        let rows = |part: &Mat<f64>| {
+            Mat::from_fn(m * kept.len(), part.ncols(), |i, j| part[(m * kept[i / m] + i % m, j)])
+        };
+        let slots = kept.iter().filter_map(|&i| self.get(vertices[i])).collect();
+        stiffness_change(slots, rows(added), rows(removed))
+    }
 }
 
-/// The ring of a vertex without unknowns: what the children are stiffer or softer, if anything.
-fn stiffness_change(slots: Vec<usize>, added: Mat<f64>, removed: Mat<f64>) -> Option<Update> {
+/// A change of K in which no vertex comes or goes, if it is one.
+fn stiffness_change(
+    slots: Vec<usize>,
+    added: Mat<f64>,
+    removed: Mat<f64>,
+) -> Option<StiffnessChange> {
     let is_change = !slots.is_empty() && added.ncols() + removed.ncols() > 0;
-    is_change.then_some(Update::Content(StiffnessChange { slots, added, removed }))
+    is_change.then_some(StiffnessChange { slots, added, removed })
 }

@@ -3,7 +3,8 @@
 //! Start with [`InverseLink`] (`link.rs`): a maintained inverse that follows splits and merges of a
 //! mesh. It is made of three parts that anybody can use alone: [`SlotMap`] (`slots.rs`) says which
 //! vertex has which slot of the matrix, [`Assembly`] (`assembly.rs`) makes the matrix from elements,
-//! [`SlotMap::update`] (`hand_over.rs`) turns a ring of the mesh into an update of the inverse.
+//! [`SlotMap::update`] and [`SlotMap::content_change`] (`hand_over.rs`) turn a ring of the mesh, or
+//! a leaf of another material, into an update of the inverse.
 //! `held.rs` holds further vertices in a solve, without a change of the inverse; `compliance.rs`
 //! says how far vertices give way to forces.
 

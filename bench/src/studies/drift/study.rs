@@ -134,9 +134,10 @@ impl Run {
         let mut rows = Vec::new();
         let what = format!("E ratio {:e}, ν {:?}", self.case.e_ratio, self.case.poisson);
         for number in 1..=self.updates {
-            let change = (random.below(CHANGES) == 0)
-                .then(|| edits.step(history.slots(), &mut random))
-                .flatten();
+            let change = match random.below(CHANGES) {
+                0 => edits.step(history.slots(), &mut random)?,
+                _ => None,
+            };
             let step = match change {
                 Some(change) => Step::Material(change),
                 None => Step::Ring(Box::new(history.step()?)),
