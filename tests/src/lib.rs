@@ -6,3 +6,4 @@ pub mod mixed_body;
 pub mod module_graph;
 pub mod organ;
 pub mod rules;
+pub mod stage_suites;

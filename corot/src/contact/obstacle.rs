@@ -3,6 +3,24 @@
 use nalgebra::Vector3;
 
 /// A rigid, smooth body that others may touch but not enter. A new shape is a new implementation.
+///
+/// An obstacle of one's own, a floor:
+/// ```
+/// use nalgebra::Vector3;
+/// use yawara_corot::Obstacle;
+///
+/// /// All that is below z.
+/// struct Floor(f64);
+///
+/// impl Obstacle for Floor {
+///     fn gap(&self, x: &Vector3<f64>) -> (f64, Vector3<f64>) {
+///         (x.z - self.0, Vector3::z())
+///     }
+/// }
+///
+/// let (gap, normal) = Floor(0.1).gap(&Vector3::new(3.0, 0.0, 0.0));
+/// assert_eq!((gap, normal), (-0.1, Vector3::z()));
+/// ```
 pub trait Obstacle: Send + Sync {
     /// How far `x` is outside (m, negative inside), and the unit normal there, away from it.
     ///

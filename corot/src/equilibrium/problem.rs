@@ -67,6 +67,68 @@ pub struct Iterate {
 }
 
 /// Finds equilibrium positions.
+///
+/// A solver of one's own, the warped inverse with half of each step:
+/// ```
+/// use nalgebra::{Matrix3, Vector3};
+/// use yawara_corot::{Body, Element, ElementCorotation, Equilibrium, Outcome, Problem, Tolerance};
+/// use yawara_embed::{LinearTet, isotropic};
+/// use yawara_mesh::TetId;
+///
+/// struct Halfway;
+///
+/// impl Equilibrium for Halfway {
+///     fn name(&self) -> &'static str {
+///         "halfway"
+///     }
+///     fn solve(
+///         &mut self,
+///         problem: &mut Problem<'_>,
+///         positions: &mut [Vector3<f64>],
+///         internal: &mut [Vector3<f64>],
+///         tolerance: &Tolerance,
+///     ) -> Outcome {
+///         let [mut residual, mut scratch, mut step] = [(); 3].map(|_| vec![0.0; problem.rows()]);
+///         let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
+///         let mut iterations = 0;
+///         while size > tolerance.residual && iterations < tolerance.max_iterations {
+///             problem.precondition(&residual, &mut scratch, &mut step);
+///             problem.advance(positions, &step, 0.5);
+///             size = problem.evaluate(positions, internal, &mut residual, tolerance);
+///             iterations += 1;
+///         }
+///         let (evaluations, converged) = (iterations + 1, size <= tolerance.residual);
+///         let method = self.name();
+///         Outcome { iterations, evaluations, residual: size, converged, method, fallbacks: 0 }
+///     }
+/// }
+///
+/// // A tetrahedron with one free corner, pulled along z.
+/// let mut x = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+/// let geometry = LinearTet::new(&x);
+/// let elasticity = isotropic(1e3, 0.3);
+/// let stiffness = geometry.stiffness(&elasticity).fixed_view::<3, 3>(9, 9).into_owned();
+/// let compliance = stiffness.try_inverse().unwrap();
+/// let mut body = Body::new();
+/// let rotation = Matrix3::identity();
+/// body.insert(Element { tet: TetId(0), vertices: [0, 1, 2, 3], geometry, elasticity, rotation });
+/// let pull = Vector3::new(0.0, 0.0, 1.0);
+/// let mut problem = Problem {
+///     body: &mut body,
+///     forces: &ElementCorotation,
+///     inertia: None,
+///     external: &[Vector3::zeros(), Vector3::zeros(), Vector3::zeros(), pull],
+///     free: &[false, false, false, true],
+///     inverse: &|f, y| {
+///         y.fill(0.0);
+///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
+///     },
+/// };
+/// let mut internal = [Vector3::zeros(); 4];
+/// let tolerance = Tolerance { residual: 1e-8, max_iterations: 100 };
+/// let outcome = Halfway.solve(&mut problem, &mut x, &mut internal, &tolerance);
+/// assert!(outcome.converged && (internal[3] - pull).norm() < 1e-7);
+/// ```
 pub trait Equilibrium: Send {
     /// The scene name.
     fn name(&self) -> &'static str;

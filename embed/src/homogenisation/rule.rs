@@ -11,6 +11,33 @@ use crate::material::Packed6;
 ///
 /// Must be scale-free (D_p does not change when the tetrahedron is scaled) and give X = 0 and
 /// D_p = D for two equal halves if a homogeneous body is to stay exact.
+///
+/// A rule of one's own, the harmonic mean:
+/// ```
+/// use nalgebra::Vector3;
+/// use yawara_embed::{ChildPair, Excess, Homogenisation, LinearTet, ParentMaterial, isotropic};
+///
+/// /// D_p = 2 (D₁⁻¹ + D₂⁻¹)⁻¹, the Reuss bound: as soft as both halves in series.
+/// struct Harmonic;
+///
+/// impl Homogenisation for Harmonic {
+///     fn name(&self) -> &str {
+///         "harmonic"
+///     }
+///     fn combine(&self, pair: &ChildPair) -> ParentMaterial {
+///         let [first, second] = pair.elasticity.map(|d| d.try_inverse().expect("definite"));
+///         let mean = 0.5 * (first + second);
+///         let elasticity = mean.try_inverse().expect("definite");
+///         let excess = Excess::Unfactored;
+///         ParentMaterial { excess, ..ParentMaterial::uniform(elasticity) }
+///     }
+/// }
+///
+/// let tet = LinearTet::new(&[Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()]);
+/// let pair = ChildPair::new(&tet, 0, 1, [isotropic(1e3, 0.3), isotropic(3e3, 0.3)]);
+/// let parent = Harmonic.combine(&pair).elasticity;
+/// assert!((parent - isotropic(1.5e3, 0.3)).amax() < 1e-9);
+/// ```
 pub trait Homogenisation: Send + Sync {
     /// The scene name.
     fn name(&self) -> &str;
