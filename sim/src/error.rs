@@ -250,6 +250,19 @@ pub enum SimError {
         /// What there is.
         choices: &'static [&'static str],
     },
+    /// An element of one's own with unknowns that no body has.
+    #[error(
+        "the element `{element}` has {unknowns} unknowns per vertex, {negative} of them with \
+         negative pivots, want 3 and 0 (as p1) or 4 and 1 (as p1p1)"
+    )]
+    ElementUnknowns {
+        /// The element.
+        element: &'static str,
+        /// Unknowns per vertex.
+        unknowns: usize,
+        /// How many of them have negative pivots.
+        negative: usize,
+    },
     /// Something this build leaves out.
     #[error("{what} needs the feature `{feature}`, which this build leaves out")]
     FeatureMissing {

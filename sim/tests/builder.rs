@@ -1,11 +1,16 @@
 //! Simulations from a volume in memory and with tools of one's own.
 
-use nalgebra::Vector3;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use faer::Mat;
+use nalgebra::{Matrix6, Vector3};
 use yawara::scene::{Image, Scene};
-use yawara::{BodyAtRest, Simulation, Tool, scene_file};
-use yawara_mesh::VertexId;
+use yawara::{BodyAtRest, Simulation, Stages, Tool, scene_file};
+use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1, RingStiffness};
 use yawara_mesh::phantom::block;
 use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{MeshDelta, VertexId};
 
 fn beam() -> Scene {
     let settings = ["mesh.max_level=3".into(), "time.steps=2".into()];
@@ -94,4 +99,68 @@ fn a_tool_of_ones_own_holds_vertices_as_a_built_in_one_does() {
         assert!(off <= 1e-5 * Vector3::from(b.force_n).norm(), "{off}");
     }
     assert!(own.set_tool_pose(0, yawara::Pose::default()).is_err(), "it has no path");
+}
+
+/// `p1` with unknowns as told, counting its matrices and rings.
+struct Counting {
+    unknowns: usize,
+    matrices: Arc<AtomicUsize>,
+    rings: Arc<AtomicUsize>,
+}
+
+impl ElementFormulation for Counting {
+    fn name(&self) -> &'static str {
+        "counting"
+    }
+
+    fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
+    fn negative(&self) -> usize {
+        0
+    }
+
+    fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
+        self.matrices.fetch_add(1, Ordering::Relaxed);
+        P1.stiffness(geometry, elasticity)
+    }
+
+    fn ring(
+        &self,
+        delta: &MeshDelta,
+        embedding: &Embedding,
+        position: &dyn Fn(VertexId) -> Vector3<f64>,
+    ) -> RingStiffness {
+        self.rings.fetch_add(1, Ordering::Relaxed);
+        P1.ring(delta, embedding, position)
+    }
+}
+
+#[test]
+fn an_element_of_ones_own_makes_the_matrix_and_its_changes() {
+    let mut scene = beam();
+    scene.stages.element = "p1".into();
+    let counters = || (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+    let with = |unknowns, (matrices, rings): &(Arc<AtomicUsize>, Arc<AtomicUsize>)| {
+        let mut stages = Stages::by_name(&scene.stages).unwrap();
+        let (matrices, rings) = (Arc::clone(matrices), Arc::clone(rings));
+        stages.element = Some(Box::new(Counting { unknowns, matrices, rings }));
+        Simulation::new(&scene, stages)
+    };
+    let counts = counters();
+    let mut own = with(3, &counts).unwrap();
+    let mut built_in = Simulation::builder(&scene).build().unwrap();
+    let row = own.plan().iter().find(|row| row.stage == "element").unwrap();
+    assert!(row.choice == "counting" && row.why.contains("p1"), "{row:?}");
+    let mut changes = 0;
+    while own.steps_left() > 0 {
+        let (a, b) = (own.step().unwrap(), built_in.step().unwrap());
+        assert_eq!((a.force_n, a.vertices), (b.force_n, b.vertices));
+        changes += a.splits;
+    }
+    assert!(counts.0.load(Ordering::Relaxed) > 0);
+    assert!(changes > 0 && counts.1.load(Ordering::Relaxed) >= changes);
+    let refusal = with(5, &counters()).err().unwrap().to_string();
+    assert!(refusal.contains("`counting` has 5 unknowns"), "{refusal}");
 }

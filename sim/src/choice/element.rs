@@ -20,14 +20,28 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
     }
 }
 
-/// The element of a scene: the one asked for; for `auto` the one that suits its materials if the
-/// other stages work with it.
+/// The built-in element whose forces a scene's body has. With an element of one's own it is the one
+/// with the same unknowns; else the one asked for; for `auto` the one that suits its materials if
+/// the other stages work with it.
 ///
 /// # Errors
 /// That of [`check_mixed`] if an element with pressures is asked for and another stage does not
-/// work with it.
+/// work with it; [`SimError::ElementUnknowns`] for unknowns that no body has.
 pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, SimError> {
     let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
+    if let Some(own) = &stages.element {
+        let mixed = P1P1::default();
+        let unknowns = (own.unknowns(), own.negative());
+        if unknowns == (mixed.unknowns(), mixed.negative()) {
+            works?;
+            return Ok(mixed.name());
+        }
+        if unknowns == (P1.unknowns(), P1.negative()) {
+            return Ok(P1.name());
+        }
+        let (unknowns, negative) = unknowns;
+        return Err(SimError::ElementUnknowns { element: own.name(), unknowns, negative });
+    }
     match (&scene.stages.element[..], works) {
         (AUTO, Ok(())) => Ok(choose_element(ratios(scene))),
         (AUTO, Err(_)) => Ok(P1.name()),
@@ -63,6 +77,9 @@ fn ratios(scene: &Scene) -> impl Iterator<Item = f64> {
 
 /// Why a scene gets its element, for its plan.
 pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
+    if stages.element.is_some() {
+        return format!("given; the forces are those of {element}, which has the same unknowns");
+    }
     let highest = ratios(scene).fold(f64::NEG_INFINITY, f64::max);
     let asked = if scene.stages.element == AUTO { "" } else { "asked for; " };
     let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());

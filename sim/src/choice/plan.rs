@@ -25,8 +25,9 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
         }
         Origin::MeshFile(mesh) => mesh_file(scene, mesh, stages),
     };
+    let element = stages.element.as_ref().map_or(chosen, |own| own.name());
     rows.extend([
-        row("element", chosen, true, element::reason(scene, stages, chosen)),
+        row("element", element, true, element::reason(scene, stages, chosen)),
         row("corotation", stages.forces.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         dynamics(scene),

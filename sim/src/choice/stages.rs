@@ -4,7 +4,7 @@ use yawara_corot::{
     ConstitutiveLaw, Equilibrium, InternalForces, TimeIntegrator, equilibrium_by_name,
     forces_by_name, integrator_by_name, law_by_name,
 };
-use yawara_embed::Homogenisation;
+use yawara_embed::{ElementFormulation, Homogenisation};
 use yawara_inverse_update::{SparseStiffness, choose};
 
 use crate::error::SimError;
@@ -17,6 +17,16 @@ use crate::step::indicator::{self, Indicator};
 pub struct Stages {
     /// How fine material acts in coarse tetrahedra.
     pub homogenisation: Box<dyn Homogenisation>,
+    /// The matrix of a tetrahedron; `None` for the built-in one that the scene names or its materials
+    /// call for.
+    ///
+    /// An element of one's own has the unknowns of `p1` or `p1p1`. It makes the matrix whose inverse
+    /// is kept, with all splits and merges of that. The body's forces stay those of the built-in
+    /// element with these unknowns: one's own changes how fast a step converges, not to where. It is
+    /// used as it is: in a scene with `[dynamics]` its
+    /// [`matrix`](ElementFormulation::matrix) and [`ring`](ElementFormulation::ring) should have the
+    /// mass too, as those of [`Dynamic`](yawara_embed::Dynamic) have.
+    pub element: Option<Box<dyn ElementFormulation>>,
     /// How forces follow from positions.
     pub forces: Box<dyn InternalForces>,
     /// How stress follows from strain; `None` for the one that the scene's damping calls for.
@@ -59,6 +69,7 @@ impl Stages {
         yawara_corot::check_pair(forces.as_ref(), equilibrium.as_ref())?;
         Ok(Self {
             homogenisation: yawara_embed::by_name(&names.homogenisation)?,
+            element: None,
             forces,
             law: None,
             integrator: match &names.integrator[..] {

@@ -107,7 +107,9 @@ impl<'a> SimulationBuilder<'a> {
         let mut plan = plan::rows(scene, &start, &stages, element);
         let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
         let integrator = stages.take_integrator(scene)?;
-        let Stages { homogenisation, forces, equilibrium, indicator, inverse, .. } = stages;
+        let Stages {
+            homogenisation, element: own, forces, equilibrium, indicator, inverse, ..
+        } = stages;
         let Start { axes, organ, origin, .. } = start;
         let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
         let (mut state, refiner) = match origin {
@@ -136,7 +138,8 @@ impl<'a> SimulationBuilder<'a> {
             }
         };
         let motion = Motion::new(scene, integrator, &axes, &mut state);
-        let formulation = dynamics::formulation(scene, element, state.body.law(), motion.as_ref())?;
+        let built_in = || dynamics::formulation(scene, element, state.body.law(), motion.as_ref());
+        let formulation = own.map_or_else(built_in, Ok)?;
         let link = invert(formulation, &state, refiner.as_ref(), &organ, &inverse)?;
         plan.push(plan::inverse(scene, &link));
         let points = tools.iter_mut().filter_map(|tool| tool.surface_points_mut());
