@@ -14,7 +14,7 @@ use crate::harness::report::markdown::table;
 use crate::harness::report::{self, Claim, Limit, Summary, curves, each_once, spread};
 
 /// Version of the JSON layout.
-const SCHEMA: &str = "yawara-bench-elements-1";
+const SCHEMA: &str = "yawara-bench-elements-2";
 
 /// Poisson's ratios of the homogeneous block, and of the ball.
 const POISSON_RATIOS: [f64; 4] = [0.3, 0.45, 0.49, 0.4999];

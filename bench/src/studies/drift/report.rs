@@ -7,7 +7,7 @@ use crate::harness::report::markdown::table;
 use crate::harness::report::{Claim, Summary, curves, each_once, spread};
 
 /// Version of the JSON layout.
-const SCHEMA: &str = "yawara-bench-drift-1";
+const SCHEMA: &str = "yawara-bench-drift-2";
 
 /// Columns that the monitor looks at.
 pub(super) const MONITORED: usize = 8;
