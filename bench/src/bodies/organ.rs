@@ -84,7 +84,7 @@ impl Organ {
     /// Makes the phantom, its labels and its start mesh.
     ///
     /// # Errors
-    /// [`BenchError::Mesh`], [`BenchError::Embed`]: a defect of the constants above.
+    /// [`BenchError::Image`], [`BenchError::Bisection`], [`BenchError::Embed`]: a defect of the constants above.
     pub fn new(size: Size) -> Result<Self, BenchError> {
         let volume = liver(size.phantom())?;
         let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;

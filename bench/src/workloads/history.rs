@@ -195,7 +195,7 @@ impl History {
     /// Splits the ring at `point`.
     ///
     /// # Errors
-    /// [`BenchError::Mesh`] if there is none.
+    /// [`BenchError::Bisection`] if there is none.
     pub fn split_at(&mut self, point: Point) -> Result<Update, BenchError> {
         let vertex = self.forest.split(point, &mut self.delta)?;
         let ring = self.hand_over();
@@ -218,7 +218,7 @@ impl History {
     /// Merges the vertex at `point`.
     ///
     /// # Errors
-    /// [`BenchError::NoRing`] if there is none that a split brought in; [`BenchError::Mesh`] if its
+    /// [`BenchError::NoRing`] if there is none that a split brought in; [`BenchError::Bisection`] if its
     /// ring has been refined.
     pub fn merge_at(&mut self, point: Point) -> Result<Update, BenchError> {
         let missing = || BenchError::NoRing { vertices: self.forest.vertex_count() };

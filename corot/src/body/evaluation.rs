@@ -75,7 +75,8 @@ impl Body {
     /// `stiffness`, one entry per eight [`elements`](Self::elements). Returns √Σ_e ‖f_e‖².
     ///
     /// The same figures as those of [`ElementReference`](crate::ElementReference) and
-    /// [`LinearTet::stiffness`] up to rounding; that of a [`mixed`](Self::mixed) body's K'.
+    /// [`LinearTet::stiffness`](yawara_embed::LinearTet::stiffness) up to rounding; that of a
+    /// [`mixed`](Self::mixed) body's K'.
     /// Cost: O(elements), in up to four threads of rayon's pool. The result does not depend on how
     /// many there are.
     ///

@@ -19,7 +19,8 @@ use crate::equilibrium::{Equilibrium, Problem, Tolerance};
 /// again and again the set of points that push is settled first, with forces of either sign on them
 /// and none on the others, and renewed by the signs of forces and gaps in its solution. Where this
 /// iteration gives up, `equilibrium` solves under contact forces that stay as they are, and between
-/// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0; [`Outcome::fallbacks`] then
+/// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0;
+/// [`Outcome::fallbacks`](crate::Outcome::fallbacks) then
 /// counts it.
 ///
 /// Cost: two applications of the inverse and a force evaluation an iteration, and O(k² + k v) for k

@@ -55,7 +55,7 @@ impl PlainMesh {
     /// By index: [`TetMeshError::NoTets`], [`TetMeshError::TooMany`],
     /// [`TetMeshError::ListLength`] (tags), [`TetMeshError::NotFinite`],
     /// [`TetMeshError::CornerOutOfRange`], [`TetMeshError::RepeatedCorner`],
-    /// [`TetMeshError::DegenerateTet`] where |V| ≤ [`FLATNESS`] · (longest edge)³,
+    /// [`TetMeshError::DegenerateTet`] where |V| ≤ [`FLATNESS`](super::FLATNESS) · (longest edge)³,
     /// [`TetMeshError::NonManifoldFace`], [`TetMeshError::OverlappingTets`].
     pub fn new(
         points: Vec<Vector3<f64>>,

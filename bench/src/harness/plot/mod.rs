@@ -1,6 +1,6 @@
 //! Charts and pictures: lists of shapes that become SVG or pixels.
 //!
-//! Start with `curves.rs`: curves over logarithmic axes (`axes.rs`), as SVG. A [`Picture`] of any
+//! Start with `curves.rs`: curves over logarithmic axes (`axes.rs`), as SVG. A `Picture` of any
 //! shapes is in `picture.rs`.
 
 mod axes;
