@@ -1,16 +1,11 @@
 //! The hand-over of elements with mass against plain assembly, densities differing or not.
 
-use faer::Mat;
-use faer::linalg::solvers::DenseSolveCore;
-use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_embed::{
-    ElementFormulation, Embedding, LinearTet, Mass, Material, RingStiffness, StepWeights,
-    dynamic_by_name,
-};
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, Tet, VertexId};
+use yawara_embed::{Embedding, Mass, Material, StepWeights, dynamic_by_name};
+use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
 use yawara_tests::organ::{Organ, organs};
+use yawara_tests::stage_suites::element_formulation::check_ring;
 
 const MAX_LEVEL: u8 = 8;
 
@@ -21,75 +16,6 @@ fn embedding(organ: &Organ, densities: &[f64]) -> Embedding {
     let void = Material::new(1.0, 0.0, 0.0).unwrap();
     let rule = yawara_embed::by_name("laminate").unwrap();
     Embedding::new(organ.tree(), std::iter::once(void).chain(solid).collect(), rule).unwrap()
-}
-
-/// Σ of the tetrahedra's matrices on `vertices`.
-fn assemble<'a>(
-    element: &dyn ElementFormulation,
-    vertices: &[VertexId],
-    tets: impl Iterator<Item = &'a Tet>,
-    embedding: &Embedding,
-    position: &dyn Fn(VertexId) -> Vector3<f64>,
-) -> Mat<f64> {
-    let m = element.unknowns();
-    let mut sum = Mat::zeros(m * vertices.len(), m * vertices.len());
-    for tet in tets {
-        let geometry = LinearTet::new(&tet.vertices.map(position));
-        let (d, rho) = (embedding.elasticity(tet.node), embedding.density(tet.node));
-        let k = element.matrix(&geometry, &d, rho);
-        let rows = tet.vertices.map(|v| vertices.iter().position(|&w| w == v).unwrap());
-        for (i, j) in (0..4 * m).flat_map(|i| (0..4 * m).map(move |j| (i, j))) {
-            sum[(m * rows[i / m] + i % m, m * rows[j / m] + j % m)] += k[(i, j)];
-        }
-    }
-    sum
-}
-
-/// Equal to 1e-10 of the geometric mean of the largest diagonal entries of their kind.
-fn close(what: &str, got: &Mat<f64>, want: &Mat<f64>, m: usize, bounds: [f64; 2]) {
-    assert_eq!((got.nrows(), got.ncols()), (want.nrows(), want.ncols()), "{what}");
-    let kind = |i: usize| bounds[usize::from(i % m >= 3)];
-    for (i, j) in (0..got.nrows()).flat_map(|i| (0..got.ncols()).map(move |j| (i, j))) {
-        let limit = 1e-10 * (kind(i) * kind(j)).sqrt();
-        let error = (got[(i, j)] - want[(i, j)]).abs();
-        assert!(error <= limit, "{what} ({i}, {j}): {error:e}, want {limit:e}");
-    }
-}
-
-/// All parts of the hand-over of one split.
-fn check(
-    element: &dyn ElementFormulation,
-    ring: &RingStiffness,
-    delta: &MeshDelta,
-    embedding: &Embedding,
-    position: &dyn Fn(VertexId) -> Vector3<f64>,
-) {
-    let m = element.unknowns();
-    let mut all = ring.vertices.clone();
-    all.push(delta.vertex);
-    let parents = delta.ring.iter().map(|t| &t.parent);
-    let children = delta.ring.iter().flat_map(|t| &t.children);
-    let coarse = assemble(element, &ring.vertices, parents, embedding, position);
-    let fine = assemble(element, &all, children, embedding, position);
-    let r = m * ring.vertices.len();
-    let largest = |first: usize, count: usize| {
-        (0..r)
-            .filter(|i| (first..first + count).contains(&(i % m)))
-            .map(|i| fine[(i, i)].abs().max(coarse[(i, i)].abs()))
-            .fold(0.0, f64::max)
-    };
-    let bounds = [largest(0, 3), if m > 3 { largest(3, 1) } else { 0.0 }];
-    close("K_p", &ring.k_p, &coarse, m, bounds);
-    close("K_c", &ring.k_c, &fine.submatrix(0, 0, r, r).to_owned(), m, bounds);
-    close("a12", &ring.a12, &fine.submatrix(0, r, r, m).to_owned(), m, bounds);
-    close("A22", &ring.a22, &fine.submatrix(r, r, m, m).to_owned(), m, bounds);
-    // Both ways to eliminate the new vertex.
-    let inverse = ring.a22.partial_piv_lu().inverse();
-    let plain = &ring.k_c - &ring.a12 * &inverse * ring.a12.transpose();
-    let factors = &ring.k_p + &ring.positive * ring.positive.transpose()
-        - &ring.negative * ring.negative.transpose()
-        - &ring.b * &inverse * ring.b.transpose();
-    close("S", &factors, &plain, m, bounds);
 }
 
 /// Splits at random, each ring checked; the columns of either sign in the last of them.
@@ -111,7 +37,7 @@ fn split(
         forest.split(candidates[pick.index(candidates.len())], &mut delta).unwrap();
         let position = |v: VertexId| placement.position(forest.point(v));
         let ring = element.ring(&delta, &embedding, &position);
-        check(element.as_ref(), &ring, &delta, &embedding, &position);
+        check_ring(element.as_ref(), &ring, &delta, &embedding, &position);
         columns.push([ring.positive.ncols(), ring.negative.ncols()]);
     }
     columns

@@ -13,54 +13,13 @@ use yawara_mesh::lattice::Site;
 use yawara_mesh::{BisectionForest, MeshDelta, Placement, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs};
 use yawara_tests::rules::rule;
+use yawara_tests::stage_suites::element_formulation::{assemble, check_ring};
 
 /// Unknowns per vertex.
 const M: usize = 4;
 
 fn dense(m: &Mat<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])
-}
-
-fn assemble<'a>(
-    element: &P1P1,
-    vertices: &[VertexId],
-    tets: impl Iterator<Item = &'a Tet>,
-    embedding: &Embedding,
-    position: &dyn Fn(VertexId) -> Vector3<f64>,
-) -> DMatrix<f64> {
-    let mut sum = DMatrix::zeros(M * vertices.len(), M * vertices.len());
-    for tet in tets {
-        let geometry = LinearTet::new(&tet.vertices.map(position));
-        let k = element.stiffness(&geometry, &embedding.elasticity(tet.node));
-        let rows = tet.vertices.map(|v| vertices.iter().position(|&w| w == v).unwrap());
-        for (i, j) in (0..16).flat_map(|i| (0..16).map(move |j| (i, j))) {
-            sum[(M * rows[i / M] + i % M, M * rows[j / M] + j % M)] += k[(i, j)];
-        }
-    }
-    sum
-}
-
-/// The largest entries of a ring that couple displacements, displacements and pressures, pressures.
-struct Bounds([f64; 3]);
-
-impl Bounds {
-    /// Equal to 1e-11 of both rings' largest entry of their kind. Corners are rounded to 24 ε of
-    /// the shortest edge (their distance from the origin over it), gradients to three times that
-    /// and energies to twice as much; eigenvectors of n = 10 rows are off by n² ε times a norm of
-    /// up to n entries; up to eight tetrahedra add up. Soft rows see the rounding of stiff ones
-    /// where a tetrahedron is stiff in one direction alone, or in one half.
-    fn check(&self, what: &str, got: &DMatrix<f64>, want: &DMatrix<f64>) {
-        for (i, j) in (0..got.nrows()).flat_map(|i| (0..got.ncols()).map(move |j| (i, j))) {
-            let limit = 1e-11 * self.0[kind(i, j)];
-            let error = (got[(i, j)] - want[(i, j)]).abs();
-            assert!(error <= limit, "{what} ({i}, {j}): {error:e}, want {limit:e}");
-        }
-    }
-}
-
-/// How many of two rows are pressures.
-fn kind(i: usize, j: usize) -> usize {
-    usize::from(i % M == 3) + usize::from(j % M == 3)
 }
 
 fn ring(
@@ -73,87 +32,14 @@ fn ring(
     element.ring(delta, embedding, &|v| placement.position(forest.point(v)))
 }
 
-/// Compares a hand-over with the assembly of its tetrahedra and its factors with what they stand
-/// for.
-fn check(ring: &RingStiffness, ends: [VertexId; 2], coarse: &DMatrix<f64>, fine: &DMatrix<f64>) {
-    let r = M * ring.vertices.len();
-    let old = fine.view((0, 0), (r, r)).into_owned();
-    let a12 = fine.view((0, r), (r, M)).into_owned();
-    let a22 = fine.view((r, r), (M, M)).into_owned();
-    // Condensing the assembled ring to d = u_M − H u_old takes no inverse: b = a12 + HᵀA22, and
-    // with d = 0 the refined ring is K_p + F Fᵀ − N Nᵀ.
-    let mut h = DMatrix::zeros(M, r);
-    for (i, end) in (0..M).flat_map(|i| ends.map(|end| (i, end))) {
-        h[(i, M * ring.vertices.iter().position(|&v| v == end).unwrap() + i)] = 0.5;
-    }
-    let straight = &old + &a12 * &h + h.transpose() * a12.transpose() + h.transpose() * &a22 * &h;
-    let mut bounds = Bounds([0.0; 3]);
-    for (i, j) in (0..r + M).flat_map(|i| (0..r + M).map(move |j| (i, j))) {
-        let largest = &mut bounds.0[kind(i, j)];
-        let before = if i < r && j < r { coarse[(i, j)].abs() } else { 0.0 };
-        *largest = largest.max(fine[(i, j)].abs()).max(before);
-    }
-    // Eigenvectors mix strains and pressures, both in Pa.
-    bounds.0[1] = bounds.0[1].max((bounds.0[0] * bounds.0[2]).sqrt());
-    let [b, f, n] = [&ring.b, &ring.positive, &ring.negative].map(dense);
-    bounds.check("k_p", &dense(&ring.k_p), coarse);
-    bounds.check("k_c", &dense(&ring.k_c), &old);
-    bounds.check("a12", &dense(&ring.a12), &a12);
-    bounds.check("a22", &dense(&ring.a22), &a22);
-    bounds.check("b", &b, &(&a12 + h.transpose() * &a22));
-    let excess = &f * f.transpose() - &n * n.transpose();
-    bounds.check("F, N", &excess, &(straight - coarse));
-}
-
 /// M = F Fᵀ − N Nᵀ − b A22⁻¹ bᵀ.
 fn change(ring: &RingStiffness) -> DMatrix<f64> {
     let [a22, b, f, n] = [&ring.a22, &ring.b, &ring.positive, &ring.negative].map(dense);
     &f * f.transpose() - &n * n.transpose() - &b * a22.try_inverse().unwrap() * b.transpose()
 }
 
-fn both(
-    element: &P1P1,
-    ring: &RingStiffness,
-    delta: &MeshDelta,
-    embedding: &Embedding,
-    position: &dyn Fn(VertexId) -> Vector3<f64>,
-) -> [DMatrix<f64>; 2] {
-    let parents = delta.ring.iter().map(|t| &t.parent);
-    let coarse = assemble(element, &ring.vertices, parents, embedding, position);
-    let mut all = ring.vertices.clone();
-    all.push(delta.vertex);
-    let children = delta.ring.iter().flat_map(|t| &t.children);
-    [coarse, assemble(element, &all, children, embedding, position)]
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
-
-    #[test]
-    fn ring_equals_the_assembly_of_its_tetrahedra(
-        organ in organs([2, 1, 1], 3, 0.0..6.0, -0.5..0.499),
-        picks in proptest::collection::vec(any::<Index>(), 12),
-        number in 0..4usize,
-        alpha in 0.5..2.0f64,
-    ) {
-        let mut forest = organ.forest(1, 7);
-        let placement = organ.placement(7);
-        let embedding = organ.embedding_by(rule(number));
-        let element = P1P1::new(alpha).unwrap();
-        let mut delta = MeshDelta::empty();
-        for pick in picks {
-            let candidates = forest.candidates();
-            forest.split(candidates[pick.index(candidates.len())], &mut delta).unwrap();
-            let ring = ring(&element, &forest, &placement, &embedding, &delta);
-            let position = |v: VertexId| placement.position(forest.point(v));
-            let [coarse, fine] = both(&element, &ring, &delta, &embedding, &position);
-            check(&ring, delta.edge, &coarse, &fine);
-            // Per tetrahedron one for each strain and pressure; and the column of the edge.
-            let most = 10;
-            let columns = ring.positive.ncols() + ring.negative.ncols();
-            prop_assert!(columns <= 1 + most * delta.ring.len(), "{}", columns);
-        }
-    }
 
     #[test]
     fn rigid_motions_strain_nothing(
@@ -302,8 +188,7 @@ fn interior_rings_have_the_known_ranks() {
                 let element = P1P1::default();
                 let ring = ring(&element, &forest, &placement, &embedding, &delta);
                 let position = |v: VertexId| placement.position(forest.point(v));
-                let [coarse, fine] = both(&element, &ring, &delta, &embedding, &position);
-                check(&ring, delta.edge, &coarse, &fine);
+                let coarse = check_ring(&element, &ring, &delta, &embedding, &position);
                 let signs = signature(&change(&ring), &coarse);
                 if homogeneous {
                     assert_eq!(signs, [2, 3], "{site:?}");

@@ -1,44 +1,16 @@
 //! The hand-over of a split against the plain assembly of both rings.
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
+use faer::Mat;
 use nalgebra::{SMatrix, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara_embed::{ChildPair, Embedding, LinearTet, RingStiffness, by_name, isotropic};
+use yawara_embed::{ChildPair, Embedding, LinearTet, P1, RingStiffness, by_name, isotropic};
 use yawara_mesh::kuhn::{bisect, bisected_corner};
 use yawara_mesh::lattice::Site;
-use yawara_mesh::{BisectionForest, Content, MeshDelta, Placement, Tet, VertexId};
+use yawara_mesh::{BisectionForest, Content, MeshDelta, Placement, VertexId};
 use yawara_tests::organ::{Organ, organs, ring};
 use yawara_tests::rules::rule;
-
-/// Stiffness of tetrahedra on `vertices`, 3 rows each.
-fn assemble<'a>(
-    vertices: &[VertexId],
-    tets: impl Iterator<Item = &'a Tet>,
-    embedding: &Embedding,
-    position: impl Fn(VertexId) -> Vector3<f64>,
-) -> Mat<f64> {
-    let mut sum = Mat::zeros(3 * vertices.len(), 3 * vertices.len());
-    for tet in tets {
-        let geometry = LinearTet::new(&tet.vertices.map(&position));
-        add(&mut sum, vertices, tet, &geometry.stiffness(&embedding.elasticity(tet.node)));
-    }
-    sum
-}
-
-fn add(sum: &mut Mat<f64>, vertices: &[VertexId], tet: &Tet, k: &SMatrix<f64, 12, 12>) {
-    let rows = tet.vertices.map(|v| vertices.iter().position(|&w| w == v).unwrap());
-    for i in 0..12 {
-        for j in 0..12 {
-            sum[(3 * rows[i / 3] + i % 3, 3 * rows[j / 3] + j % 3)] += k[(i, j)];
-        }
-    }
-}
-
-fn relative(a: &Mat<f64>, b: &Mat<f64>, scale: f64) -> f64 {
-    (a - b).norm_max() / scale
-}
+use yawara_tests::stage_suites::element_formulation::check_ring;
 
 fn check(
     forest: &BisectionForest,
@@ -47,28 +19,7 @@ fn check(
     delta: &MeshDelta,
 ) -> RingStiffness {
     let ring = ring(forest, placement, embedding, delta);
-    let position = |v: VertexId| placement.position(forest.point(v));
-    let coarse =
-        assemble(&ring.vertices, delta.ring.iter().map(|t| &t.parent), embedding, position);
-    let mut all = ring.vertices.clone();
-    all.push(delta.vertex);
-    let fine = assemble(&all, delta.ring.iter().flat_map(|t| &t.children), embedding, position);
-    let r = 3 * ring.vertices.len();
-    let scale = fine.norm_max();
-    // Sums of up to 16 terms, each exact to a few ε.
-    let tolerance = 1e-13;
-    assert!(relative(&coarse, &ring.k_p, scale) < tolerance);
-    assert!(relative(&fine.get(..r, ..r).to_owned(), &ring.k_c, scale) < tolerance);
-    assert!(relative(&fine.get(..r, r..).to_owned(), &ring.a12, scale) < tolerance);
-    assert!(relative(&fine.get(r.., r..).to_owned(), &ring.a22, scale) < tolerance);
-
-    let solved = ring.a22.llt(Side::Lower).unwrap().solve(ring.a12.transpose());
-    let condensed = &ring.k_c - &ring.a12 * solved - &ring.k_p;
-    let solved = ring.a22.llt(Side::Lower).unwrap().solve(ring.b.transpose());
-    let factored = &ring.positive * ring.positive.transpose()
-        - &ring.negative * ring.negative.transpose()
-        - &ring.b * solved;
-    assert!(relative(&condensed, &factored, scale) < 1e-12);
+    check_ring(&P1, &ring, delta, embedding, &|v| placement.position(forest.point(v)));
     ring
 }
 
@@ -244,7 +195,10 @@ fn interior_rings_have_the_known_ranks() {
             for (number, tet) in delta.ring.iter().map(|t| &t.parent).enumerate() {
                 let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
                 let loss = condensed_loss(&corners, tet.level, number);
-                add(&mut isolated, &ring.vertices, tet, &loss);
+                let rows = tet.vertices.map(|v| ring.vertices.binary_search(&v).unwrap());
+                for (i, j) in (0..12).flat_map(|i| (0..12).map(move |j| (i, j))) {
+                    isolated[(3 * rows[i / 3] + i % 3, 3 * rows[j / 3] + j % 3)] += loss[(i, j)];
+                }
             }
             assert_eq!(rank(&isolated), condensed);
             seen += 1;

@@ -1,8 +1,51 @@
-//! Every co-rotation, law and integrator passes the suite of its stage; a new one gets it with one
-//! line.
+//! Every choice of a stage passes the suite of that stage; a new one gets it with one line.
 
-use yawara_corot::{FORCES, INTEGRATORS, LAWS};
-use yawara_tests::{constitutive_law_suite, internal_forces_suite, time_integrator_suite};
+use nalgebra::Vector3;
+use yawara::{BodyState, SimError, Simulation, Tool, indicator};
+use yawara_corot::{EQUILIBRIA, FORCES, INTEGRATORS, LAWS};
+use yawara_embed::{CHOICES, Dynamic, FORMULATIONS, Mass, P1, P1P1, StepWeights};
+use yawara_tests::stage_suites::tool::by_entry;
+use yawara_tests::{
+    constitutive_law_suite, element_formulation_suite, equilibrium_suite, homogenisation_suite,
+    indicator_suite, internal_forces_suite, time_integrator_suite, tool_suite,
+};
+
+homogenisation_suite!(
+    laminate,
+    "laminate",
+    one_material_stays_itself,
+    parents_are_no_stiffer_than_the_voigt_mean
+);
+homogenisation_suite!(
+    linear,
+    "linear",
+    one_material_stays_itself,
+    parents_are_no_stiffer_than_the_voigt_mean
+);
+homogenisation_suite!(
+    kharevych,
+    "kharevych",
+    one_material_stays_itself,
+    parents_are_no_stiffer_than_the_voigt_mean
+);
+// Softer at every level, even of one material.
+homogenisation_suite!(paper_rule, "paper", parents_are_no_stiffer_than_the_voigt_mean);
+
+element_formulation_suite!(p1, P1);
+element_formulation_suite!(p1p1, P1P1::default());
+element_formulation_suite!(p1p1_little_stabilised, P1P1::new(0.5).unwrap());
+element_formulation_suite!(p1p1_much_stabilised, P1P1::new(2.0).unwrap());
+element_formulation_suite!(p1_in_time, Dynamic::new(weights(Mass::Consistent)));
+element_formulation_suite!(p1_lumped, Dynamic::new(weights(Mass::Lumped)));
+element_formulation_suite!(
+    p1p1_in_time,
+    Dynamic::mixed(P1P1::default(), weights(Mass::Consistent))
+);
+
+/// Mass and stiffness of like size: ρ h² c against E.
+fn weights(mass: Mass) -> StepWeights {
+    StepWeights { mass, mass_per_s2: 1e4, stiffness: 1.0 }
+}
 
 internal_forces_suite!(
     element,
@@ -38,14 +81,83 @@ internal_forces_suite!(
     forces_balance
 );
 
-constitutive_law_suite!(linear, "linear");
+constitutive_law_suite!(linear_law, "linear");
 constitutive_law_suite!(rayleigh, "rayleigh");
+
+equilibrium_suite!(fallback, "fallback", a_large_load_is_borne);
+equilibrium_suite!(fallback_newton, "fallback_newton", a_large_load_is_borne);
+equilibrium_suite!(anderson, "anderson", a_large_load_is_borne);
+equilibrium_suite!(lbfgs, "lbfgs", a_large_load_is_borne);
+// Diverges as soon as rotations differ by some degrees.
+equilibrium_suite!(direct, "direct");
+equilibrium_suite!(newton, "newton", a_large_load_is_borne);
 
 time_integrator_suite!(implicit_euler, "implicit_euler", 1.0);
 time_integrator_suite!(quasi_static, "quasi_static", static);
 
+indicator_suite!(energy, "energy");
+indicator_suite!(volume, "volume");
+indicator_suite!(rotation, "rotation");
+
+tool_suite!(
+    grab,
+    by_entry(
+        "{ kind = 'grab', release_s = 1.1, region = { shape = 'box', min = [1, 0, 0], max = [1, 1, 1] },
+           path = [{ time_s = 0 }, { time_s = 1, move_m = [0.003, 0, 0.01] }] }"
+    )
+);
+tool_suite!(
+    probe,
+    by_entry(
+        "{ kind = 'probe', release_s = 1.1, centre = [0.9, 0.5, 1.3], radius_m = 0.012,
+           path = [{ time_s = 0 }, { time_s = 1, move_m = [0, 0, -0.01] }] }"
+    )
+);
+tool_suite!(
+    pressure,
+    by_entry(
+        "{ kind = 'pressure', region = { shape = 'box', min = [0.5, 0, 0.9], max = [1, 1, 1] },
+           pressure = [{ time_s = 0, pressure_pa = 0 }, { time_s = 1, pressure_pa = 200 },
+                       { time_s = 1.5, pressure_pa = 0 }] }"
+    )
+);
+tool_suite!(one_of_your_own, |scene| {
+    Simulation::builder(&scene).tool(|_| Ok::<_, SimError>(Wind)).build()
+});
+
+/// Up to a second a force on everything, in proportion to its time.
+struct Wind;
+
+impl Tool for Wind {
+    fn kind(&self) -> &'static str {
+        "wind"
+    }
+
+    fn reference(&self, _: f64) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    fn acts_at(&self, t: f64) -> bool {
+        t <= 1.1
+    }
+
+    fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
+        let share = 0.1 / body.vertices().count() as f64;
+        for v in body.vertices().filter(|_| self.acts_at(t)) {
+            loads[v.index()] += Vector3::new(0.0, 0.3, -1.0) * share * t;
+        }
+    }
+}
+
 #[test]
 fn every_choice_has_its_line() {
+    assert_eq!(CHOICES, ["laminate", "linear", "kharevych", "paper"]);
+    assert_eq!(FORMULATIONS, ["p1", "p1p1"]);
+    assert_eq!(
+        EQUILIBRIA,
+        ["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"]
+    );
+    assert_eq!(indicator::CHOICES, ["energy", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh"]);
     assert_eq!(INTEGRATORS, ["implicit_euler", "quasi_static"]);

@@ -13,19 +13,18 @@ use crate::linear_tet::LinearTet;
 /// Unknowns are vertex-major: three displacements x, y, z first, others behind them. One file per
 /// element; [`formulation_by_name`](crate::formulation_by_name) makes them by name.
 ///
-/// An element of one's own, `p1` on an elastic bed:
+/// An element of one's own, `p1` with all of its stiffness multiplied:
 /// ```
-/// use faer::Mat;
+/// use faer::{Mat, Scale};
 /// use nalgebra::{Matrix6, Vector3};
 /// use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1, RingStiffness, isotropic};
 /// use yawara_mesh::{MeshDelta, VertexId};
 ///
-/// /// A bed of so many N/m⁴, a quarter of each tetrahedron's share on each corner.
-/// struct Bedded(f64);
+/// struct Times(f64);
 ///
-/// impl ElementFormulation for Bedded {
+/// impl ElementFormulation for Times {
 ///     fn name(&self) -> &'static str {
-///         "bedded"
+///         "times"
 ///     }
 ///     fn unknowns(&self) -> usize {
 ///         3
@@ -34,25 +33,25 @@ use crate::linear_tet::LinearTet;
 ///         0
 ///     }
 ///     fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
-///         let mut k = P1.stiffness(geometry, elasticity);
-///         (0..12).for_each(|i| k[(i, i)] += 0.25 * self.0 * geometry.volume);
-///         k
+///         P1.stiffness(geometry, &(elasticity * self.0))
 ///     }
 ///     fn ring(
 ///         &self,
-///         _: &MeshDelta,
-///         _: &Embedding,
-///         _: &dyn Fn(VertexId) -> Vector3<f64>,
+///         delta: &MeshDelta,
+///         embedding: &Embedding,
+///         position: &dyn Fn(VertexId) -> Vector3<f64>,
 ///     ) -> RingStiffness {
-///         unimplemented!("this body neither splits nor merges")
+///         let mut ring = P1.ring(delta, embedding, position);
+///         let RingStiffness { k_p, k_c, a12, a22, b, positive, negative, .. } = &mut ring;
+///         [k_p, k_c, a12, a22, b].map(|matrix| *matrix = &*matrix * Scale(self.0));
+///         [positive, negative].map(|factor| *factor = &*factor * Scale(self.0.sqrt()));
+///         ring
 ///     }
 /// }
 ///
 /// let tet = LinearTet::new(&[Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()]);
-/// let k = Bedded(24.0).stiffness(&tet, &isotropic(1e3, 0.3));
-/// // Moved along x as a whole by 1 m, only the bed resists: 24 N/m⁴ · 1/6 m³ · 1 m.
-/// let force: f64 = (0..4).flat_map(|i| (0..4).map(move |j| (3 * i, 3 * j))).map(|at| k[at]).sum();
-/// assert!((force - 4.0).abs() < 1e-9);
+/// let [once, thrice] = [1.0, 3.0].map(|by| Times(by).stiffness(&tet, &isotropic(1e3, 0.3)));
+/// assert!((&once * Scale(3.0) - thrice).norm_max() < 1e-9);
 /// ```
 pub trait ElementFormulation: Send + Sync {
     /// The scene name.
