@@ -65,6 +65,7 @@ impl Case {
             inertia: None,
             external: &self.weight,
             free: &self.free,
+            constraints: None,
             inverse: &inverse,
         };
         let mut internal = vec![Vector3::zeros(); positions.len()];

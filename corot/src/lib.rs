@@ -13,6 +13,7 @@ mod element;
 mod equilibrium;
 mod error;
 mod forces;
+mod grip;
 mod kernels;
 mod law;
 mod time;
@@ -29,6 +30,7 @@ pub use forces::{
     ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
     PaperCorotation, RowCorotation, element_tangent, forces_by_name,
 };
+pub use grip::{Constraints, Grip, Located, Responses, WeightedPoint, locate};
 pub use kernels::element::StiffnessPacket;
 pub use law::{
     ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,

@@ -10,11 +10,14 @@ use yawara_mesh::{Content, LabelTree, NodeRef};
 
 use crate::error::EmbedError;
 use crate::fine::{FineBody, lattice_tet, voxel};
-use crate::homogenisation::{ChildPair, Excess, Homogenisation, ParentMaterial};
+use crate::homogenisation::{
+    ChildPair, Excess, Homogenisation, ParentMaterial, combine_solids,
+};
 use crate::linear_tet::LinearTet;
 use crate::material::Material;
 use crate::material::Materials;
 use crate::material::Packed6;
+use crate::material::VoidRule;
 
 /// Elasticity and density of every tetrahedron of a [`LabelTree`].
 ///
@@ -29,6 +32,8 @@ pub struct Embedding {
     /// What the local rule makes of each node, beside a global one.
     local_of_node: Vec<Packed6>,
     left_to_local_rule: usize,
+    /// The fraction of each node's volume that is not void; empty where void is a material.
+    solid_of_node: Vec<f64>,
 }
 
 impl Embedding {
@@ -84,11 +89,13 @@ impl Embedding {
         let mut density_of_node = Vec::with_capacity(tree.node_count());
         let mut local_of_node = Vec::new();
         let mut left_to_local_rule = 0;
+        let mut solid_of_node = Vec::new();
         for part in parts {
             elasticity_of_node.extend(part.elasticity);
             density_of_node.extend(part.density);
             local_of_node.extend(part.local);
             left_to_local_rule += part.left;
+            solid_of_node.extend(part.solid);
         }
         Ok(Self {
             tree,
@@ -98,6 +105,7 @@ impl Embedding {
             density_of_node,
             local_of_node,
             left_to_local_rule,
+            solid_of_node,
         })
     }
 
@@ -166,16 +174,35 @@ impl Embedding {
                     ..self.homogenisation.combine(&local)
                 }
             }
-            Content::Node(_) => self.homogenisation.combine(&pair),
+            Content::Node(_) => self.combine_halves(&pair, self.tree.children(parent)),
         };
         (pair, combined)
+    }
+
+    /// What the local rule makes of two halves.
+    fn combine_halves(&self, pair: &ChildPair, halves: [NodeRef; 2]) -> ParentMaterial {
+        let rule = self.homogenisation.as_ref();
+        if self.materials.void() == VoidRule::Material {
+            return rule.combine(pair);
+        }
+        let fraction = |half: NodeRef| match half.open() {
+            Content::Label(label) => solid_fraction(label),
+            Content::Node(i) => self.solid_of_node[i],
+        };
+        let void = self.materials.by_label()[0].elasticity();
+        combine_solids(rule, pair, halves.map(fraction), void)
     }
 
     /// Bytes held, without the label tree.
     pub fn bytes(&self) -> usize {
         (self.elasticity_of_node.len() + self.local_of_node.len()) * size_of::<Packed6>()
-            + self.density_of_node.len() * size_of::<f64>()
+            + (self.density_of_node.len() + self.solid_of_node.len()) * size_of::<f64>()
     }
+}
+
+/// Of a voxel's volume; label 0 is void.
+fn solid_fraction(label: u16) -> f64 {
+    if label == 0 { 0.0 } else { 1.0 }
 }
 
 fn check_labels(tree: &LabelTree, materials: &Materials) -> Result<(), EmbedError> {
@@ -208,6 +235,8 @@ struct Share {
     /// By the local rule alone; empty unless there is a global one.
     local: Vec<Packed6>,
     left: usize,
+    /// Fractions that are not void; empty where void is a material.
+    solid: Vec<f64>,
 }
 
 /// One root cube's share, in the tree's order: children before parents.
@@ -227,6 +256,7 @@ impl<'a> CellPart<'a> {
             density: Vec::with_capacity(nodes.len()),
             local: Vec::new(),
             left: 0,
+            solid: Vec::new(),
         };
         let mut part = Self { rule, cell, first: nodes.start, share };
         for order in 0..ROOTS_PER_CELL {
@@ -249,6 +279,8 @@ impl<'a> CellPart<'a> {
             self.share.elasticity.push(packed);
             self.share.local.extend(self.rule.given.as_ref().map(|_| packed));
             self.share.density.push(material.density_kg_m3());
+            let fraction = solid_fraction(tree.majority(of));
+            self.share.solid.extend(self.scales_by_volume().then_some(fraction));
             return Ok(());
         }
         let halved = bisect(&corners, level, midpoint(&corners, level));
@@ -259,7 +291,15 @@ impl<'a> CellPart<'a> {
         let elasticity = halves.map(|half| self.local_elasticity(half));
         let geometry = lattice_tet(&corners);
         let pair = ChildPair::new(&geometry, 0, bisected_corner(level), elasticity);
-        let local = self.rule.homogenisation.combine(&pair).elasticity;
+        let rule = self.rule.homogenisation;
+        let local = if self.scales_by_volume() {
+            let fractions = halves.map(|half| self.solid_fraction(half));
+            self.share.solid.push(0.5 * (fractions[0] + fractions[1]));
+            let void = self.rule.body.materials().by_label()[0].elasticity();
+            combine_solids(rule, &pair, fractions, void).elasticity
+        } else {
+            rule.combine(&pair).elasticity
+        };
         self.check(&local, level)?;
         let local = Packed6::new(&local);
         match self.rule.given.as_ref().map(|given| given[index]) {
@@ -275,6 +315,19 @@ impl<'a> CellPart<'a> {
         }
         self.share.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
         Ok(())
+    }
+
+    /// Whether void takes away stiffness by its volume.
+    fn scales_by_volume(&self) -> bool {
+        let is_local = self.rule.given.is_none();
+        is_local && self.rule.body.materials().void() == VoidRule::Volume
+    }
+
+    fn solid_fraction(&self, of: NodeRef) -> f64 {
+        match of.open() {
+            Content::Label(label) => solid_fraction(label),
+            Content::Node(i) => self.share.solid[i - self.first],
+        }
     }
 
     /// What the local rule makes of a half.

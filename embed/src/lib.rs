@@ -37,4 +37,6 @@ pub use homogenisation::{
     Paper, ParentMaterial, by_name,
 };
 pub use linear_tet::{LinearTet, Strain, strain_from_gradient, strain_operator};
-pub use material::{FineMaterial, Material, MaterialOfVoxel, Materials, Packed6, isotropic};
+pub use material::{
+    FineMaterial, Material, MaterialOfVoxel, Materials, Packed6, VoidRule, isotropic,
+};

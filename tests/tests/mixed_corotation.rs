@@ -197,6 +197,7 @@ fn a_small_load_gives_what_linear_statics_gives() {
                 inertia: None,
                 external: &external,
                 free: &free,
+                constraints: None,
                 inverse: &select,
             };
             let tolerance = Tolerance { residual: 1e-7, max_iterations: 20 };
@@ -246,6 +247,7 @@ fn what_can_t_take_pressures_says_so() {
             inertia: None,
             external: &external,
             free: &free,
+            constraints: None,
             inverse: &|_, y| y.fill(f64::NAN),
         };
         let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };

@@ -107,6 +107,22 @@ tool_suite!(
     )
 );
 tool_suite!(
+    grab_by_the_mean,
+    by_entry(
+        "{ kind = 'grab', hold = 'mean', release_s = 1.1,
+           region = { shape = 'box', min = [0.9, 0, 0], max = [1, 1, 1] },
+           path = [{ time_s = 0 }, { time_s = 1, move_m = [0.003, 0, 0.01], turn_deg = 10 }] }"
+    )
+);
+tool_suite!(
+    grab_by_a_pad,
+    by_entry(
+        "{ kind = 'grab', hold = 'pad', release_s = 1.1,
+           region = { shape = 'sphere', centre = [1, 0.5, 0.5], radius_m = 0.012 },
+           path = [{ time_s = 0 }, { time_s = 1, move_m = [0.003, 0, 0.01] }] }"
+    )
+);
+tool_suite!(
     probe,
     by_entry(
         "{ kind = 'probe', release_s = 1.1, centre = [0.9, 0.5, 1.3], radius_m = 0.012,

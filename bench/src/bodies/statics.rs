@@ -87,7 +87,7 @@ impl Statics {
             link.apply(f, u);
         };
         let mut problem =
-            Problem { body, forces: corotation, inertia: None, external, free, inverse: &inverse };
+            Problem { body, forces: corotation, inertia: None, external, free, constraints: None, inverse: &inverse };
         equilibrium.solve(&mut problem, positions, internal, tolerance)
     }
 

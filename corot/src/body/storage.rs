@@ -8,6 +8,7 @@ use yawara_mesh::TetId;
 
 use crate::element::Element;
 use crate::element::pressures::Pressures;
+use crate::grip::Grip;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::packets::Packets;
 use crate::law::states::States;
@@ -33,6 +34,8 @@ pub struct Body {
     /// None for displacements alone.
     pub(super) pressures: Option<Pressures>,
     pub(super) states: States,
+    /// What holds it by its material.
+    pub(crate) grips: Vec<Grip>,
     /// [`stiffness_scale`](Self::stiffness_scale), until an element comes or goes: every evaluation
     /// of a residual asks for it.
     pub(super) scale: OnceLock<f64>,

@@ -3,16 +3,14 @@
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 
 use super::iterate::{Point, untouched};
 use super::line_search::search;
 use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
 use super::vectors::dot;
-use crate::element::Element;
 use crate::forces::ElementTangent;
 use crate::forces::tangent::convex_part;
-use crate::time::Inertia;
 
 /// x ← x + α K_t(x)⁻¹(f_ext − f_int(x)), K_t with the derivatives of the rotations, by sparse LU.
 /// The reference: quadratic near the solution, for anisotropic D too (K_t is not symmetric then).
@@ -73,7 +71,7 @@ fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     let Ok(factor) = matrix.sp_lu() else {
         return false;
     };
-    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    let step = rows.step(problem, &point.residual, |rhs| factor.solve(rhs));
     if !step.iter().all(|v| v.is_finite()) || !(dot(&point.residual, &step) > 0.0) {
         return false;
     }
@@ -96,15 +94,14 @@ fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     let Ok(factor) = matrix.sp_cholesky(Side::Lower) else {
         return false;
     };
-    let step = rows.scatter(&factor.solve(rows.gather(&point.residual)), point.residual.len());
+    let step = rows.step(problem, &point.residual, |rhs| factor.solve(rhs));
     step.iter().all(|v| v.is_finite()) && search(problem, point, &step) > 0.0
 }
 
-/// Adds c M, the same for each axis.
-fn add_inertia(tangent: &mut ElementTangent, inertia: &Inertia, element: &Element) {
-    let mass = inertia.matrix(element);
+/// Adds a matrix on the corners, the same for each axis.
+fn add_alike(tangent: &mut ElementTangent, corners: &Matrix4<f64>) {
     for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
-        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += mass[(i, j)]);
+        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += corners[(i, j)]);
     }
 }
 
@@ -138,10 +135,13 @@ impl Rows {
         for (number, element) in problem.body.elements().iter().enumerate() {
             let mut tangent = problem.forces.tangent(problem.body, number, positions)?;
             if let Some(inertia) = problem.inertia {
-                add_inertia(&mut tangent, inertia, element);
+                add_alike(&mut tangent, &inertia.matrix(element));
             }
             if convex {
                 tangent = convex_part(&tangent);
+            }
+            if let Some(held) = problem.body.grip_matrix(element.tet) {
+                add_alike(&mut tangent, &held);
             }
             let at = element.vertices.map(|v| self.of_vertex[v]);
             for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
@@ -155,6 +155,28 @@ impl Rows {
         let alone = (0..n).filter(|&row| !touched[row]);
         triplets.extend(alone.map(|row| Triplet::new(row, row, 1.0)));
         SparseColMat::try_new_from_triplets(n, n, &triplets).ok()
+    }
+
+    /// K_t⁻¹ r, `solve` is of K_t; under constraints with their multipliers as further unknowns.
+    fn step(
+        &self,
+        problem: &Problem<'_>,
+        residual: &[f64],
+        solve: impl Fn(Mat<f64>) -> Mat<f64>,
+    ) -> Vec<f64> {
+        let mut step = self.scatter(&solve(self.gather(residual)), residual.len());
+        if let Some(constraints) = problem.constraints {
+            let column = |row: &[(usize, Vector3<f64>)]| {
+                let mut all = vec![0.0; residual.len()];
+                for (v, g) in row {
+                    (0..3).for_each(|axis| all[3 * v + axis] += g[axis]);
+                }
+                self.scatter(&solve(self.gather(&all)), residual.len())
+            };
+            let columns = (0..constraints.len()).map(|k| column(constraints.row(k))).collect();
+            constraints.answered_by(columns, 3).correct(&mut step, 3, None);
+        }
+        step
     }
 
     fn gather(&self, all: &[f64]) -> Mat<f64> {

@@ -4,9 +4,10 @@ use nalgebra::Vector3;
 
 use crate::body::Body;
 use crate::forces::InternalForces;
+use crate::grip::Constraints;
 use crate::time::{Inertia, forces_with_inertia};
 
-/// Find x with f_int(x) = f_ext on the free vertices; in a [mixed](Body::mixed) body x and q with
+/// Find x with f_int(x) = f_ext on the free vertices, up to the forces of constraints; in a [mixed](Body::mixed) body x and q with
 /// f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
 ///
 /// Solvers mix residuals and steps as plain vectors of [`rows`](Self::rows) entries, vertex-major,
@@ -24,6 +25,8 @@ pub struct Problem<'a> {
     pub external: &'a [Vector3<f64>],
     /// Which vertices may move; the others stay where `positions` has them.
     pub free: &'a [bool],
+    /// What tools hold of it besides: G x = g, with multipliers μ as further unknowns.
+    pub constraints: Option<&'a Constraints>,
     /// y = C f: the inverse stiffness of the unrotated body with all but the free vertices
     /// fixed, both by vertex number (3 entries each), zero on the others. m/N.
     ///
@@ -119,6 +122,7 @@ pub struct Iterate {
 ///     inertia: None,
 ///     external: &[Vector3::zeros(), Vector3::zeros(), Vector3::zeros(), pull],
 ///     free: &[false, false, false, true],
+///     constraints: None,
 ///     inverse: &|f, y| {
 ///         y.fill(0.0);
 ///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
@@ -165,6 +169,7 @@ impl Problem<'_> {
             inertia: self.inertia,
             external,
             free: self.free,
+            constraints: self.constraints,
             inverse: self.inverse,
         }
     }
@@ -198,20 +203,26 @@ impl Problem<'_> {
         let elements =
             forces_with_inertia(self.forces, self.inertia, self.body, positions, internal);
         let m = self.unknowns_per_vertex();
-        let mut squares = 0.0;
         for v in 0..positions.len() {
             let r = if self.free[v] { self.external[v] - internal[v] } else { Vector3::zeros() };
-            squares += r.norm_squared();
             residual[m * v..m * v + 3].copy_from_slice(r.as_slice());
             if m > 3 {
                 let (row, weight) = self.body.pressure_row(v);
                 residual[m * v + 3] = weight * row;
-                squares += (weight * row).powi(2);
             }
+        }
+        if let Some(constraints) = self.constraints {
+            constraints.turned(self.body).balance(residual, m, self.free);
+        }
+        let mut squares = 0.0;
+        for row in residual.chunks_exact(m) {
+            squares += Vector3::from_column_slice(&row[..3]).norm_squared();
+            row[3..].iter().for_each(|pressure| squares += pressure.powi(2));
         }
         let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
         let inertial = self.inertia.map_or(0.0, Inertia::stiffness_scale);
-        let stiffness = self.forces.stiffness_scale(self.body) + inertial;
+        let held = self.body.grip_scale();
+        let stiffness = self.forces.stiffness_scale(self.body) + inertial + held;
         let rounding = f64::EPSILON * stiffness * norm(positions);
         let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
         match squares.sqrt() {
@@ -228,16 +239,24 @@ impl Problem<'_> {
     /// T turns displacements alone; the fourth entry of a step is h δq, m, the dual of
     /// [`evaluate`](Self::evaluate)'s. All entries of a step then have one unit, whose squares
     /// mixing may add up.
+    ///
+    /// With constraints G x = g the step is that of the constrained body, for which G step = 0.
     pub fn precondition(&self, residual: &[f64], scratch: &mut [f64], step: &mut [f64]) {
         let m = self.unknowns_per_vertex();
         let rotations = self.body.vertex_rotations();
+        let turned = self.constraints.map(|constraints| constraints.turned(self.body));
+        scratch.copy_from_slice(residual);
+        if let Some(turned) = &turned {
+            turned.balance(scratch, m, self.free);
+        }
         for (v, r) in rotations.iter().enumerate().take(self.free.len()) {
             let at = m * v..m * v + 3;
-            let local = r.transpose() * Vector3::from_column_slice(&residual[at.clone()]);
+            let local = r.transpose() * Vector3::from_column_slice(&scratch[at.clone()]);
             scratch[at].copy_from_slice(local.as_slice());
             if m > 3 {
                 let (_, weight) = self.body.pressure_row(v);
-                scratch[m * v + 3] = if weight > 0.0 { residual[m * v + 3] / weight } else { 0.0 };
+                let row = &mut scratch[m * v + 3];
+                *row = if weight > 0.0 { *row / weight } else { 0.0 };
             }
         }
         (self.inverse)(scratch, step);
@@ -250,6 +269,19 @@ impl Problem<'_> {
                 step[m * v + 3] = if weight > 0.0 { step[m * v + 3] / weight } else { 0.0 };
             }
         }
+        if let Some(turned) = turned {
+            turned.correct(step, m, None);
+        }
+    }
+
+    /// Moves the body along with what constraints lead, as in the linear body with its rotations of
+    /// the last evaluation, so that G x = g.
+    pub fn meet_constraints(&mut self, positions: &mut [Vector3<f64>]) {
+        let Some(constraints) = self.constraints else { return };
+        let mut step = vec![0.0; self.rows()];
+        let lack = constraints.lack(positions);
+        constraints.turned(self.body).correct(&mut step, self.unknowns_per_vertex(), Some(lack));
+        self.advance(positions, &step, 1.0);
     }
 
     /// x ← x + `length` · `step`, and the pressures of a [mixed](Body::mixed) body with them.

@@ -93,8 +93,8 @@ impl Inertia {
     }
 }
 
-/// f_int(x) with the inertia of the step, if there is any, into `forces` (N, overwritten). Returns
-/// √Σ_e ‖f_e‖², as [`InternalForces::internal_forces`] does.
+/// f_int(x) with elastic grips and the inertia of the step, if there are any, into `forces` (N,
+/// overwritten). Returns √Σ_e ‖f_e‖², as [`InternalForces::internal_forces`] does.
 pub fn forces_with_inertia(
     internal: &dyn InternalForces,
     inertia: Option<&Inertia>,
@@ -103,10 +103,12 @@ pub fn forces_with_inertia(
     forces: &mut [Vector3<f64>],
 ) -> f64 {
     let elastic = internal.internal_forces(body, positions, forces);
-    match inertia {
-        None => elastic,
-        Some(inertia) => (elastic * elastic + inertia.add_to(body, positions, forces)).sqrt(),
+    if inertia.is_none() && body.grips().is_empty() {
+        return elastic;
     }
+    let held: f64 = body.grips().iter().map(|grip| grip.add_to(positions, forces)).sum();
+    let inertial = inertia.map_or(0.0, |inertia| inertia.add_to(body, positions, forces));
+    (elastic * elastic + held + inertial).sqrt()
 }
 
 #[cfg(test)]

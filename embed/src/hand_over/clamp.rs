@@ -7,7 +7,7 @@ use yawara_mesh::VertexId;
 use super::ring::RingStiffness;
 
 /// Displacements per vertex, the first of its unknowns.
-const DISPLACEMENTS: usize = 3;
+pub(super) const DISPLACEMENTS: usize = 3;
 
 /// Zeroes the rows and columns that belong to the displacements of held corners: `k` is an
 /// element's matrix with `k.nrows() / held.len()` unknowns per corner.

@@ -1,9 +1,10 @@
 //! What one split or merge does to the stiffness: the hand-over to the inverse.
 
 use faer::Mat;
-use nalgebra::{SMatrix, SVector, Vector3};
-use yawara_mesh::{MeshDelta, RingTet, VertexId};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector3};
+use yawara_mesh::{MeshDelta, RingTet, TetId, VertexId};
 
+use super::clamp::DISPLACEMENTS;
 use super::halved::Halved;
 use crate::embedding::Embedding;
 
@@ -77,6 +78,49 @@ impl RingStiffness {
             sum.add(&rows, part(&Halved::new(parent, embedding, position)));
         }
         sum.finish(delta.edge.map(row), vertices)
+    }
+
+    /// The same with a further energy that is linear in the fine points of material, such as that of
+    /// an elastic support: `of` tells its matrix on a half's corners, the same for each axis, N/m.
+    ///
+    /// As the spaces of coarse and refined ring are nested, the halves with d = 0 have the energy of
+    /// the parents: F and N stay as they are. Cost: O(1) per half.
+    #[must_use]
+    pub fn with_springs(
+        mut self,
+        delta: &MeshDelta,
+        of: &dyn Fn(TetId) -> Option<Matrix4<f64>>,
+    ) -> Self {
+        let m = self.a22.nrows();
+        let vertices = std::mem::take(&mut self.vertices);
+        let row = |v: VertexId| vertices.binary_search(&v).unwrap_or_default();
+        let halves = delta.ring.iter().flat_map(|ring_tet| &ring_tet.children);
+        for (half, springs) in halves.filter_map(|half| Some((half, of(half.id)?))) {
+            // What a corner weighs of old vertices while d = 0.
+            let straight = |v: VertexId| match v == delta.vertex {
+                true => delta.edge.map(|end| (row(end), 0.5)).to_vec(),
+                false => vec![(row(v), 1.0)],
+            };
+            for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
+                let (v, w, s) = (half.vertices[i], half.vertices[j], springs[(i, j)]);
+                let add = |part: &mut Mat<f64>, i: usize, j: usize, s: f64| {
+                    (0..DISPLACEMENTS).for_each(|axis| part[(m * i + axis, m * j + axis)] += s);
+                };
+                for (i, a) in straight(v) {
+                    straight(w).iter().for_each(|(j, b)| add(&mut self.k_p, i, *j, a * b * s));
+                    if w == delta.vertex {
+                        add(&mut self.b, i, 0, a * s);
+                    }
+                }
+                match (v == delta.vertex, w == delta.vertex) {
+                    (false, false) => add(&mut self.k_c, row(v), row(w), s),
+                    (false, true) => add(&mut self.a12, row(v), 0, s),
+                    (true, true) => add(&mut self.a22, 0, 0, s),
+                    (true, false) => {}
+                }
+            }
+        }
+        Self { vertices, ..self }
     }
 
     /// The rows of the old vertices that `has_rows`: the hand-over to a matrix in which the others

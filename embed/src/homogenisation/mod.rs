@@ -11,6 +11,7 @@ mod laminate;
 mod linear;
 mod paper;
 mod rule;
+mod solid;
 
 pub use halves::{ChildPair, Excess, ParentMaterial};
 pub use kharevych::Kharevych;
@@ -18,6 +19,7 @@ pub use laminate::Laminate;
 pub use linear::Linear;
 pub use paper::Paper;
 pub use rule::{GlobalHomogenisation, Homogenisation};
+pub(crate) use solid::combine_solids;
 
 use crate::error::EmbedError;
 

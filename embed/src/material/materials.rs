@@ -14,12 +14,23 @@ pub type MaterialOfVoxel = dyn Fn([i64; 3], u16) -> Result<FineMaterial, EmbedEr
 pub struct Materials {
     by_label: Vec<FineMaterial>,
     by_voxel: Option<Box<MaterialOfVoxel>>,
+    void: VoidRule,
+}
+
+/// What homogenisation makes of void beside material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VoidRule {
+    /// Void is a soft material like any other.
+    #[default]
+    Material,
+    /// Void takes away stiffness by its volume; what is material is homogenised by itself.
+    Volume,
 }
 
 impl Materials {
     /// One material per dense label, void first.
     pub fn new(by_label: impl IntoIterator<Item = FineMaterial>) -> Self {
-        Self { by_label: by_label.into_iter().collect(), by_voxel: None }
+        Self { by_label: by_label.into_iter().collect(), by_voxel: None, void: VoidRule::default() }
     }
 
     /// Asks `of_voxel` for every voxel of the labels that the tree keeps per voxel. It is called
@@ -31,6 +42,16 @@ impl Materials {
     ) -> Self {
         self.by_voxel = Some(Box::new(of_voxel));
         self
+    }
+
+    /// Sets what becomes of void; a global homogenisation has a rule of its own.
+    pub fn with_void(self, void: VoidRule) -> Self {
+        Self { void, ..self }
+    }
+
+    /// What becomes of void.
+    pub fn void(&self) -> VoidRule {
+        self.void
     }
 
     /// The materials by dense label.

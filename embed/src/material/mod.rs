@@ -6,5 +6,5 @@ mod materials;
 mod packed;
 
 pub use elasticity::{FineMaterial, Material, isotropic};
-pub use materials::{MaterialOfVoxel, Materials};
+pub use materials::{MaterialOfVoxel, Materials, VoidRule};
 pub use packed::Packed6;

@@ -9,11 +9,11 @@ use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placeme
 
 use super::components::{self, spans_a_plane};
 use super::image_source::ImageSource;
-use super::label_refinement;
+use super::{label_refinement, material_points};
 use super::organ_box::OrganBox;
 use super::summary::{BodySummary, DomainSummary};
 use crate::error::SimError;
-use crate::scene::Scene;
+use crate::scene::{Region, Scene, SupportHold};
 
 /// What a body is made of, before anything moves.
 pub(crate) struct ImageBody {
@@ -89,25 +89,45 @@ impl ImageBody {
         self.placement.position(self.forest.point(vertex))
     }
 
-    /// True where a scene region fixes `vertex`.
-    pub fn is_fixed(&self, scene: &Scene, vertex: VertexId) -> bool {
-        let x = self.rest(vertex);
-        scene.fixed.iter().any(|region| region.contains(&self.organ, &x))
-    }
-
     fn nothing_fixed(&self) -> SimError {
         SimError::NothingFixed { image: self.image_name().into(), base_mm: self.base_m * 1e3 }
+    }
+
+    /// What fixed regions hold of the start mesh's vertices or of the material, with the base cells
+    /// around it.
+    fn fixed_places(&self, scene: &Scene) -> Vec<(Vec<usize>, Vector3<f64>)> {
+        let lattice = *self.forest.domain().lattice();
+        if scene.support.hold == SupportHold::Elastic {
+            let grid = self.tree.grid();
+            let cell = |x: &Vector3<f64>| {
+                let at = [0, 1, 2].map(|axis| {
+                    let voxel = (x[axis] / (self.volume.grid().spacing_mm * 1e-3)).floor() as i64;
+                    let cell = (voxel - grid.first_voxel[axis]) / grid.voxels_per_cell as i64;
+                    (cell.max(0) as usize).min(grid.cells[axis] - 1)
+                });
+                at[0] + grid.cells[0] * (at[1] + grid.cells[1] * at[2])
+            };
+            let points = scene.fixed.iter().flat_map(|region| {
+                material_points::of_volume(&self.volume, &self.organ, region)
+            });
+            return points.map(|point| (vec![cell(&point.rest)], point.rest)).collect();
+        }
+        let held = self.forest.vertices().filter(|&v| {
+            let x = self.rest(v);
+            let fixes = |region: &Region| region.contains(&self.organ, &x);
+            scene.fixed.iter().any(fixes) && touches_solid(&self.volume, &x)
+        });
+        held.map(|v| {
+            let cells = lattice.cells_around(self.forest.point(v)).collect();
+            (cells, self.rest(v))
+        })
+        .collect()
     }
 
     /// Groups of base cells that hang together by faces but are not held could move freely or
     /// turn about an edge: they are taken out and counted.
     fn drop_unheld_components(&mut self, scene: &Scene) -> Result<(), SimError> {
-        let fixed: Vec<[i32; 3]> = self
-            .forest
-            .vertices()
-            .filter(|&v| self.is_fixed(scene, v) && touches_solid(&self.volume, &self.rest(v)))
-            .map(|v| self.forest.point(v))
-            .collect();
+        let fixed = self.fixed_places(scene);
         // With inertia nothing need be held.
         let all = scene.dynamics.is_some();
         if fixed.is_empty() && !all {
@@ -115,17 +135,10 @@ impl ImageBody {
         }
         let mut domain = self.forest.domain().clone();
         let components = domain.components();
-        let lattice = *domain.lattice();
         let is_held = |component: &[usize]| {
-            let touches = |p: [i32; 3]| {
-                lattice.cells_around(p).any(|cell| component.binary_search(&cell).is_ok())
-            };
-            let held: Vec<Vector3<f64>> = fixed
-                .iter()
-                .filter(|&&p| touches(p))
-                .map(|&p| self.placement.position(p))
-                .collect();
-            spans_a_plane(&held)
+            let touches = |cell: &usize| component.binary_search(cell).is_ok();
+            let held = fixed.iter().filter(|(cells, _)| cells.iter().any(touches));
+            spans_a_plane(&held.map(|(_, place)| *place).collect::<Vec<_>>())
         };
         let voxels = components::solid_voxels(&self.volume, self.tree.grid());
         let found = components::summary(&components, |part| all || is_held(part), &voxels);

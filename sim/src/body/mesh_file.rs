@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::{Body, Element};
+use yawara_corot::{Body, Element, WeightedPoint};
 use yawara_embed::{LinearTet, Material};
 use yawara_mesh::tet_file::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
 
 use super::components::spans_a_plane;
+use super::material_points::of_mesh;
 use super::organ_box::OrganBox;
 use super::state::{BodyState, Cell, Hold};
 use crate::error::SimError;
-use crate::scene::Scene;
+use crate::scene::{Region, Scene};
 
 /// A mesh from a file with a material per tetrahedron.
 pub(crate) struct FileMesh {
@@ -71,6 +72,11 @@ impl FileMesh {
     /// Rest positions by vertex number, m.
     pub fn points(&self) -> &[Vector3<f64>] {
         self.mesh.points()
+    }
+
+    /// Its material in a region: points with the volumes that they stand for, m³.
+    pub fn material_points(&self, region: &Region) -> Vec<WeightedPoint> {
+        of_mesh(&self.mesh, &self.organ, region, 0.25 * self.longest_edge_m)
     }
 
     /// Its outer faces, counter-clockwise as seen from outside.

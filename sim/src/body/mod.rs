@@ -10,6 +10,7 @@ mod components;
 mod image_body;
 mod image_source;
 mod label_refinement;
+mod material_points;
 mod mesh_file;
 mod organ_box;
 mod outline;

@@ -1,15 +1,20 @@
 //! What a scene starts from: a mesh at rest, from an image or from a mesh file.
 
 use nalgebra::Vector3;
+use yawara_corot::WeightedPoint;
 use yawara_mesh::VertexId;
 use yawara_mesh::volume::LabelVolume;
 
 use super::axes::ScannerAxes;
 use super::image_body::ImageBody;
+use super::material_points;
 use super::mesh_file::FileMesh;
 use super::organ_box::OrganBox;
 use crate::error::SimError;
-use crate::scene::Scene;
+use crate::scene::{Region, Scene, SupportHold};
+
+/// κ h²/E of what holds material: its own layer is a tenth of a voxel thick.
+const STIFFER: f64 = 100.0;
 
 /// Where the mesh comes from.
 pub(crate) enum Origin {
@@ -78,6 +83,31 @@ impl Start {
     /// True where a scene region fixes `vertex`.
     pub fn is_fixed(&self, scene: &Scene, vertex: VertexId) -> bool {
         let x = &self.rest[vertex.index()];
-        scene.fixed.iter().any(|region| region.contains(&self.organ, x))
+        scene.support.hold == SupportHold::Vertices
+            && scene.fixed.iter().any(|region| region.contains(&self.organ, x))
+    }
+
+    /// The material in a region: points with the volumes that they stand for, m³.
+    pub fn material_points(&self, region: &Region) -> Vec<WeightedPoint> {
+        match &self.origin {
+            Origin::Image(setup) => material_points::of_volume(&setup.volume, &self.organ, region),
+            Origin::MeshFile(mesh) => mesh.material_points(region),
+        }
+    }
+
+    /// All of it.
+    pub fn all_material(&self) -> Vec<WeightedPoint> {
+        self.material_points(&Region::Box { min: [0.0; 3], max: [1.0; 3] })
+    }
+
+    /// The κ of a support or a pad that a scene does not give: 100 E/h², E of the softest material
+    /// and h the edge of a voxel (of a mesh file: a quarter of an element's), N/m⁴.
+    pub fn holding_stiffness(&self, scene: &Scene) -> f64 {
+        let fine = match &self.origin {
+            Origin::Image(setup) => setup.volume.grid().spacing_mm * 1e-3,
+            Origin::MeshFile(_) => 0.25 * self.edge_m,
+        };
+        let moduli = scene.materials.iter().map(|material| material.young_modulus_pa);
+        STIFFER * moduli.fold(f64::INFINITY, f64::min) / (fine * fine)
     }
 }

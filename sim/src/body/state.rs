@@ -40,6 +40,8 @@ pub struct BodyState {
     pub(crate) accelerations: Vec<Vector3<f64>>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub(crate) masses: Vec<f64>,
+    /// Of each of the body's grips the tool that it is of; none for a support.
+    pub(crate) grip_tools: Vec<Option<usize>>,
     /// Whether the body has inertia.
     pub(crate) is_dynamic: bool,
     is_active: Vec<bool>,

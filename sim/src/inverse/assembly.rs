@@ -3,6 +3,7 @@
 use std::borrow::Borrow;
 
 use faer::Mat;
+use nalgebra::Matrix4;
 use yawara_corot::Element;
 use yawara_embed::{ElementFormulation, clamp};
 use yawara_inverse_update::{InverseError, SparseStiffness};
@@ -26,19 +27,22 @@ pub struct Assembly<'a> {
     pub anchor: f64,
     /// Density of a tetrahedron, kg/m³; asked where the element's matrix has a mass.
     pub density: &'a dyn Fn(TetId) -> f64,
+    /// What holds a tetrahedron's material besides, on its corners and the same for each axis, N/m.
+    pub springs: &'a dyn Fn(TetId) -> Option<Matrix4<f64>>,
     /// Where a vertex lies, for the elimination order
     /// ([`SparseStiffness::set_order_keys`]).
     pub order_key: &'a dyn Fn(VertexId) -> u64,
 }
 
 impl<'a> Assembly<'a> {
-    /// For elements without mass, anchored by 1 N/m.
+    /// For elements without mass that nothing else holds, anchored by 1 N/m.
     pub fn new(
         element: &'a dyn ElementFormulation,
         is_fixed: &'a dyn Fn(VertexId) -> bool,
         order_key: &'a dyn Fn(VertexId) -> u64,
     ) -> Self {
-        Self { element, is_fixed, anchor: 1.0, density: &|_| 0.0, order_key }
+        let (density, springs) = (&|_| 0.0, &|_| None);
+        Self { element, is_fixed, anchor: 1.0, density, springs, order_key }
     }
 
     /// Slots 0, 1, 2 … for those of `vertices` that have unknowns.
@@ -84,10 +88,15 @@ impl<'a> Assembly<'a> {
         let vertices = element.vertices.map(|v| VertexId(v as u32));
         let density = (self.density)(element.tet);
         let mut k = self.element.matrix(&element.geometry, &element.elasticity, density);
+        let m = self.element.unknowns();
+        if let Some(springs) = (self.springs)(element.tet) {
+            for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
+                (0..DISPLACEMENTS).for_each(|a| k[(m * i + a, m * j + a)] += springs[(i, j)]);
+            }
+        }
         clamp(&mut k, &vertices.map(self.is_fixed));
         let slot_of = vertices.map(|v| slots.get(v));
         let kept: Vec<usize> = (0..4).filter(|&i| slot_of[i].is_some()).collect();
-        let m = self.element.unknowns();
         let row = |i: usize| m * kept[i / m] + i % m;
         let rows = m * kept.len();
         let dense = Mat::from_fn(rows, rows, |i, j| k[(row(i), row(j))]);

@@ -3,12 +3,14 @@
 use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 
+use yawara_corot::Constraints;
+
 use super::link::InverseLink;
 use crate::error::SimError;
 
 impl InverseLink {
-    /// C_pp of the displacements of `vertices` with those of `held` fixed, C_pp − C_ph C_hh⁻¹ C_hp:
-    /// x, y, z of each vertex, by rows, m/N. Pressures stay free.
+    /// C_pp of the displacements of `vertices` with those of `held` fixed, C_pp − C_ph C_hh⁻¹ C_hp,
+    /// and `constraints` kept: x, y, z of each vertex, by rows, m/N. Pressures stay free.
     ///
     /// All vertices are by number and have displacements that are not fixed. Cost: one block of the
     /// maintainer ([`compliance`](yawara_inverse_update::InverseMaintainer::compliance)) on both.
@@ -18,6 +20,7 @@ impl InverseLink {
         &self,
         vertices: &[usize],
         held: &[usize],
+        constraints: Option<&Constraints>,
     ) -> Result<Vec<f64>, SimError> {
         let slots: Vec<usize> = vertices.iter().chain(held).filter_map(|&v| self.slot(v)).collect();
         let all = self.maintainer().compliance(&slots)?;
@@ -31,6 +34,10 @@ impl InverseLink {
             let factor = Llt::new(hh.as_ref(), faer::Side::Lower)
                 .map_err(|_| SimError::ComplianceNotPositive { vertices: held.len() })?;
             block -= hp.transpose() * factor.solve(&hp);
+        }
+        if let Some(constraints) = constraints {
+            let less = constraints.stiffening(vertices, m);
+            block -= Mat::from_fn(n, n, |i, j| less[(i, j)]);
         }
         Ok((0..n * n).map(|at| block[(at / n, at % n)]).collect())
     }

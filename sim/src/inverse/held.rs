@@ -67,6 +67,11 @@ pub(crate) struct Constrained<'a> {
 }
 
 impl Constrained<'_> {
+    /// Slots of the vertices that are held beside the fixed ones.
+    pub fn slots(&self) -> &[usize] {
+        &self.held.slots
+    }
+
     /// y = C f by vertex number (the element's unknowns each), displacements zero on held and fixed
     /// vertices.
     pub fn apply(&self, f: &[f64], y: &mut [f64]) -> Result<(), SimError> {

@@ -3,11 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use faer::Mat;
+use nalgebra::Matrix4;
 use yawara_corot::Body;
-use yawara_embed::{ElementFormulation, RingStiffness};
+use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
 use yawara_inverse_update::{InverseError, InverseMaintainer, SparseStiffness, Update};
 use yawara_mesh::{Change, TetId, VertexId};
 
+use super::DISPLACEMENTS;
 use super::assembly::{Assembly, needs_slot};
 use super::hand_over::hold;
 use super::held::{Constrained, Held};
@@ -80,6 +83,7 @@ impl InverseLink {
             is_fixed: &|v| is_fixed(v.index()),
             anchor,
             density,
+            springs: &|tet| body.grip_matrix(tet),
             order_key: &order_key,
         };
         let slots = assembly.slots(vertices);
@@ -134,6 +138,34 @@ impl InverseLink {
         self.pending.extend(self.slots.update(change, vertex, has_unknowns, ring, order_key));
         self.pending_count += 1;
         self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
+    }
+
+    /// Takes springs on the corners of tetrahedra out of the stiffness: κ Σ w λλᵀ of each, N/m, the
+    /// same for each axis.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if the maintainer refuses that.
+    pub(crate) fn remove_springs(
+        &mut self,
+        springs: &[([usize; 4], Matrix4<f64>)],
+    ) -> Result<(), SimError> {
+        let m = self.element.unknowns();
+        for (corners, matrix) in springs {
+            let eigen = matrix.symmetric_eigen();
+            let floor = f64::EPSILON * 16.0 * eigen.eigenvalues.amax();
+            let kept: Vec<usize> = (0..4).filter(|&k| eigen.eigenvalues[k] > floor).collect();
+            let removed = Mat::from_fn(4 * m, DISPLACEMENTS * kept.len(), |i, j| {
+                let k = kept[j / DISPLACEMENTS];
+                let entry = eigen.eigenvectors[(i / m, k)] * eigen.eigenvalues[k].sqrt();
+                if i % m == j % DISPLACEMENTS { entry } else { 0.0 }
+            });
+            let vertices = corners.map(|v| VertexId(v as u32));
+            let added = Mat::zeros(4 * m, 0);
+            let content = ContentStiffness { vertices, added, removed };
+            self.pending.extend(self.slots.content_change(&content).map(Update::Content));
+            self.pending_count += 1;
+        }
+        self.flush()
     }
 
     /// Makes all splits and merges since the last call, in one batch.

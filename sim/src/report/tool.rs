@@ -15,7 +15,7 @@ pub struct ToolReport {
     /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has
     /// moved, of a probe, of a pressure's region at rest.
     pub reference_mm: [f64; 3],
-    /// Vertices held, points pushed, pieces of surface loaded.
+    /// Vertices or points of material held, points pushed, pieces of surface loaded.
     pub contacts: usize,
     /// How deep the deepest point of the surface is in a probe, m.
     pub penetration_m: f64,

@@ -31,9 +31,12 @@ pub struct Scene {
     pub void: Void,
     /// Base cells and levels.
     pub mesh: MeshOptions,
-    /// Regions whose vertices never move.
+    /// Regions that hold the body where it rests.
     #[serde(default)]
     pub fixed: Vec<Region>,
+    /// How they hold it.
+    #[serde(default)]
+    pub support: Support,
     /// Gravity in scanner axes (right, anterior, superior), m/s².
     #[serde(default)]
     pub gravity_m_s2: [f64; 3],
@@ -135,6 +138,42 @@ pub struct Void {
     pub stiffness_ratio: f64,
     /// Its Poisson's ratio.
     pub poisson_ratio: f64,
+    /// What a local homogenisation makes of it where it meets tissue.
+    pub beside_tissue: BesideTissue,
+}
+
+/// What becomes of tetrahedra that are part void.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BesideTissue {
+    /// Void is homogenised as a soft material.
+    #[default]
+    Material,
+    /// Void takes away stiffness by its volume.
+    Volume,
+}
+
+/// How fixed regions hold the body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Support {
+    /// By the material in them, or by the vertices.
+    pub hold: SupportHold,
+    /// κ of the energy ½ ∫ κ |u|² over the material, N/m⁴; if absent 100 E/h², E of the softest
+    /// material and h the edge of a voxel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_n_m4: Option<f64>,
+}
+
+/// What of the body a fixed region holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SupportHold {
+    /// The material in it, elastically: the same on every mesh.
+    Elastic,
+    /// The mesh's vertices in it, rigidly: more of them on a finer mesh.
+    #[default]
+    Vertices,
 }
 
 /// Base cells and levels, or a mesh from a file.
@@ -304,7 +343,8 @@ fn default_max_vertices() -> usize {
 
 impl Default for Void {
     fn default() -> Self {
-        Self { stiffness_ratio: 1e-3, poisson_ratio: 0.0 }
+        let beside_tissue = BesideTissue::default();
+        Self { stiffness_ratio: 1e-3, poisson_ratio: 0.0, beside_tissue }
     }
 }
 

@@ -11,9 +11,9 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Adapter, Budget, Dynamics, GrabEntry, Image, Key, MaterialEntry, MeshOptions, Normal, Output,
+    Adapter, Budget, Dynamics, GrabEntry, GrabHold, Image, Key, MaterialEntry, MeshOptions, Normal, Output,
     Phantom, PressureEntry, PressureKey, ProbeEntry, Refinement, Region, Scene, Solver, StageNames,
-    SurfaceEntry, Time, ToolEntry, Void,
+    Support, SupportHold, SurfaceEntry, Time, ToolEntry, Void,
 };
 
 /// Keys that choose among variants with different keys.
@@ -252,6 +252,8 @@ fn example(phantom: Phantom) -> Scene {
     let grab = |region| {
         ToolEntry::Grab(GrabEntry {
             region,
+            hold: GrabHold::Pad,
+            stiffness_n_m4: Some(1e9),
             path: vec![Key { time_s: 0.0, move_m: [0.0; 3], turn_deg: 0.0 }],
             path_csv: Some("path.csv".into()),
             turn_axis: [0.0, 0.0, 1.0],
@@ -303,6 +305,7 @@ fn example(phantom: Phantom) -> Scene {
         void: Void::default(),
         mesh,
         fixed: vec![boxed.clone(), sphere.clone()],
+        support: Support { hold: SupportHold::Elastic, stiffness_n_m4: Some(1e9) },
         gravity_m_s2: [0.0; 3],
         tools: vec![grab(boxed.clone()), grab(sphere.clone()), probe, press(boxed), press(sphere)],
         time: Time { steps: 1, step_s: 0.1 },

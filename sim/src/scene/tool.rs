@@ -18,12 +18,18 @@ pub enum ToolEntry {
     Pressure(PressureEntry),
 }
 
-/// Takes hold of the body's vertices in a region and moves them rigidly along a path.
+/// Takes hold of the body in a region and moves it along a path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrabEntry {
     /// What it takes hold of, at rest.
     pub region: Region,
+    /// How it holds that.
+    #[serde(default)]
+    pub hold: GrabHold,
+    /// κ of a `pad`, N/m⁴; as that of a support if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness_n_m4: Option<f64>,
     /// Positions over time, ascending times; linear in between, held at both ends.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub path: Vec<Key>,
@@ -36,6 +42,19 @@ pub struct GrabEntry {
     /// When it lets go, s; never if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub release_s: Option<f64>,
+}
+
+/// What of the body a grab holds, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GrabHold {
+    /// The weighted mean of the region's material, in place and turn: six constraints.
+    Mean,
+    /// The region's material, elastically: ½ ∫ κ w |x − y|².
+    Pad,
+    /// The mesh's vertices in the region, rigidly, and those that come in there.
+    #[default]
+    Vertices,
 }
 
 /// A ball without friction that pushes the body's surface along a path, and never pulls.

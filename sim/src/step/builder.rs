@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_embed::{ElementFormulation, Embedding};
+use yawara_corot::{Grip, WeightedPoint};
+use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
 
@@ -20,11 +21,14 @@ use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{InverseFactory, InverseLink};
 use crate::report::{Recorder, RunStatistics, Surfaces};
-use crate::scene::Scene;
-use crate::tools::{self, BodyAtRest, Regions, Tool};
+use crate::scene::{BesideTissue, Scene, SupportHold};
+use crate::tools::{self, BodyAtRest, MaterialHold, Regions, Tool};
 
 /// All tools, by number.
 type Tools = Vec<Box<dyn Tool>>;
+
+/// What is held of the material, by a tool or by a support.
+type Grips = Vec<(Option<usize>, MaterialHold)>;
 
 /// Makes a tool for a body at rest.
 type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
@@ -103,19 +107,24 @@ impl<'a> SimulationBuilder<'a> {
         let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
-        let (mut tools, holds) = self.make_tools(&start)?;
+        let (mut tools, holds, grips) = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
         let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
         let integrator = stages.take_integrator(scene)?;
         let Stages {
             homogenisation, element: own, forces, equilibrium, indicator, inverse, ..
         } = stages;
-        let Start { axes, organ, origin, .. } = start;
+        let Start { name, axes, organ, origin, .. } = start;
         let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
         let (mut state, refiner) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
             Origin::Image(mut setup) => {
-                let materials = std::mem::take(&mut setup.materials).into();
+                let rule = match scene.void.beside_tissue {
+                    BesideTissue::Material => VoidRule::Material,
+                    BesideTissue::Volume => VoidRule::Volume,
+                };
+                let materials = Materials::from(std::mem::take(&mut setup.materials));
+                let materials = materials.with_void(rule);
                 let tree = Arc::clone(&setup.tree);
                 let embedding =
                     Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
@@ -133,10 +142,15 @@ impl<'a> SimulationBuilder<'a> {
                     indicator,
                 };
                 let state = content.state(&holds, empty);
-                let regions = Regions::new(&scene.fixed, organ, labels, &holds);
+                let fixed = match scene.support.hold {
+                    SupportHold::Vertices => &scene.fixed[..],
+                    SupportHold::Elastic => &[],
+                };
+                let regions = Regions::new(fixed, organ, labels, &holds);
                 (state, Some(Refiner::new(content, rules, regions)))
             }
         };
+        hold_material(grips, &name, &mut state)?;
         let motion = Motion::new(scene, integrator, &axes, &mut state);
         let built_in = || dynamics::formulation(scene, element, state.body.law(), motion.as_ref());
         let formulation = own.map_or_else(built_in, Ok)?;
@@ -157,8 +171,10 @@ impl<'a> SimulationBuilder<'a> {
         })
     }
 
-    /// All tools, and what holds each vertex of the start mesh by its number.
-    fn make_tools(&mut self, start: &Start) -> Result<(Tools, Vec<Hold>), SimError> {
+    /// All tools, what holds each vertex of the start mesh by its number, and what supports and tools
+    /// hold of the material.
+    fn make_tools(&mut self, start: &Start) -> Result<(Tools, Vec<Hold>, Grips), SimError> {
+        let mut grips = supports(self.scene, start);
         let mut body = BodyAtRest::new(self.scene, start);
         let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
             Box::new(move |body| tools::by_name(entry, &format!("tools[{i}]"), body))
@@ -167,10 +183,53 @@ impl<'a> SimulationBuilder<'a> {
         for (number, make) in entries.chain(self.tools.drain(..)).enumerate() {
             let tool = make(&mut body)?;
             body.hold(&tool.grasp(&body)?, number);
+            grips.extend(tool.grip(&body)?.map(|hold| (Some(number), hold)));
             made.push(tool);
         }
-        Ok((made, body.into_holds()))
+        Ok((made, body.into_holds(), grips))
     }
+}
+
+/// The material that fixed regions hold, each point by the first of them.
+fn supports(scene: &Scene, start: &Start) -> Grips {
+    if scene.support.hold == SupportHold::Vertices {
+        return Vec::new();
+    }
+    let given = scene.support.stiffness_n_m4;
+    let stiffness = Some(given.unwrap_or_else(|| start.holding_stiffness(scene)));
+    let held = |i: usize| {
+        let is_first = |point: &WeightedPoint| {
+            !scene.fixed[..i].iter().any(|region| region.contains(&start.organ, &point.rest))
+        };
+        let mut points = start.material_points(&scene.fixed[i]);
+        points.retain(is_first);
+        (None, MaterialHold { points, stiffness })
+    };
+    (0..scene.fixed.len()).map(held).collect()
+}
+
+/// Puts what is held into the elements of `state` that are not void.
+///
+/// # Errors
+/// [`SimError::ToolOutside`] for a tool that holds nothing of them.
+fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(), SimError> {
+    for (tool, MaterialHold { points, stiffness }) in grips {
+        let holds = |tet| !state.cell(tet).is_void;
+        match (Grip::new(points, stiffness, &state.body, &state.rest, holds), tool) {
+            (Some(grip), _) => {
+                state.body.add_grip(grip);
+                state.grip_tools.push(tool);
+            }
+            // A region may hold only parts that are left out.
+            (None, None) => {}
+            (None, Some(tool)) => {
+                let (key, image) = (format!("tools[{tool}]"), image.into());
+                let (distance_mm, limit_mm) = (f64::INFINITY, 0.0);
+                return Err(SimError::ToolOutside { key, image, distance_mm, limit_mm });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The inverse of the stiffness of `state` with its fixed vertices held.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use yawara_corot::{
-    Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere, SurfacePoint,
+    Constraints, Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere, SurfacePoint,
     Tolerance, solve_with_contact,
 };
 
@@ -50,6 +50,8 @@ struct Push {
 struct Block {
     updates: usize,
     held: Vec<usize>,
+    /// How many constraints hold it besides.
+    constraints: usize,
     vertices: Vec<usize>,
     entries: Vec<f64>,
 }
@@ -187,7 +189,9 @@ impl ContactState {
         let updates = around.inverse.updates;
         let is_covered = self.block.as_ref().is_some_and(|block| {
             let has = |v: usize| block.vertices.binary_search(&v).is_ok();
-            let current = block.updates == updates && block.held == around.held;
+            let rows = problem.constraints.map_or(0, Constraints::len);
+            let is_held = block.held == around.held && block.constraints == rows;
+            let current = block.updates == updates && is_held;
             current && pairs.iter().flat_map(|p| moves(&p.point)).all(has)
         });
         if is_covered {
@@ -202,8 +206,10 @@ impl ContactState {
         }
         vertices.sort_unstable();
         vertices.dedup();
-        let entries = around.inverse.compliance_of(&vertices, around.held)?;
-        self.block = Some(Block { updates, held: around.held.to_vec(), vertices, entries });
+        let entries = around.inverse.compliance_of(&vertices, around.held, problem.constraints)?;
+        let (held, constraints) =
+            (around.held.to_vec(), problem.constraints.map_or(0, Constraints::len));
+        self.block = Some(Block { updates, held, constraints, vertices, entries });
         Ok(())
     }
 

@@ -10,9 +10,11 @@ use yawara_mesh::VertexId;
 
 use super::contact::{ContactState, Probing, Surroundings};
 use super::dynamics::Motion;
+use super::grips::Grips;
 use super::held::Held;
 use super::predictor::Predictor;
 use super::settling::Settling;
+use super::simulation::SimulatedBody;
 use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
@@ -60,6 +62,8 @@ pub(crate) struct StepSolver {
     tool_loads: Vec<Vector3<f64>>,
     /// Forces of tools that have just let go; they fade to zero within the step of the release.
     fading: Vec<(VertexId, Vector3<f64>)>,
+    /// What tools hold of the material.
+    pub grips: Grips,
     /// Time up to which the body has been followed, s: behind the clock after a failed step.
     reached_s: f64,
 }
@@ -84,6 +88,7 @@ impl StepSolver {
             internal: Vec::new(),
             tool_loads: Vec::new(),
             fading: Vec::new(),
+            grips: Grips::default(),
             reached_s: 0.0,
         }
     }
@@ -98,8 +103,22 @@ impl StepSolver {
         Some(self.motion.as_ref()?.momentum(state))
     }
 
-    /// Frees the vertices of tools that let go before `step` ends; their reactions fade out.
-    pub fn let_go(&mut self, step: Span, state: &mut BodyState, tools: &[Box<dyn Tool>]) {
+    /// Frees what tools hold that let go before `step` ends; their reactions fade out.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if the inverse refuses to lose the stiffness of a pad.
+    pub fn let_go(
+        &mut self,
+        step: Span,
+        body: &mut SimulatedBody,
+        tools: &[Box<dyn Tool>],
+    ) -> Result<(), SimError> {
+        let SimulatedBody { state, inverse, .. } = body;
+        self.grips.let_go(step.to, state, inverse, tools, |force| {
+            if self.motion.is_none() {
+                self.fading.push(force);
+            }
+        })?;
         let leaving: Vec<VertexId> = state
             .vertices()
             .filter(|v| match state.holds[v.index()] {
@@ -108,7 +127,7 @@ impl StepSolver {
             })
             .collect();
         if leaving.is_empty() {
-            return;
+            return Ok(());
         }
         // With inertia the body moves on by itself: nothing has to fade.
         if self.motion.is_none() {
@@ -120,6 +139,7 @@ impl StepSolver {
         for v in leaving {
             state.holds[v.index()] = Hold::Free;
         }
+        Ok(())
     }
 
     /// Brings the body from the last equilibrium to the end of `step`, in halves where the whole
@@ -227,6 +247,8 @@ impl StepSolver {
         let probing = self.probing(tools, span.to);
         let share = if span == step { self.predict(&probing, state) } else { 0.0 };
         let held = Held::new(state, inverse)?;
+        let constraints = self.grips.lead(span.to, state, inverse, tools, &held.constrained)?;
+        let constraints = constraints.as_ref();
         let moved = held.drag(state, tools, span.to)?;
         times.tool_ms += milliseconds(begin);
 
@@ -259,8 +281,10 @@ impl StepSolver {
                 inertia,
                 external: &external,
                 free: &held.free,
+                constraints,
                 inverse: &apply,
             };
+            problem.meet_constraints(&mut state.positions);
             let outcome = contact.solve(
                 &mut problem,
                 self.equilibrium.as_mut(),
@@ -280,6 +304,8 @@ impl StepSolver {
         total.fallbacks += outcome.fallbacks;
         if outcome.converged {
             contact.add_loads(&mut pressed);
+            let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
+            self.grips.note_forces(&external, &self.internal, &held.free, state);
             self.tool_loads = pressed;
             total.work.converged_by.push(outcome.method);
         }

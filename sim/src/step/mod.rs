@@ -11,6 +11,7 @@ mod contact;
 mod content;
 mod dynamics;
 mod equilibrium;
+mod grips;
 mod held;
 pub mod indicator;
 mod predictor;

@@ -185,8 +185,17 @@ impl Refiner {
         let vertex = self.content.forest.split(p, &mut delta)?;
         let rest = self.content.placement.position(p);
         let hold = self.regions.hold(&rest, around.iter().map(|&v| state.holds[v]), tools);
-        // The strain around a fixed vertex would put it elsewhere.
-        let position = if hold == Hold::Fixed { rest } else { midpoint };
+        let is_gripped = self.ring.iter().any(|tet| state.body.is_gripped(tet.id));
+        let position = match hold {
+            // The strain around a fixed vertex would put it elsewhere.
+            Hold::Fixed => rest,
+            // Held material stays where it is, and feels the same force.
+            _ if is_gripped => {
+                let [a, b] = delta.edge.map(|v| state.positions[v.index()]);
+                0.5 * (a + b)
+            }
+            _ => midpoint,
+        };
         state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
         state.body.set_pressure(vertex.index(), 0.5 * (a + b));
@@ -207,6 +216,7 @@ impl Refiner {
                 }
             }
         }
+        state.body.grips_follow(&delta);
         if state.is_dynamic {
             around.push(vertex.index());
             state.pass_on(&around, momentum);
@@ -241,6 +251,7 @@ impl Refiner {
             state.pass_on(&around, momentum);
         }
         self.update_inverse(&delta, round);
+        round.state.body.grips_follow(&delta);
         round.state.remove_vertex(vertex);
         self.delta = delta;
         Ok(())
@@ -249,7 +260,10 @@ impl Refiner {
     fn update_inverse(&self, delta: &MeshDelta, round: &mut Round<'_>) {
         let (state, inverse) = (&*round.state, &mut *round.inverse);
         let embedding = &self.content.embedding;
-        let ring = inverse.element().ring(delta, embedding, &|v| state.rest[v.index()]);
+        let mut ring = inverse.element().ring(delta, embedding, &|v| state.rest[v.index()]);
+        if !state.body.grips().is_empty() {
+            ring = ring.with_springs(delta, &|tet| state.body.grip_matrix(tet));
+        }
         let is_fixed = |v: VertexId| state.holds[v.index()] == Hold::Fixed;
         let key = Lattice::key(self.content.forest.point(delta.vertex));
         inverse.push(delta.change, delta.vertex, is_fixed, key, ring);

@@ -84,7 +84,7 @@ impl Simulation {
         let span = self.next_span();
         let mut times = StageTimes::default();
         let Self { body, tools, contact, solver, .. } = self;
-        solver.let_go(span, &mut body.state, tools);
+        solver.let_go(span, body, tools)?;
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let outcome = solver.advance(span, &mut acting, &mut times)?;
         let felt = self.felt();

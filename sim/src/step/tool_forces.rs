@@ -40,6 +40,9 @@ impl ToolForces<'_> {
         for (v, f) in held.iter().zip(self.solver.reaction(self.state, &held, t)) {
             add(&positions[v.index()], &f);
         }
+        for (v, f) in self.solver.grips.of_tool(number, self.state) {
+            add(&positions[v.index()], &f);
+        }
         if tool.acts_at(t) {
             let mut loads = vec![Vector3::zeros(); positions.len()];
             tool.add_loads(self.state, t, &mut loads);
@@ -49,6 +52,11 @@ impl ToolForces<'_> {
             if let (Some(points), None) = (tool.surface_points(), obstacle) {
                 contacts = points.order().len();
             }
+        }
+        let grips = self.state.grip_tools.iter().zip(self.state.body.grips());
+        let mine = grips.filter(|(of, _)| **of == Some(number));
+        if let Some(points) = mine.map(|(_, grip)| grip.point_count()).reduce(|a, b| a + b) {
+            contacts = points;
         }
         ToolReport {
             kind: tool.kind(),
@@ -79,6 +87,10 @@ impl ToolForces<'_> {
                 }
             }
         }
+        if self.state.grip_tools.contains(&Some(tool)) {
+            let constrained = inverse.constrained(&held)?;
+            stiffness += self.solver.grips.stiffness(tool, self.state, &constrained)?;
+        }
         let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| {
             let local = self.axes.to_solver_direction(&axis);
             self.axes.to_ras_direction(&(stiffness * local))
@@ -89,7 +101,9 @@ impl ToolForces<'_> {
     /// Σ (f_int − f_ext) over all fixed vertices, solver axes, N.
     pub fn support(&self) -> Vector3<f64> {
         let fixed = self.held_by(|hold| hold == Hold::Fixed);
-        self.solver.reaction(self.state, &fixed, self.solver.reached_s()).iter().sum()
+        let reactions = self.solver.reaction(self.state, &fixed, self.solver.reached_s());
+        let supports = self.solver.grips.of_supports(self.state);
+        reactions.into_iter().chain(supports.into_iter().map(|(_, force)| force)).sum()
     }
 
     fn held_by(&self, is_held: impl Fn(Hold) -> bool) -> Vec<VertexId> {

@@ -1,6 +1,7 @@
 //! The body at rest, as tools see it when they are made.
 
 use nalgebra::Vector3;
+use yawara_corot::WeightedPoint;
 use yawara_mesh::VertexId;
 
 use super::surface_points::SurfacePoints;
@@ -13,6 +14,7 @@ use crate::scene::{Region, Scene};
 ///
 /// All positions are in solver axes, m.
 pub struct BodyAtRest<'a> {
+    scene: &'a Scene,
     start: &'a Start,
     surface: SurfaceSource<'a>,
     /// By vertex number.
@@ -28,7 +30,7 @@ impl<'a> BodyAtRest<'a> {
                 holds[v.index()] = Hold::Fixed;
             }
         }
-        Self { start, surface: SurfaceSource::new(scene, start), holds }
+        Self { scene, start, surface: SurfaceSource::new(scene, start), holds }
     }
 
     /// Gives vertices to a tool.
@@ -77,6 +79,41 @@ impl<'a> BodyAtRest<'a> {
         let is_free =
             |v: &VertexId| self.start.solid[v.index()] && self.holds[v.index()] == Hold::Free;
         self.start.vertices.iter().copied().filter(is_free)
+    }
+
+    /// The material in `region`: points with the volumes that they stand for (m³, positions in m);
+    /// the nearest one within an element's edge of the region's centre if the region is too small to
+    /// have any.
+    ///
+    /// # Errors
+    /// [`SimError::ToolOutside`] with `key` if there is none.
+    pub fn material_points(
+        &self,
+        key: &str,
+        region: &Region,
+    ) -> Result<Vec<WeightedPoint>, SimError> {
+        let inside = self.start.material_points(region);
+        if !inside.is_empty() {
+            return Ok(inside);
+        }
+        let centre = region.centre(&self.start.organ);
+        let distance = |point: &WeightedPoint| (point.rest - centre).norm();
+        let all = self.start.all_material();
+        let nearest = all.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        match nearest {
+            Some(point) if distance(&point) <= self.edge_m() => Ok(vec![point]),
+            _ => Err(SimError::ToolOutside {
+                key: format!("{key}.region"),
+                image: self.name().into(),
+                distance_mm: nearest.map_or(f64::INFINITY, |point| distance(&point) * 1e3),
+                limit_mm: self.edge_m() * 1e3,
+            }),
+        }
+    }
+
+    /// The stiffness κ of what holds material so firmly that it hardly gives way, N/m⁴.
+    pub fn holding_stiffness_n_m4(&self) -> f64 {
+        self.start.holding_stiffness(self.scene)
     }
 
     /// Points all over the surface, `spacing_m` or a little more apart where it is smooth.

@@ -1,19 +1,21 @@
 //! `grab`: takes hold of vertices and moves them rigidly.
 
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Isometry3, Rotation3, Unit, UnitQuaternion, Vector3};
 use yawara_mesh::VertexId;
 
 use super::at_rest::BodyAtRest;
 use super::path::{ToolPath, acts};
-use super::tool::Tool;
+use super::tool::{MaterialHold, Tool};
 use crate::body::OrganBox;
 use crate::error::SimError;
-use crate::scene::{GrabEntry, Region};
+use crate::scene::{GrabEntry, GrabHold, Region};
 
-/// Held vertices follow x = c + R(t)(X − c) + d(t), c the centre of the region at rest.
+/// What is held follows x = c + R(t)(X − c) + d(t), c the centre of the region at rest.
 pub(super) struct Grab {
-    /// Key of the region, for messages.
+    /// Its key, for messages.
     key: String,
+    hold: GrabHold,
+    stiffness: Option<f64>,
     organ: OrganBox,
     region: Region,
     centre: Vector3<f64>,
@@ -26,7 +28,9 @@ impl Grab {
     pub fn new(entry: &GrabEntry, key: &str, body: &BodyAtRest<'_>) -> Result<Self, SimError> {
         let organ = body.organ();
         Ok(Self {
-            key: format!("{key}.region"),
+            key: key.into(),
+            hold: entry.hold,
+            stiffness: entry.stiffness_n_m4,
             organ,
             region: entry.region.clone(),
             centre: entry.region.centre(&organ),
@@ -56,6 +60,9 @@ impl Tool for Grab {
 
     /// The vertices in the region, else the nearest one within an element's edge of its centre.
     fn grasp(&self, body: &BodyAtRest<'_>) -> Result<Vec<VertexId>, SimError> {
+        if self.hold != GrabHold::Vertices {
+            return Ok(Vec::new());
+        }
         let inside: Vec<VertexId> =
             body.available().filter(|&v| self.takes(&body.position(v))).collect();
         if !inside.is_empty() {
@@ -66,7 +73,7 @@ impl Tool for Grab {
         match nearest {
             Some(v) if distance(&v) <= body.edge_m() => Ok(vec![v]),
             _ => Err(SimError::ToolOutside {
-                key: self.key.clone(),
+                key: format!("{}.region", self.key),
                 image: body.name().into(),
                 distance_mm: nearest.map_or(f64::INFINITY, |v| distance(&v) * 1e3),
                 limit_mm: body.edge_m() * 1e3,
@@ -82,5 +89,29 @@ impl Tool for Grab {
         let (shift, angle) = self.path.motion(t);
         let turn = Rotation3::from_axis_angle(&Unit::new_normalize(self.axis), angle);
         self.centre + turn * (rest - self.centre) + shift
+    }
+
+    /// The region's material; in a ball with the weights 1 − s²/R², s the distance to its centre.
+    fn grip(&self, body: &BodyAtRest<'_>) -> Result<Option<MaterialHold>, SimError> {
+        if self.hold == GrabHold::Vertices {
+            return Ok(None);
+        }
+        let mut points = body.material_points(&self.key, &self.region)?;
+        if let Region::Sphere { radius_m, .. } = self.region {
+            for point in &mut points {
+                let part = (point.rest - self.centre).norm() / radius_m;
+                // One that lies outside is alone.
+                point.weight *= if part < 1.0 { 1.0 - part * part } else { 1.0 };
+            }
+        }
+        let given = || self.stiffness.unwrap_or_else(|| body.holding_stiffness_n_m4());
+        let stiffness = (self.hold == GrabHold::Pad).then(given);
+        Ok(Some(MaterialHold { points, stiffness }))
+    }
+
+    fn pose(&self, t: f64) -> Isometry3<f64> {
+        let (_, angle) = self.path.motion(t);
+        let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle);
+        Isometry3::from_parts(self.target(&Vector3::zeros(), t).into(), turn)
     }
 }

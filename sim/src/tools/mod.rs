@@ -23,7 +23,7 @@ use crate::scene::ToolEntry;
 pub use at_rest::BodyAtRest;
 pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
-pub use tool::Tool;
+pub use tool::{MaterialHold, Tool};
 
 pub(crate) use leading::{check_pose, path_of};
 pub(crate) use regions::Regions;

@@ -1,7 +1,7 @@
 //! What a tool is.
 
-use nalgebra::Vector3;
-use yawara_corot::Sphere;
+use nalgebra::{Isometry3, Vector3};
+use yawara_corot::{Sphere, WeightedPoint};
 use yawara_mesh::VertexId;
 
 use super::at_rest::BodyAtRest;
@@ -10,7 +10,17 @@ use super::surface_points::SurfacePoints;
 use crate::body::BodyState;
 use crate::error::SimError;
 
-/// What acts on the body from outside. A tool does one or more of three things: it holds vertices,
+/// Material that a tool holds.
+pub struct MaterialHold {
+    /// Its points; only ratios of their weights matter for a mean.
+    pub points: Vec<WeightedPoint>,
+    /// κ of an elastic hold, ½ Σ κ w |x − y|², N/m per unit of weight; without it the mean of the
+    /// points is held in place and turn.
+    pub stiffness: Option<f64>,
+}
+
+/// What acts on the body from outside. A tool does one or more of four things: it holds material, or
+/// vertices of the mesh,
 /// stands in the surface's way, or loads vertices with forces. What it does not do, it leaves at the
 /// default.
 ///
@@ -104,6 +114,22 @@ pub trait Tool {
     fn target(&self, rest: &Vector3<f64>, t: f64) -> Vector3<f64> {
         let _ = t;
         *rest
+    }
+
+    /// The material that it holds, whatever the mesh is.
+    ///
+    /// # Errors
+    /// [`SimError`] if it finds nothing to hold; the simulation is not made then.
+    fn grip(&self, body: &BodyAtRest<'_>) -> Result<Option<MaterialHold>, SimError> {
+        let _ = body;
+        Ok(None)
+    }
+
+    /// Where the material of its [`grip`](Self::grip) is to be at time `t`: turned and moved from
+    /// rest, m.
+    fn pose(&self, t: f64) -> Isometry3<f64> {
+        let _ = t;
+        Isometry3::identity()
     }
 
     /// A ball that the [`surface_points`](Self::surface_points) may touch but not enter.

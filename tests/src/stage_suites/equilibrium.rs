@@ -93,6 +93,7 @@ impl Clamped {
             inertia: None,
             external: load,
             free: &self.free,
+            constraints: None,
             inverse: &|f, y| {
                 y.copy_from_slice((inverse * DVector::from_column_slice(f)).as_slice());
             },

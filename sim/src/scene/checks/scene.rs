@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, SurfaceEntry};
+use crate::scene::{AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry};
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
@@ -47,6 +47,13 @@ impl Scene {
         check.label_refinement(&self.mesh)?;
         for (i, region) in self.fixed.iter().enumerate() {
             check.region(region, &format!("fixed[{i}]"))?;
+        }
+        let Support { hold, stiffness_n_m4 } = self.support;
+        if let Some(stiffness) = stiffness_n_m4 {
+            check.positive("support.stiffness_n_m4", stiffness)?;
+            let want = "no such key unless support.hold is \"elastic\"";
+            let elastic = hold == SupportHold::Elastic;
+            check.that(elastic, "support.stiffness_n_m4", stiffness, want)?;
         }
         check.vector("gravity_m_s2", &self.gravity_m_s2)?;
         let bearable = self.gravity_m_s2.iter().all(|g| g.abs() <= 1e6);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{Key, PressureKey, ToolEntry};
+use crate::scene::{GrabHold, Key, PressureKey, ToolEntry};
 
 /// The farthest a path goes in each axis, m.
 pub(crate) const FARTHEST_M: f64 = 1e3;
@@ -17,6 +17,12 @@ impl Check<'_> {
         match tool {
             ToolEntry::Grab(grab) => {
                 self.region(&grab.region, &format!("{key}.region"))?;
+                if let Some(stiffness) = grab.stiffness_n_m4 {
+                    let key = format!("{key}.stiffness_n_m4");
+                    self.positive(&key, stiffness)?;
+                    let want = "no such key unless hold is \"pad\"";
+                    self.that(grab.hold == GrabHold::Pad, &key, stiffness, want)?;
+                }
                 self.path(&grab.path, grab.path_csv.as_ref(), key)?;
                 self.axis(&grab.turn_axis, &format!("{key}.turn_axis"))?;
                 self.release(grab.release_s, key)

@@ -1,0 +1,244 @@
+//! Linear constraints on positions: what holds the mean of a grip.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
+
+use super::grip::Grip;
+use crate::body::Body;
+
+/// G x = g: rows on vertices, what they are to be, and how the body answers to them.
+///
+/// A row is a list of vertex numbers with their coefficients; rows are scaled to be of one unit.
+#[derive(Clone, Debug, Default)]
+pub struct Constraints {
+    rows: Vec<Vec<(usize, Vector3<f64>)>>,
+    targets: Vec<f64>,
+    responses: Arc<Responses>,
+}
+
+/// How a body answers to the forces of constraints.
+#[derive(Clone, Debug, Default)]
+pub struct Responses {
+    /// C Gᵀ of the unrotated body for the rows at the pose of rest: a column each, by vertex number
+    /// with the body's unknowns per vertex.
+    columns: Vec<Vec<f64>>,
+    /// (G C Gᵀ)⁻¹ for these rows.
+    inverse: DMatrix<f64>,
+}
+
+/// What a [`Constraints`] makes of the body's rotations as they are now.
+pub(crate) struct Turned<'a> {
+    constraints: &'a Constraints,
+    /// W = T C Gᵀ, a column each.
+    columns: Vec<Vec<f64>>,
+    /// (G W)⁻¹; entries that are not finite where it has none.
+    inverse: DMatrix<f64>,
+}
+
+impl Grip {
+    /// The six constraints on its mean, three where it can't feel a torque, at its pose R, t:
+    ///
+    /// Σ w (x_f − y_f) = 0 and Σ w (R r_f) × (x_f − y_f) = 0, r_f = X_f − c, both over Σ w and the
+    /// second over ρ: rows in m. Multipliers are N; those of the second are torques over ρ.
+    ///
+    /// Source: the distributing coupling of finite-element codes.
+    pub fn constraints(&self) -> Constraints {
+        self.constraints_at(self.pose())
+    }
+
+    /// Those at the pose of rest.
+    pub fn constraints_at_rest(&self) -> Constraints {
+        self.constraints_at(&Isometry3::identity())
+    }
+
+    fn constraints_at(&self, pose: &Isometry3<f64>) -> Constraints {
+        let mut constraints = Constraints::default();
+        let turn = pose.rotation.to_rotation_matrix();
+        let centre = pose * nalgebra::Point3::from(self.centre());
+        let moments = self.moments();
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        for (k, axis) in axes.iter().enumerate() {
+            let row = moments.iter().map(|(&v, (first, _))| (v, *first * axis));
+            constraints.push(row.collect(), centre[k]);
+        }
+        if let Some(gyration) = self.gyration() {
+            for axis in &axes {
+                // e · (R a × x) = (e × R a) · x.
+                let row = moments.iter().map(|(&v, (_, arm))| (v, axis.cross(&(turn * arm)) / gyration));
+                constraints.push(row.collect(), 0.0);
+            }
+        }
+        constraints
+    }
+}
+
+impl Constraints {
+    fn push(&mut self, row: Vec<(usize, Vector3<f64>)>, target: f64) {
+        self.rows.push(row);
+        self.targets.push(target);
+    }
+
+    /// C Gᵀ and G C Gᵀ of these constraints, at the pose of rest, by C of the unrotated body with
+    /// `unknowns` per vertex number: `apply` writes C f to its second argument.
+    ///
+    /// Cost: an application of C per row.
+    /// # Errors
+    /// Those of `apply`.
+    pub fn answer<E>(
+        &self,
+        unknowns: usize,
+        rows: usize,
+        mut apply: impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<Responses, E> {
+        let mut columns = Vec::new();
+        for row in &self.rows {
+            let (mut force, mut column) = (vec![0.0; rows], vec![0.0; rows]);
+            for (v, g) in row {
+                (0..3).for_each(|axis| force[unknowns * v + axis] += g[axis]);
+            }
+            apply(&force, &mut column)?;
+            columns.push(column);
+        }
+        let inverse = self.inverse_of(&columns, unknowns);
+        Ok(Responses { columns, inverse })
+    }
+
+    /// (G W)⁻¹ of columns W; not a number where there is none.
+    fn inverse_of(&self, columns: &[Vec<f64>], unknowns: usize) -> DMatrix<f64> {
+        let n = self.len();
+        let products: Vec<DVector<f64>> = columns.iter().map(|w| self.times(w, unknowns)).collect();
+        let product = DMatrix::from_fn(n, n, |i, j| products[j][i]);
+        product.try_inverse().unwrap_or_else(|| DMatrix::repeat(n, n, f64::NAN))
+    }
+
+    /// Adds those of `other`, without its responses.
+    pub fn extend(&mut self, other: Self) {
+        self.rows.extend(other.rows);
+        self.targets.extend(other.targets);
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// True without rows.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// The vertices and coefficients of a row.
+    ///
+    /// # Panics
+    /// If there is none of that number.
+    pub fn row(&self, number: usize) -> &[(usize, Vector3<f64>)] {
+        &self.rows[number]
+    }
+
+    /// The same rows with the body's answers: those of the rows at the pose of rest. What a solve
+    /// ends in does not depend on them, its speed does.
+    #[must_use]
+    pub fn with_responses(self, responses: Arc<Responses>) -> Self {
+        Self { responses, ..self }
+    }
+
+    /// C Gᵀ (G C Gᵀ)⁻¹ G C between displacements of the unrotated body, three rows per vertex of
+    /// `vertices`: by how much less it gives way for being held, m/N.
+    pub fn stiffening(&self, vertices: &[usize], unknowns: usize) -> DMatrix<f64> {
+        let Responses { columns, inverse } = &*self.responses;
+        let rows = DMatrix::from_fn(3 * vertices.len(), columns.len(), |i, j| {
+            columns[j][unknowns * vertices[i / 3] + i % 3]
+        });
+        &rows * inverse * rows.transpose()
+    }
+
+    /// g − G x at `positions` (by vertex number, m).
+    pub fn lack(&self, positions: &[Vector3<f64>]) -> DVector<f64> {
+        DVector::from_fn(self.len(), |k, _| {
+            let here: f64 = self.rows[k].iter().map(|(v, g)| g.dot(&positions[*v])).sum();
+            self.targets[k] - here
+        })
+    }
+
+    /// G y of a vector with `unknowns` per vertex, displacements first.
+    fn times(&self, y: &[f64], unknowns: usize) -> DVector<f64> {
+        DVector::from_fn(self.len(), |k, _| {
+            let entry = |v: usize| Vector3::from_column_slice(&y[unknowns * v..unknowns * v + 3]);
+            self.rows[k].iter().map(|(v, g)| g.dot(&entry(*v))).sum()
+        })
+    }
+
+    /// W and (G W)⁻¹ with the rotations of `body`.
+    pub(crate) fn turned(&self, body: &Body) -> Turned<'_> {
+        let m = body.unknowns_per_vertex();
+        let mut columns = self.responses.columns.clone();
+        for column in &mut columns {
+            let turns = body.vertex_rotations();
+            for (v, (entries, turn)) in column.chunks_exact_mut(m).zip(turns).enumerate() {
+                let turned = turn * Vector3::from_column_slice(&entries[..3]);
+                entries[..3].copy_from_slice(turned.as_slice());
+                if m > 3 {
+                    // As in a step of the problem, so that all entries have one unit.
+                    let (_, weight) = body.pressure_row(v);
+                    entries[3] = if weight > 0.0 { entries[3] / weight } else { 0.0 };
+                }
+            }
+        }
+        self.answered_by(columns, m)
+    }
+
+    /// With columns W of a body with `unknowns` per vertex.
+    pub(crate) fn answered_by(&self, columns: Vec<Vec<f64>>, unknowns: usize) -> Turned<'_> {
+        let inverse = self.inverse_of(&columns, unknowns);
+        Turned { constraints: self, columns, inverse }
+    }
+
+    /// The forces −Gᵀμ of the constraints on the body in equilibrium, N: per row vertex numbers with
+    /// forces. `residual` is f_ext − f_int without them, the body's unknowns per vertex.
+    pub fn forces(&self, body: &Body, residual: &[f64]) -> Vec<Vec<(usize, Vector3<f64>)>> {
+        let multipliers = self.turned(body).multipliers(residual);
+        let of = |(row, mu): (&Vec<(usize, Vector3<f64>)>, &f64)| {
+            row.iter().map(|(v, g)| (*v, -mu * g)).collect()
+        };
+        self.rows.iter().zip(multipliers.iter()).map(of).collect()
+    }
+
+    /// How the multipliers of three rows from `first` on (a grip's forces) grow with their targets,
+    /// (G W)⁻¹, N/m: the stiffness that the grip feels while it does not turn.
+    pub fn stiffness(&self, body: &Body, first: usize) -> Matrix3<f64> {
+        let inverse = self.turned(body).inverse;
+        Matrix3::from_fn(|i, j| inverse[(first + i, first + j)])
+    }
+}
+
+impl Turned<'_> {
+    /// μ = (G W)⁻ᵀ Wᵀ r for a residual r: r − Gᵀμ is what the constraints leave of it.
+    pub fn multipliers(&self, residual: &[f64]) -> DVector<f64> {
+        let dot = |w: &Vec<f64>| w.iter().zip(residual).map(|(a, b)| a * b).sum();
+        let products = DVector::from_iterator(self.columns.len(), self.columns.iter().map(dot));
+        self.inverse.tr_mul(&products)
+    }
+
+    /// r ← r − Gᵀμ on the vertices that are `free`.
+    pub fn balance(&self, residual: &mut [f64], unknowns: usize, free: &[bool]) {
+        let multipliers = self.multipliers(residual);
+        for (row, mu) in self.constraints.rows.iter().zip(multipliers.iter()) {
+            for (v, g) in row.iter().filter(|(v, _)| free[*v]) {
+                (0..3).for_each(|axis| residual[unknowns * v + axis] -= mu * g[axis]);
+            }
+        }
+    }
+
+    /// d ← d − W (G W)⁻¹ (G d − `lack`): the step for which G(x + d) is g where `lack` = g − G x.
+    pub fn correct(&self, step: &mut [f64], unknowns: usize, lack: Option<DVector<f64>>) {
+        let mut off = self.constraints.times(step, unknowns);
+        if let Some(lack) = lack {
+            off -= lack;
+        }
+        let weights = &self.inverse * off;
+        for (column, weight) in self.columns.iter().zip(weights.iter()) {
+            step.iter_mut().zip(column).for_each(|(d, w)| *d -= weight * w);
+        }
+    }
+}

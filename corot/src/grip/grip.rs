@@ -1,0 +1,371 @@
+//! Weighted points of material, each in one element of a mesh that changes.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
+use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
+
+use super::locate::locate;
+use crate::body::Body;
+
+/// The least radius of gyration of points that can feel a torque, as a part of the largest.
+const FLAT: f64 = 1e-4;
+
+/// A fine point of the body and what it counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WeightedPoint {
+    /// Where it rests, m.
+    pub rest: Vector3<f64>,
+    /// The volume (m³) or area (m²) that it stands for, times a profile of its own.
+    pub weight: f64,
+}
+
+/// Material that is held: points f with weights w_f that do not know the mesh.
+///
+/// The interpolated position x_f = Σ λ_a x_a is linear in each element and the spaces of a mesh and
+/// its refinement are nested, so that sums over the points are the same integrals on every mesh: a
+/// split by itself changes no energy, force or mean. A grip has a pose that its points are to follow,
+/// y_f = R X_f + t; with a stiffness κ it is elastic, an energy ½ Σ κ w_f |x_f − y_f|² of the body
+/// ([`Body::add_grip`]), without one it is for [`Constraints`](super::Constraints) to hold its mean.
+#[derive(Clone, Debug)]
+pub struct Grip {
+    points: Vec<WeightedPoint>,
+    /// κ: N/m per unit of weight.
+    stiffness: Option<f64>,
+    pose: Isometry3<f64>,
+    shares: BTreeMap<TetId, Share>,
+    weight: f64,
+    centre: Vector3<f64>,
+    /// ρ, the radius of gyration, m; none where the points do not span a volume or an area.
+    gyration: Option<f64>,
+}
+
+/// What an element has of a grip.
+#[derive(Clone, Debug)]
+struct Share {
+    vertices: [usize; 4],
+    /// Where these rest, m.
+    corners: [Vector3<f64>; 4],
+    /// Number and λ of each point, ascending numbers.
+    points: Vec<(u32, Vector4<f64>)>,
+    /// Σ w λ_a.
+    first: Vector4<f64>,
+    /// Σ w λ_a λ_b.
+    second: Matrix4<f64>,
+}
+
+impl Share {
+    fn new(
+        vertices: [usize; 4],
+        corners: [Vector3<f64>; 4],
+        mut points: Vec<(u32, Vector4<f64>)>,
+        all: &[WeightedPoint],
+    ) -> Self {
+        points.sort_by_key(|point| point.0);
+        let (mut first, mut second) = (Vector4::zeros(), Matrix4::zeros());
+        for (number, lambda) in &points {
+            let weight = all[*number as usize].weight;
+            first += weight * lambda;
+            second += weight * lambda * lambda.transpose();
+        }
+        Self { vertices, corners, points, first, second }
+    }
+
+    /// Σ w λ_a X_f = Σ w λ_a Σ λ_b X_b of a corner.
+    fn rest(&self, corner: usize) -> Vector3<f64> {
+        (0..4).map(|b| self.second[(corner, b)] * self.corners[b]).sum()
+    }
+}
+
+impl Grip {
+    /// Points in the elements of `body` for which `holds` is true, whose vertices rest at `rest` (by
+    /// vertex number, m), at their pose of rest. `stiffness` κ in N/m per unit of weight.
+    ///
+    /// Points outside of all these elements count for nothing; `None` if no point is left.
+    pub fn new(
+        points: Vec<WeightedPoint>,
+        stiffness: Option<f64>,
+        body: &Body,
+        rest: &[Vector3<f64>],
+        holds: impl Fn(TetId) -> bool,
+    ) -> Option<Self> {
+        let places: Vec<Vector3<f64>> = points.iter().map(|point| point.rest).collect();
+        let elements = body.elements().iter().filter(|element| holds(element.tet));
+        let located = locate(&places, elements, rest, 0.0);
+        type Bound = ([usize; 4], Vec<(u32, Vector4<f64>)>);
+        let mut bound: BTreeMap<TetId, Bound> = BTreeMap::new();
+        for (number, place) in located.iter().enumerate() {
+            let Some(place) = place else { continue };
+            let share = bound.entry(place.tet).or_insert((place.vertices, Vec::new()));
+            share.1.push((number as u32, Vector4::from(place.weights)));
+        }
+        let shares: BTreeMap<TetId, Share> = bound
+            .into_iter()
+            .map(|(tet, (vertices, bound))| {
+                let corners = vertices.map(|v| rest[v]);
+                (tet, Share::new(vertices, corners, bound, &points))
+            })
+            .collect();
+        let weight: f64 = shares.values().map(|share| share.first.sum()).sum();
+        let rests = shares.values().flat_map(|share| [0, 1, 2, 3].map(|a| share.rest(a)));
+        let sum: Vector3<f64> = rests.sum();
+        if !(weight > 0.0) {
+            return None;
+        }
+        let centre = sum / weight;
+        let mut spread = Matrix3::zeros();
+        for (number, _) in shares.values().flat_map(|share| &share.points) {
+            let WeightedPoint { rest, weight: w } = &points[*number as usize];
+            let arm = rest - centre;
+            spread += *w / weight * arm * arm.transpose();
+        }
+        let inertia = Matrix3::identity() * spread.trace() - spread;
+        let axes = inertia.symmetric_eigenvalues();
+        let can_turn = axes.min() > FLAT * FLAT * axes.max();
+        let gyration = can_turn.then(|| spread.trace().sqrt());
+        let pose = Isometry3::identity();
+        Some(Self { points, stiffness, pose, shares, weight, centre, gyration })
+    }
+
+    /// κ, N/m per unit of weight, of an elastic grip that has not let go.
+    pub fn stiffness(&self) -> Option<f64> {
+        self.stiffness
+    }
+
+    /// Σ w, m³ or m².
+    pub fn weight(&self) -> f64 {
+        self.weight
+    }
+
+    /// How many points it has, those outside of all elements too.
+    pub fn point_count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The weighted mean of the points at rest, m.
+    pub fn centre(&self) -> Vector3<f64> {
+        self.centre
+    }
+
+    /// True if it can hold against a turn: its points do not lie on a line.
+    pub fn can_turn(&self) -> bool {
+        self.gyration.is_some()
+    }
+
+    /// How many elements it holds something of.
+    pub fn tet_count(&self) -> usize {
+        self.shares.len()
+    }
+
+    /// Where its points are to be, from rest.
+    pub fn pose(&self) -> &Isometry3<f64> {
+        &self.pose
+    }
+
+    /// Leads its points.
+    pub fn set_pose(&mut self, pose: Isometry3<f64>) {
+        self.pose = pose;
+    }
+
+    /// κ Σ w λ_a λ_b of an element's corners, the same for each axis, N/m.
+    pub fn matrix(&self, tet: TetId) -> Option<Matrix4<f64>> {
+        Some(self.shares.get(&tet)?.second * self.stiffness?)
+    }
+
+    /// Lets go: returns the [matrices](Self::matrix) that the stiffness loses, with their corners.
+    pub fn release(&mut self) -> Vec<([usize; 4], Matrix4<f64>)> {
+        let Some(stiffness) = self.stiffness.take() else { return Vec::new() };
+        self.shares.values().map(|share| (share.vertices, share.second * stiffness)).collect()
+    }
+
+    /// κ Σ w λ_a (x_f − y_f) of an element's corners at `positions` (by vertex number, m), N: what
+    /// the body's internal forces have of it, the opposite of its force on the body.
+    fn corner_forces(
+        &self,
+        share: &Share,
+        stiffness: f64,
+        positions: &[Vector3<f64>],
+    ) -> [Vector3<f64>; 4] {
+        // Nothing but zero at rest: what is subtracted first are positions.
+        let off: [Vector3<f64>; 4] = std::array::from_fn(|b| {
+            positions[share.vertices[b]] - (self.pose * Point3::from(share.corners[b])).coords
+        });
+        [0, 1, 2, 3].map(|a| {
+            let sum: Vector3<f64> = (0..4).map(|b| share.second[(a, b)] * off[b]).sum();
+            stiffness * sum
+        })
+    }
+
+    /// Calls `visit` with vertex numbers and the forces of an elastic grip on the body there, N.
+    pub fn each_force(&self, positions: &[Vector3<f64>], mut visit: impl FnMut(usize, Vector3<f64>)) {
+        let Some(stiffness) = self.stiffness else { return };
+        for share in self.shares.values() {
+            let forces = self.corner_forces(share, stiffness, positions);
+            share.vertices.into_iter().zip(forces).for_each(|(v, force)| visit(v, -force));
+        }
+    }
+
+    /// Adds the internal forces of an elastic grip to `forces`; returns Σ ‖·‖² of the elements'
+    /// shares.
+    pub(crate) fn add_to(&self, positions: &[Vector3<f64>], forces: &mut [Vector3<f64>]) -> f64 {
+        let mut squares = 0.0;
+        self.each_force(positions, |v, force| {
+            squares += force.norm_squared();
+            forces[v] -= force;
+        });
+        squares
+    }
+
+    /// ½ Σ κ w |x_f − y_f|² of an elastic grip, J.
+    pub fn energy(&self, positions: &[Vector3<f64>]) -> f64 {
+        let squares = self.shares.values().flat_map(|share| {
+            let x = share.vertices.map(|v| positions[v]);
+            share.points.iter().map(move |(number, lambda)| {
+                let WeightedPoint { rest, weight } = &self.points[*number as usize];
+                let here: Vector3<f64> = (0..4).map(|a| lambda[a] * x[a]).sum();
+                weight * (here - (self.pose * Point3::from(*rest)).coords).norm_squared()
+            })
+        });
+        0.5 * self.stiffness.unwrap_or(0.0) * squares.sum::<f64>()
+    }
+
+    /// By vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the
+    /// [centre](Self::centre): the mean of the body's points is Σ of the first times x_a.
+    pub(super) fn moments(&self) -> BTreeMap<usize, (f64, Vector3<f64>)> {
+        let mut moments = BTreeMap::new();
+        for share in self.shares.values() {
+            for (a, v) in share.vertices.into_iter().enumerate() {
+                let (first, arm) = moments.entry(v).or_insert((0.0, Vector3::zeros()));
+                *first += share.first[a] / self.weight;
+                *arm += (share.rest(a) - share.first[a] * self.centre) / self.weight;
+            }
+        }
+        moments
+    }
+
+    /// Σ w λ_a / Σ w by vertex number: what each weighs in the mean of the points.
+    pub fn mean_weights(&self) -> Vec<(usize, f64)> {
+        self.moments().into_iter().map(|(v, (first, _))| (v, first)).collect()
+    }
+
+    /// ρ of [`can_turn`](Self::can_turn), m.
+    pub(super) fn gyration(&self) -> Option<f64> {
+        self.gyration
+    }
+
+    /// Hands the points of the ring's elements on to those that took their place, exactly.
+    pub(crate) fn follow(&mut self, delta: &MeshDelta) {
+        for RingTet { parent, children } in &delta.ring {
+            let corners = parent.vertices.map(|v| v.index());
+            let new = delta.vertex.index();
+            let ends = delta.edge.map(|v| v.index());
+            let at = |v: usize| corners.iter().position(|&corner| corner == v).unwrap_or_default();
+            let [a, b] = ends.map(at);
+            match delta.change {
+                Change::Split => {
+                    let Some(share) = self.shares.remove(&parent.id) else { continue };
+                    // A point lies in the half that keeps the end it is nearer to.
+                    let is_first = |lambda: &Vector4<f64>| lambda[a] >= lambda[b];
+                    let (first, second) =
+                        share.points.iter().copied().partition::<Vec<_>, _>(|p| is_first(&p.1));
+                    for child in children {
+                        let vertices = child.vertices.map(|v| v.index());
+                        let keeps_a = vertices.contains(&ends[0]);
+                        let (points, lost) = if keeps_a { (&first, b) } else { (&second, a) };
+                        if points.is_empty() {
+                            continue;
+                        }
+                        let moved = points.iter().map(|(number, lambda)| {
+                            let of = |v: usize| match v {
+                                v if v == new => 2.0 * lambda[lost],
+                                v if ends.contains(&v) => lambda[at(v)] - lambda[lost],
+                                v => lambda[at(v)],
+                            };
+                            (*number, Vector4::from(vertices.map(of)))
+                        });
+                        let middle = 0.5 * (share.corners[a] + share.corners[b]);
+                        let rest = |v: usize| if v == new { middle } else { share.corners[at(v)] };
+                        let corners = vertices.map(rest);
+                        let half = Share::new(vertices, corners, moved.collect(), &self.points);
+                        self.shares.insert(child.id, half);
+                    }
+                }
+                Change::Merge => {
+                    let (mut points, mut rest) = (Vec::new(), [None; 4]);
+                    for child in children {
+                        let Some(share) = self.shares.remove(&child.id) else { continue };
+                        let (mut kept, mut middle) = (None, Vector3::zeros());
+                        for (v, x) in share.vertices.into_iter().zip(share.corners) {
+                            match v {
+                                v if v == new => middle = x,
+                                v => rest[at(v)] = Some(x),
+                            }
+                            kept = if ends.contains(&v) { Some((at(v), x)) } else { kept };
+                        }
+                        if let Some((end, x)) = kept {
+                            // The other half may hold nothing.
+                            rest[a + b - end].get_or_insert(2.0 * middle - x);
+                        }
+                        for (number, lambda) in share.points {
+                            let mut whole = Vector4::zeros();
+                            for (i, v) in share.vertices.into_iter().enumerate() {
+                                let to = if v == new { vec![a, b] } else { vec![at(v)] };
+                                let part = lambda[i] / to.len() as f64;
+                                to.into_iter().for_each(|corner| whole[corner] += part);
+                            }
+                            points.push((number, whole));
+                        }
+                    }
+                    if !points.is_empty() {
+                        let rest = rest.map(Option::unwrap_or_default);
+                        let share = Share::new(corners, rest, points, &self.points);
+                        self.shares.insert(parent.id, share);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Body {
+    /// Adds a grip; an elastic one pulls from now on. Returns its number.
+    pub fn add_grip(&mut self, grip: Grip) -> usize {
+        self.grips.push(grip);
+        self.grips.len() - 1
+    }
+
+    /// All grips, those that have let go too.
+    pub fn grips(&self) -> &[Grip] {
+        &self.grips
+    }
+
+    /// The same, to lead them or let them go.
+    pub fn grips_mut(&mut self) -> &mut [Grip] {
+        &mut self.grips
+    }
+
+    /// Takes all grips along through a split or merge of the mesh.
+    pub fn grips_follow(&mut self, delta: &MeshDelta) {
+        self.grips.iter_mut().for_each(|grip| grip.follow(delta));
+    }
+
+    /// Whether a grip has points in an element.
+    pub fn is_gripped(&self, tet: TetId) -> bool {
+        self.grips.iter().any(|grip| grip.shares.contains_key(&tet))
+    }
+
+    /// A bound on the entries of what elastic grips add to the stiffness, N/m.
+    pub(crate) fn grip_scale(&self) -> f64 {
+        let diagonals = self.grips.iter().flat_map(|grip| {
+            let stiffness = grip.stiffness.unwrap_or(0.0);
+            grip.shares.values().map(move |share| stiffness * share.second.diagonal().max())
+        });
+        diagonals.fold(0.0, f64::max)
+    }
+
+    /// What elastic grips add to the stiffness of an element, on its corners and the same for each
+    /// axis, N/m.
+    pub fn grip_matrix(&self, tet: TetId) -> Option<Matrix4<f64>> {
+        self.grips.iter().filter_map(|grip| grip.matrix(tet)).reduce(|a, b| a + b)
+    }
+}

@@ -1,0 +1,72 @@
+//! Which element a point at rest lies in.
+
+use nalgebra::Vector3;
+use yawara_mesh::TetId;
+
+use crate::element::Element;
+
+/// Barycentric coordinates that differ by less are the same.
+const SAME: f64 = 1e-9;
+
+/// An element with the barycentric coordinates λ of a point in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Located {
+    /// The element's tetrahedron.
+    pub tet: TetId,
+    /// Its corners, by vertex number.
+    pub vertices: [usize; 4],
+    /// λ of each corner; their sum is 1.
+    pub weights: [f64; 4],
+}
+
+impl Located {
+    /// The point `x` (rest, m) in `element`, whose vertices rest at `rest` (by vertex number, m):
+    /// λ_a = ¼ + ∇λ_a · (x − centroid).
+    pub fn new(element: &Element, rest: &[Vector3<f64>], x: &Vector3<f64>) -> Self {
+        let centroid = element.vertices.iter().map(|&v| rest[v]).sum::<Vector3<f64>>() * 0.25;
+        let weight = |gradient: &Vector3<f64>| 0.25 + gradient.dot(&(x - centroid));
+        let weights = element.geometry.gradients.each_ref().map(weight);
+        Self { tet: element.tet, vertices: element.vertices, weights }
+    }
+
+    /// True if `other` is the same place in the same element, up to rounding.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let mut pairs = self.weights.iter().zip(other.weights);
+        self.vertices == other.vertices && pairs.all(|(a, b)| (a - b).abs() <= SAME)
+    }
+}
+
+/// For each point (rest, m) the element in which its least λ is largest, the first of several;
+/// none where every element's box, widened by `reach` (m), is missed.
+///
+/// Cost: O(points log points), and a look at each point whose x lies in an element's widened box.
+pub fn locate<'a>(
+    points: &[Vector3<f64>],
+    elements: impl Iterator<Item = &'a Element>,
+    rest: &[Vector3<f64>],
+    reach: f64,
+) -> Vec<Option<Located>> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
+    let mut found = vec![None; points.len()];
+    let mut inside = vec![f64::NEG_INFINITY; points.len()];
+    for element in elements {
+        let corners = element.vertices.map(|v| rest[v]);
+        let low = corners.iter().fold(corners[0], |low, x| low.inf(x)).add_scalar(-reach);
+        let high = corners.iter().fold(corners[0], |high, x| high.sup(x)).add_scalar(reach);
+        let first = order.partition_point(|&i| points[i].x < low.x);
+        for &i in order[first..].iter().take_while(|&&i| points[i].x <= high.x) {
+            let x = &points[i];
+            if x.y < low.y || x.y > high.y || x.z < low.z || x.z > high.z {
+                continue;
+            }
+            let here = Located::new(element, rest, x);
+            let least = here.weights.iter().copied().fold(f64::INFINITY, f64::min);
+            // On a face the first element wins, so that rounding does not decide.
+            if least > inside[i] + SAME {
+                (inside[i], found[i]) = (least, Some(here));
+            }
+        }
+    }
+    found
+}

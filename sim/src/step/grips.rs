@@ -1,0 +1,205 @@
+//! What tools and supports hold of the material, in a step.
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector3};
+use yawara_corot::{Constraints, Responses};
+use yawara_mesh::VertexId;
+
+use crate::body::BodyState;
+use crate::error::SimError;
+use crate::inverse::{Constrained, InverseLink};
+use crate::tools::Tool;
+
+/// Forces on vertices, N.
+type Forces = Vec<(VertexId, Vector3<f64>)>;
+
+/// The constraints of tools that hold the mean of their material, and their forces.
+#[derive(Default)]
+pub(crate) struct Grips {
+    /// The grips, by number, that constraints hold, with the first of their rows.
+    held: Vec<(usize, usize)>,
+    /// Those that have let go.
+    free: Vec<usize>,
+    /// The forces at the last equilibrium of each of `held`.
+    forces: Vec<Forces>,
+    constraints: Constraints,
+    answer: Option<Answer>,
+}
+
+/// What the body answers to the constraints, until the mesh or what is held changes.
+struct Answer {
+    updates: usize,
+    vertices: Vec<usize>,
+    grips: Vec<usize>,
+    responses: Arc<Responses>,
+}
+
+impl Grips {
+    /// Leads all grips to where their tools have them at time `t`; the constraints of those that
+    /// hold a mean.
+    ///
+    /// # Errors
+    /// Those of a solve with `constrained`, the inverse with the vertices of `held` fixed.
+    pub fn lead(
+        &mut self,
+        t: f64,
+        state: &mut BodyState,
+        inverse: &InverseLink,
+        tools: &[Box<dyn Tool>],
+        constrained: &Constrained<'_>,
+    ) -> Result<Option<Constraints>, SimError> {
+        let (mut constraints, mut at_rest) = (Constraints::default(), Constraints::default());
+        self.held.clear();
+        for number in 0..state.grip_tools.len() {
+            let grip = &mut state.body.grips_mut()[number];
+            let Some(tool) = state.grip_tools[number] else { continue };
+            grip.set_pose(tools[tool].pose(t));
+            if grip.stiffness().is_none() && !self.free.contains(&number) {
+                self.held.push((number, constraints.len()));
+                constraints.extend(grip.constraints());
+                at_rest.extend(grip.constraints_at_rest());
+            }
+        }
+        if self.held.is_empty() {
+            return Ok(None);
+        }
+        let grips: Vec<usize> = self.held.iter().map(|held| held.0).collect();
+        let is_current = |answer: &&Answer| {
+            let Answer { updates, vertices, grips: of, .. } = answer;
+            *updates == inverse.updates && *vertices == constrained.slots() && *of == grips
+        };
+        if self.answer.as_ref().filter(is_current).is_none() {
+            let m = state.body.unknowns_per_vertex();
+            let rows = m * state.positions.len();
+            let responses = at_rest.answer(m, rows, |f, y| constrained.apply(f, y))?;
+            let responses = Arc::new(responses);
+            let (updates, vertices) = (inverse.updates, constrained.slots().to_vec());
+            self.answer = Some(Answer { updates, vertices, grips, responses });
+        }
+        if let Some(Answer { responses, .. }) = &self.answer {
+            self.constraints = constraints.with_responses(Arc::clone(responses));
+        }
+        Ok(Some(self.constraints.clone()))
+    }
+
+    /// Notes the forces of tools in an equilibrium under `external` forces, by vertex number, N.
+    pub fn note_forces(
+        &mut self,
+        external: &[Vector3<f64>],
+        internal: &[Vector3<f64>],
+        free: &[bool],
+        state: &BodyState,
+    ) {
+        self.forces.clear();
+        if self.held.is_empty() {
+            return;
+        }
+        let m = state.body.unknowns_per_vertex();
+        let mut residual = vec![0.0; m * free.len()];
+        for v in (0..free.len()).filter(|&v| free[v]) {
+            residual[m * v..m * v + 3].copy_from_slice((external[v] - internal[v]).as_slice());
+        }
+        let mut rows = self.constraints.forces(&state.body, &residual).into_iter();
+        let firsts = self.held.iter().map(|held| held.1).chain([self.constraints.len()]);
+        let firsts: Vec<usize> = firsts.collect();
+        for of in firsts.windows(2) {
+            let forces = rows.by_ref().take(of[1] - of[0]).flatten();
+            self.forces.push(forces.map(|(v, f)| (VertexId(v as u32), f)).collect());
+        }
+    }
+
+    /// The forces of a tool on the body at the last equilibrium, N.
+    pub fn of_tool(&self, tool: usize, state: &BodyState) -> Forces {
+        let is_mine = |number: usize| state.grip_tools[number] == Some(tool);
+        let means = self.held.iter().zip(&self.forces).filter(|(held, _)| is_mine(held.0));
+        let mut forces: Forces = means.flat_map(|(_, forces)| forces.clone()).collect();
+        let pads = (0..state.grip_tools.len()).filter(|&number| is_mine(number));
+        pads.for_each(|number| forces.extend(pull(number, state)));
+        forces
+    }
+
+    /// The forces of all supports on the body, N.
+    pub fn of_supports(&self, state: &BodyState) -> Forces {
+        let supports = (0..state.grip_tools.len()).filter(|&i| state.grip_tools[i].is_none());
+        supports.flat_map(|number| pull(number, state)).collect()
+    }
+
+    /// How the force of a tool grows with its displacement while it does not turn, and what it
+    /// holds moves with it, N/m.
+    ///
+    /// A mean's is (G Ĉ Gᵀ)⁻¹, a pad's κW I − A Ĉ Aᵀ with A = κ Σ w λ_v of its vertices.
+    /// # Errors
+    /// Those of three solves with `constrained`.
+    pub fn stiffness(
+        &self,
+        tool: usize,
+        state: &BodyState,
+        constrained: &Constrained<'_>,
+    ) -> Result<Matrix3<f64>, SimError> {
+        let mut stiffness = Matrix3::zeros();
+        for number in (0..state.grip_tools.len()).filter(|&i| state.grip_tools[i] == Some(tool)) {
+            if let Some((_, first)) = self.held.iter().find(|held| held.0 == number) {
+                stiffness += self.constraints.stiffness(&state.body, *first);
+            }
+            let grip = &state.body.grips()[number];
+            let Some(by_weight) = grip.stiffness() else { continue };
+            let whole = by_weight * grip.weight();
+            let m = state.body.unknowns_per_vertex();
+            let turns = state.body.vertex_rotations();
+            let weights = grip.mean_weights();
+            for axis in 0..3 {
+                let mut force = vec![0.0; m * state.positions.len()];
+                let mut answer = force.clone();
+                for (v, weight) in &weights {
+                    let local = whole * weight * turns[*v].row(axis).transpose();
+                    force[m * v..m * v + 3].copy_from_slice(local.as_slice());
+                }
+                constrained.apply(&force, &mut answer)?;
+                let mut column = whole * Vector3::ith(axis, 1.0);
+                for (v, weight) in &weights {
+                    let local = Vector3::from_column_slice(&answer[m * v..m * v + 3]);
+                    column -= whole * *weight * turns[*v] * local;
+                }
+                stiffness.set_column(axis, &(stiffness.column(axis) + column));
+            }
+        }
+        Ok(stiffness)
+    }
+
+    /// Lets go what tools no longer hold at time `t`, and calls `fade` with the forces that they had.
+    ///
+    /// # Errors
+    /// [`SimError::Inverse`] if the inverse refuses to lose the stiffness of a pad.
+    pub fn let_go(
+        &mut self,
+        t: f64,
+        state: &mut BodyState,
+        inverse: &mut InverseLink,
+        tools: &[Box<dyn Tool>],
+        mut fade: impl FnMut((VertexId, Vector3<f64>)),
+    ) -> Result<(), SimError> {
+        for number in 0..state.grip_tools.len() {
+            let Some(tool) = state.grip_tools[number].filter(|&tool| !tools[tool].acts_at(t)) else {
+                continue;
+            };
+            if self.free.contains(&number) {
+                continue;
+            }
+            self.of_tool(tool, state).into_iter().for_each(&mut fade);
+            self.free.push(number);
+            self.held.clear();
+            self.forces.clear();
+            inverse.remove_springs(&state.body.grips_mut()[number].release())?;
+        }
+        Ok(())
+    }
+}
+
+/// The forces of an elastic grip on the body where it is, N.
+fn pull(number: usize, state: &BodyState) -> Forces {
+    let mut forces = Vec::new();
+    let grip = &state.body.grips()[number];
+    grip.each_force(&state.positions, |v, force| forces.push((VertexId(v as u32), force)));
+    forces
+}
