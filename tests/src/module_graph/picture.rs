@@ -7,7 +7,7 @@ use layout::backends::svg::SVGWriter;
 use layout::core::base::Orientation::TopToBottom;
 use layout::core::geometry::Point;
 use layout::core::style::{LineStyleKind, StyleAttr};
-use layout::std_shapes::shapes::{Arrow, Element, LineEndKind, ShapeKind};
+use layout::std_shapes::shapes::{Arrow, Element, ShapeKind};
 use layout::topo::layout::VisualGraph;
 use petgraph::algo::tred::{dag_to_toposorted_adjacency_list, dag_transitive_reduction_closure};
 use petgraph::algo::{greedy_feedback_arc_set, toposort};
@@ -35,11 +35,10 @@ pub fn pictures(root: &Path) -> Result<Vec<(String, String)>, String> {
 /// The crates, by their folders, and who depends on whom.
 fn crates(packages: &[Package]) -> String {
     let names: Vec<&str> = packages.iter().map(|package| &*package.folder).collect();
-    let users = packages.iter().enumerate();
-    let uses = users.flat_map(|(from, user)| {
-        let used = packages.iter().enumerate();
-        let used = used.filter(|(_, package)| user.dependencies.contains(&package.name));
-        used.map(move |(to, _)| (from, to))
+    let uses = packages.iter().enumerate().flat_map(|(from, user)| {
+        let to =
+            (0..packages.len()).filter(move |&to| user.dependencies.contains(&packages[to].name));
+        to.map(move |to| (from, to))
     });
     svg(&names, uses)
 }
@@ -80,13 +79,8 @@ fn svg(names: &[&str], uses: impl Iterator<Item = (usize, usize)>) -> String {
     for node in &order {
         let name = names[node.index()];
         let size = Point::new(20.0 + 9.0 * name.chars().count() as f64, 30.0);
-        let shape = ShapeKind::new_box(name);
-        boxes.push(picture.add_node(Element::create(
-            shape,
-            StyleAttr::simple(),
-            TopToBottom,
-            size,
-        )));
+        let (shape, look) = (ShapeKind::new_box(name), StyleAttr::simple());
+        boxes.push(picture.add_node(Element::create(shape, look, TopToBottom, size)));
     }
     let drawn: BTreeSet<(u32, u32)> =
         reduced.edge_references().map(|edge| (edge.source(), edge.target())).collect();
@@ -95,9 +89,7 @@ fn svg(names: &[&str], uses: impl Iterator<Item = (usize, usize)>) -> String {
     }
     for (from, to) in upwards {
         let [from, to] = [from, to].map(|node| boxes[rank[node.index()] as usize]);
-        let (head, tail) = (LineEndKind::Arrow, LineEndKind::None);
-        let look = StyleAttr::simple();
-        let arrow = Arrow::new(head, tail, LineStyleKind::Dashed, "", &look, &None, &None);
+        let arrow = Arrow { line_style: LineStyleKind::Dashed, ..Arrow::simple("").reverse() };
         picture.add_edge(arrow, to, from);
     }
     let mut writer = SVGWriter::new();
