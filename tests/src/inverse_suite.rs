@@ -6,6 +6,7 @@ mod fixing;
 mod history;
 mod model;
 mod refusals;
+mod scaled;
 mod springs;
 
 pub use by_hand::*;

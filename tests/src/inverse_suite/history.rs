@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, Side};
 use nalgebra::DMatrix;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -14,6 +14,7 @@ use yawara_inverse_update::{
 };
 
 use super::model::Model;
+use super::scaled::Scaled;
 use super::{build, is_available, residual, solves_by_columns, updates_inverse};
 
 /// One step of a history; all of its randomness.
@@ -70,71 +71,6 @@ struct Passed {
     least: f64,
     /// The most that a change ever added and took, both counted.
     change: f64,
-}
-
-/// K scaled to a unit diagonal: the scale √|K_ii| and the condition number.
-struct Scaled {
-    scale: Vec<f64>,
-    condition: f64,
-    /// The norm of the scaled inverse.
-    compliance: f64,
-    /// How much larger than K's entries those of D in K = L D Lᵀ can be, in any order; 1 where K is
-    /// definite.
-    growth: f64,
-}
-
-impl Scaled {
-    fn of(k: &Mat<f64>, negative: usize) -> Self {
-        let scale: Vec<f64> = (0..k.nrows()).map(|i| k[(i, i)].abs().sqrt()).collect();
-        if scale.is_empty() {
-            return Self { scale, condition: 1.0, compliance: 1.0, growth: 1.0 };
-        }
-        let unit = Mat::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] / (scale[i] * scale[j]));
-        let eigenvalues = eigenvalues(&unit);
-        let below = eigenvalues.iter().filter(|&&value| value < 0.0).count();
-        assert_eq!(below, negative, "the model must have its announced inertia");
-        let norm = eigenvalues.iter().map(|value| value.abs()).fold(1.0, f64::max);
-        let least = eigenvalues.iter().map(|value| value.abs()).fold(f64::INFINITY, f64::min);
-        let condition = norm / least;
-        assert!(condition.is_finite(), "the model must not be singular");
-        Self { scale, condition, compliance: 1.0 / least, growth: growth(&unit) }
-    }
-
-    /// ‖S c S‖ in the Frobenius norm.
-    fn norm(&self, c: &Mat<f64>) -> f64 {
-        let weight = |i: usize, j: usize| self.scale[i] * self.scale[j];
-        Mat::from_fn(c.nrows(), c.ncols(), |i, j| weight(i, j) * c[(i, j)]).norm_l2()
-    }
-
-    /// ‖S (a − b) S‖ / ‖S b S‖.
-    fn inverse_error(&self, a: &Mat<f64>, b: &Mat<f64>) -> f64 {
-        if self.scale.is_empty() { 0.0 } else { self.norm(&(a - b)) / self.norm(b) }
-    }
-}
-
-fn eigenvalues(symmetric: &Mat<f64>) -> Vec<f64> {
-    symmetric.self_adjoint_eigenvalues(Side::Lower).expect("finite entries")
-}
-
-/// For [A, Bᵀ; B, −P], rows in any order, the larger of ‖A + Bᵀ P⁻¹ B‖/‖A‖ and the same with A and
-/// P exchanged: the Schur complements of all eliminations lie below these.
-///
-/// Gill, Saunders, Shinnerl, On the stability of Cholesky factorization for symmetric
-/// quasidefinite systems, SIAM J. Matrix Anal. Appl. 17(1), 1996.
-fn growth(unit: &Mat<f64>) -> f64 {
-    let (first, last): (Vec<usize>, Vec<usize>) =
-        (0..unit.nrows()).partition(|&i| unit[(i, i)] > 0.0);
-    if first.is_empty() || last.is_empty() {
-        return 1.0;
-    }
-    let of = |x: &[usize], y: &[usize]| Mat::from_fn(x.len(), y.len(), |i, j| unit[(x[i], y[j])]);
-    let norm = |m: &Mat<f64>| eigenvalues(m).into_iter().fold(0.0, |most, v| v.abs().max(most));
-    let ratio = |rows: &[usize], others: &[usize]| {
-        let (own, b) = (of(rows, rows), of(others, rows));
-        let inverse = of(others, others).partial_piv_lu().inverse();
-        norm(&(&own - b.transpose() * inverse * &b)) / norm(&own)
-    };
-    ratio(&first, &last).max(ratio(&last, &first)).max(1.0)
 }
 
 impl Replay {
@@ -421,19 +357,18 @@ impl Replay {
         let is_refined = self.maintainer.counts().refinement_steps > steps;
         let is_apart =
             !solves_by_columns(self.maintainer.name()) || (is_refined && self.residual == 0.0);
+        let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
+        let stop = if self.residual > 0.0 { self.residual + rounding } else { 0.0 };
+        let left = stop * load * (1.0 + (n as f64).sqrt());
         // ‖S u‖ ≤ ‖S C S‖ ‖S⁻¹ f‖, and ‖S⁻¹ f‖ ≤ √n.
         let size_by_factor = scaled.norm(c) * (n as f64).sqrt();
         for i in 0..n {
             let want: f64 = (0..n).map(|j| c[(i, j)] * f[j]).sum();
             let size: f64 = (0..n).map(|j| (c[(i, j)] * f[j]).abs()).sum();
-            let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
             let limit = if is_apart {
                 2.0 * bound * size_by_factor / scaled.scale[i]
-            } else if self.residual > 0.0 {
-                let left = (self.residual + rounding) * load * (1.0 + (n as f64).sqrt());
-                2.0 * n as f64 * f64::EPSILON * size + left * scaled.compliance / scaled.scale[i]
             } else {
-                2.0 * n as f64 * f64::EPSILON * size
+                2.0 * n as f64 * f64::EPSILON * size + left * scaled.compliance / scaled.scale[i]
             };
             assert!((u[i] - want).abs() <= limit, "row {i}: {} instead of {want}", u[i]);
         }

@@ -18,7 +18,7 @@ use super::graph::Graph;
 use super::uses::package_graph;
 use super::workspace::{Package, packages};
 
-/// The pictures of the workspace at `root`, by file: its crates, and the rooms of each crate.
+/// The pictures of the workspace at `root`, by file: its crates, and the folders of each crate.
 ///
 /// # Errors
 /// A sentence that names the file that can't be read.
@@ -26,7 +26,7 @@ pub fn pictures(root: &Path) -> Result<Vec<(String, String)>, String> {
     let packages = packages(root)?;
     let mut pictures = vec![("workspace.svg".to_owned(), crates(&packages))];
     for package in &packages {
-        let svg = rooms(&package_graph(root, package)?);
+        let svg = folders(&package_graph(root, package)?);
         pictures.push((format!("{}.svg", package.folder), svg));
     }
     Ok(pictures)
@@ -43,16 +43,17 @@ fn crates(packages: &[Package]) -> String {
     svg(&names, uses)
 }
 
-/// The rooms of a package, which are the folders of its `src` and the files beside them.
-fn rooms(files: &Graph) -> String {
-    let room_of = |file: &usize| {
+/// The folders of a package's `src`, and the files beside them.
+fn folders(files: &Graph) -> String {
+    let folder_of = |file: &usize| {
         let file = &files.nodes[*file];
         let inside = file.split_once("src/").map_or(&**file, |(_, inside)| inside);
         inside.split(['/', '.']).next().unwrap_or(inside)
     };
-    let rooms: BTreeSet<&str> = (0..files.nodes.len()).map(|file| room_of(&file)).collect();
-    let names: Vec<&str> = rooms.into_iter().collect();
-    let number = |file: &usize| names.binary_search(&room_of(file)).expect("every room is there");
+    let folders: BTreeSet<&str> = (0..files.nodes.len()).map(|file| folder_of(&file)).collect();
+    let names: Vec<&str> = folders.into_iter().collect();
+    let number =
+        |file: &usize| names.binary_search(&folder_of(file)).expect("every folder is there");
     svg(&names, files.edges.keys().map(|(from, to)| (number(from), number(to))))
 }
 

@@ -197,14 +197,16 @@ pub fn check_ring(
     coarse
 }
 
+fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
 /// Random splits of random organs by all rules, each checked by [`check_ring`].
 pub fn the_assembly_of_its_tetrahedra_is_the_ring(element: Formulation<'_>) {
     let poisson_ratio = if element.negative() > 0 { -0.5..0.499 } else { -0.5..0.49 };
     let picks = proptest::collection::vec(any::<Index>(), 12);
-    let config =
-        ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() };
     let organs = organs([2, 1, 1], 3, 0.0..6.0, poisson_ratio);
-    proptest!(config, |(organ in organs, picks in picks, number in 0..4usize)| {
+    proptest!(cases(24), |(organ in organs, picks in picks, number in 0..4usize)| {
         let (mut forest, placement) = (organ.forest(1, 7), organ.placement(7));
         let embedding = organ.embedding_by(rule(number));
         let mut delta = MeshDelta::empty();
@@ -225,10 +227,8 @@ pub fn the_assembly_of_its_tetrahedra_is_the_ring(element: Formulation<'_>) {
 
 /// The same numbers, bit by bit: going to and fro leaves nothing behind.
 pub fn a_merge_hands_over_what_its_split_did(element: Formulation<'_>) {
-    let config =
-        ProptestConfig { cases: 8, failure_persistence: None, ..ProptestConfig::default() };
     let organs = organs([1, 1, 1], 3, 0.0..6.0, 0.0..0.49);
-    proptest!(config, |(organ in organs, pick in any::<Index>())| {
+    proptest!(cases(8), |(organ in organs, pick in any::<Index>())| {
         let (mut forest, placement) = (organ.forest(1, 5), organ.placement(5));
         let embedding = organ.embedding("laminate");
         let candidates = forest.candidates();
