@@ -10,9 +10,7 @@ use yawara_mesh::{Content, LabelTree, NodeRef};
 
 use crate::error::EmbedError;
 use crate::fine::{FineBody, lattice_tet, voxel};
-use crate::homogenisation::{
-    ChildPair, Excess, Homogenisation, ParentMaterial, combine_solids,
-};
+use crate::homogenisation::{ChildPair, Excess, Homogenisation, ParentMaterial, combine_solids};
 use crate::linear_tet::LinearTet;
 use crate::material::Material;
 use crate::material::Materials;

@@ -43,8 +43,7 @@ impl Gripped {
     fn new(organ: &Organ, element: &str, points: Vec<WeightedPoint>) -> Self {
         let forest = organ.forest(0, MAX_LEVEL);
         let (placement, embedding) = (organ.placement(MAX_LEVEL), organ.embedding("laminate"));
-        let rest: Vec<_> =
-            forest.vertices().map(|v| placement.position(forest.point(v))).collect();
+        let rest: Vec<_> = forest.vertices().map(|v| placement.position(forest.point(v))).collect();
         let mut body = Body::new();
         for tet in forest.leaves() {
             body.insert(element_of(&forest, &placement, &embedding, &tet));
@@ -62,7 +61,8 @@ impl Gripped {
         let key = |v| Lattice::key(forest.point(v));
         let formulation = formulation_by_name(element).unwrap();
         let vertices = forest.vertices();
-        let link = InverseLink::new(&body, formulation, vertices, |_| false, key, &factory).unwrap();
+        let link =
+            InverseLink::new(&body, formulation, vertices, |_| false, key, &factory).unwrap();
         Self { forest, placement, embedding, body, link, positions, delta: MeshDelta::empty() }
     }
 

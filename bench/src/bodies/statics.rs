@@ -86,8 +86,15 @@ impl Statics {
             before_inverse();
             link.apply(f, u);
         };
-        let mut problem =
-            Problem { body, forces: corotation, inertia: None, external, free, constraints: None, inverse: &inverse };
+        let mut problem = Problem {
+            body,
+            forces: corotation,
+            inertia: None,
+            external,
+            free,
+            constraints: None,
+            inverse: &inverse,
+        };
         equilibrium.solve(&mut problem, positions, internal, tolerance)
     }
 

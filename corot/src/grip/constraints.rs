@@ -65,7 +65,8 @@ impl Grip {
         if let Some(gyration) = self.gyration() {
             for axis in &axes {
                 // e · (R a × x) = (e × R a) · x.
-                let row = moments.iter().map(|(&v, (_, arm))| (v, axis.cross(&(turn * arm)) / gyration));
+                let row =
+                    moments.iter().map(|(&v, (_, arm))| (v, axis.cross(&(turn * arm)) / gyration));
                 constraints.push(row.collect(), 0.0);
             }
         }

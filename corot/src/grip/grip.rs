@@ -197,7 +197,11 @@ impl Grip {
     }
 
     /// Calls `visit` with vertex numbers and the forces of an elastic grip on the body there, N.
-    pub fn each_force(&self, positions: &[Vector3<f64>], mut visit: impl FnMut(usize, Vector3<f64>)) {
+    pub fn each_force(
+        &self,
+        positions: &[Vector3<f64>],
+        mut visit: impl FnMut(usize, Vector3<f64>),
+    ) {
         let Some(stiffness) = self.stiffness else { return };
         for share in self.shares.values() {
             let forces = self.corner_forces(share, stiffness, positions);

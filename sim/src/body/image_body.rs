@@ -9,9 +9,9 @@ use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placeme
 
 use super::components::{self, spans_a_plane};
 use super::image_source::ImageSource;
-use super::{label_refinement, material_points};
 use super::organ_box::OrganBox;
 use super::summary::{BodySummary, DomainSummary};
+use super::{label_refinement, material_points};
 use crate::error::SimError;
 use crate::scene::{Region, Scene, SupportHold};
 
@@ -107,9 +107,10 @@ impl ImageBody {
                 });
                 at[0] + grid.cells[0] * (at[1] + grid.cells[1] * at[2])
             };
-            let points = scene.fixed.iter().flat_map(|region| {
-                material_points::of_volume(&self.volume, &self.organ, region)
-            });
+            let points = scene
+                .fixed
+                .iter()
+                .flat_map(|region| material_points::of_volume(&self.volume, &self.organ, region));
             return points.map(|point| (vec![cell(&point.rest)], point.rest)).collect();
         }
         let held = self.forest.vertices().filter(|&v| {

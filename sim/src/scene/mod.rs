@@ -19,11 +19,13 @@ mod tool;
 
 pub use adapter::Adapter;
 pub use description::{
-    BesideTissue, Budget, Dynamics, Image, MassModel, MaterialEntry, MeshOptions, Output, Phantom, Refinement,
-    Scene, Solver, Support, SupportHold, SurfaceEntry, Time, Void,
+    BesideTissue, Budget, Dynamics, Image, MassModel, MaterialEntry, MeshOptions, Output, Phantom,
+    Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry, Time, Void,
 };
 pub use region::Region;
 pub use stage_names::StageNames;
-pub use tool::{GrabEntry, GrabHold, Key, Normal, PressureEntry, PressureKey, ProbeEntry, ToolEntry};
+pub use tool::{
+    GrabEntry, GrabHold, Key, Normal, PressureEntry, PressureKey, ProbeEntry, ToolEntry,
+};
 
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

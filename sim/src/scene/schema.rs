@@ -11,9 +11,9 @@ use super::key_path::{KeyPath, Step};
 use super::nearest;
 use crate::SimError;
 use crate::scene::{
-    Adapter, Budget, Dynamics, GrabEntry, GrabHold, Image, Key, MaterialEntry, MeshOptions, Normal, Output,
-    Phantom, PressureEntry, PressureKey, ProbeEntry, Refinement, Region, Scene, Solver, StageNames,
-    Support, SupportHold, SurfaceEntry, Time, ToolEntry, Void,
+    Adapter, Budget, Dynamics, GrabEntry, GrabHold, Image, Key, MaterialEntry, MeshOptions, Normal,
+    Output, Phantom, PressureEntry, PressureKey, ProbeEntry, Refinement, Region, Scene, Solver,
+    StageNames, Support, SupportHold, SurfaceEntry, Time, ToolEntry, Void,
 };
 
 /// Keys that choose among variants with different keys.

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use yawara_corot::{
-    Constraints, Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere, SurfacePoint,
-    Tolerance, solve_with_contact,
+    Constraints, Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere,
+    SurfacePoint, Tolerance, solve_with_contact,
 };
 
 use crate::error::SimError;

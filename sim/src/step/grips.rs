@@ -180,7 +180,8 @@ impl Grips {
         mut fade: impl FnMut((VertexId, Vector3<f64>)),
     ) -> Result<(), SimError> {
         for number in 0..state.grip_tools.len() {
-            let Some(tool) = state.grip_tools[number].filter(|&tool| !tools[tool].acts_at(t)) else {
+            let Some(tool) = state.grip_tools[number].filter(|&tool| !tools[tool].acts_at(t))
+            else {
                 continue;
             };
             if self.free.contains(&number) {

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry};
+use crate::scene::{
+    AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry,
+};
 
 /// The most steps of a run.
 const MAX_STEPS: usize = 10_000_000;
