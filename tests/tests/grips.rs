@@ -106,7 +106,9 @@ impl Gripped {
         let before = self.felt();
         self.forest.merge(v, &mut self.delta).unwrap();
         for RingTet { parent, children } in self.delta.ring.clone() {
-            children.iter().for_each(|child| drop(self.body.remove(child.id)));
+            for child in &children {
+                self.body.remove(child.id);
+            }
             self.insert(&parent);
         }
         self.update(v);
