@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use yawara_inverse_update::{Delayed, InverseError, InverseMaintainer, SparseStiffness};
+use yawara_inverse_update::{
+    Delayed, InverseError, InverseMaintainer, SparseStiffness, StorageError,
+};
 
 use crate::device::Device;
 use crate::scalar::DeviceScalar;
@@ -42,6 +44,8 @@ pub fn on_device<E: DeviceScalar>(
     stiffness: SparseStiffness,
     device: &Arc<Device>,
 ) -> Result<DeviceInverse<E>, InverseError> {
-    let store = DeviceStore::<E>::new(Arc::clone(device)).map_err(|error| error.of(E::NAME))?;
+    let store = DeviceStore::<E>::new(Arc::clone(device)).map_err(|error| {
+        InverseError::Storage { method: E::NAME, cause: StorageError::new(error) }
+    })?;
     Delayed::new(stiffness, store)
 }

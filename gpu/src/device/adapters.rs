@@ -24,7 +24,7 @@ pub fn adapters() -> Result<Vec<AdapterReport>, GpuError> {
 pub(crate) fn found() -> Result<Vec<(wgpu::Adapter, AdapterReport)>, GpuError> {
     // wgpu panics when asked for an instance without any backend.
     if !Instance::enabled_backend_features().contains(Backends::VULKAN) {
-        return Err(GpuError::NoVulkan { target_os: std::env::consts::OS });
+        return Err(GpuError::NoVulkan(std::env::consts::OS));
     }
     let adapters = pollster::block_on(vulkan().enumerate_adapters(Backends::VULKAN));
     if adapters.is_empty() {

@@ -35,9 +35,12 @@ impl Update {
 
 /// An [`Update`] by reference.
 #[derive(Clone, Copy)]
-pub(crate) enum UpdateRef<'a> {
+pub enum UpdateRef<'a> {
+    /// See [`Update::Split`].
     Split(&'a RingChange),
+    /// See [`Update::Merge`]: the slot, and the split that is undone.
     Merge(usize, &'a RingChange),
+    /// See [`Update::Content`].
     Content(&'a StiffnessChange),
 }
 

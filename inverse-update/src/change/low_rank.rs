@@ -1,28 +1,17 @@
-//! A symmetric change of low rank, in factors.
+//! Symmetric changes of low rank, in factors.
 
 use faer::{Mat, MatRef, Side};
 
-/// U Λ Uᵀ on some rows of K: `gained` columns with +1, then `lost` ones with −1.
-pub(crate) struct LowRank<'a> {
-    pub(crate) what: &'static str,
-    pub(crate) gained: MatRef<'a, f64>,
-    pub(crate) lost: MatRef<'a, f64>,
-}
-
-impl LowRank<'_> {
-    pub(crate) fn columns(&self) -> usize {
-        self.gained.ncols() + self.lost.ncols()
+/// Columns of several matrices, on the same rows.
+pub(crate) fn beside(parts: &[MatRef<'_, f64>]) -> Mat<f64> {
+    let rows = parts.first().map_or(0, |part| part.nrows());
+    let mut whole = Mat::zeros(rows, parts.iter().map(|part| part.ncols()).sum());
+    let mut first = 0;
+    for part in parts {
+        whole.subcols_mut(first, part.ncols()).copy_from(part);
+        first += part.ncols();
     }
-
-    /// U, and behind it other columns on the same rows.
-    pub(crate) fn beside(&self, more: MatRef<'_, f64>) -> Mat<f64> {
-        let (p, k) = (self.gained.ncols(), self.columns());
-        Mat::from_fn(self.gained.nrows(), k + more.ncols(), |i, j| match j {
-            j if j < p => self.gained[(i, j)],
-            j if j < k => self.lost[(i, j - p)],
-            j => more[(i, j - k)],
-        })
-    }
+    whole
 }
 
 /// U Σ Uᵀ = Σ_j ± v_j v_jᵀ by eigenvectors, Σ = diag(`signs`): the columns v_j and the eigenvalues,

@@ -26,7 +26,7 @@ mod stiffness_change;
 pub use batch::Update;
 pub(crate) use batch::UpdateRef;
 pub(crate) use capacitance::{Capacitance, PIVOT_FLOOR};
-pub(crate) use low_rank::{LowRank, eigenvectors};
+pub(crate) use low_rank::{beside, eigenvectors};
 pub(crate) use net_change::NetChange;
 pub use ring_change::{CONSISTENCY_LIMIT, RingChange};
 pub use stiffness_change::StiffnessChange;

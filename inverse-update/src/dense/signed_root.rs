@@ -7,7 +7,7 @@ use faer::{Mat, MatRef, Side};
 
 use super::precision::Precision;
 use crate::InverseError;
-use crate::change::{Capacitance, LowRank};
+use crate::change::{Capacitance, NetChange};
 use crate::matrix::SparseStiffness;
 
 /// (Λ + UᵀCU)⁻¹ = A Σ Aᵀ, so that C becomes C − (C U A) Σ (C U A)ᵀ.
@@ -27,7 +27,7 @@ impl SignedRoot {
     /// # Errors
     /// [`InverseError::Singular`].
     pub(crate) fn new<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
         negative: usize,
     ) -> Result<Self, InverseError> {
@@ -45,11 +45,11 @@ impl SignedRoot {
     /// # Errors
     /// [`InverseError::Singular`].
     fn definite<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
     ) -> Result<Self, InverseError> {
         let g = capacitance(change, product);
-        let (p, k) = (change.gained.ncols(), change.columns());
+        let (p, k) = (change.gained, change.u.ncols());
         let floor = (k + 1) as f64 * E::EPSILON;
         let limits: Vec<f64> =
             (0..k).map(|j| if j < p { floor * g[(j, j)].abs() } else { E::PIVOT_FLOOR }).collect();
@@ -71,7 +71,7 @@ impl SignedRoot {
     /// Haynsworth, Determination of the inertia of a partitioned Hermitian matrix, Linear Algebra
     /// Appl. 1, 1968.
     fn quasi_definite<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
     ) -> Result<Self, InverseError> {
         let what = change.what;
@@ -97,7 +97,7 @@ impl SignedRoot {
             }
             negative += usize::from(value < 0.0);
         }
-        if negative != change.lost.ncols() {
+        if negative != k - change.gained {
             return Err(failed(negative, values[negative.min(k - 1)]));
         }
         let vectors = eigen.U();
@@ -110,11 +110,10 @@ impl SignedRoot {
 }
 
 /// G = Λ + UᵀCU.
-fn capacitance(change: &LowRank<'_>, product: MatRef<'_, f64>) -> Mat<f64> {
-    let u = change.beside(Mat::zeros(change.gained.nrows(), 0).as_ref());
-    let mut g = u.transpose() * product;
+fn capacitance(change: &NetChange, product: MatRef<'_, f64>) -> Mat<f64> {
+    let mut g = change.u.transpose() * product;
     for j in 0..g.nrows() {
-        g[(j, j)] += if j < change.gained.ncols() { 1.0 } else { -1.0 };
+        g[(j, j)] += if j < change.gained { 1.0 } else { -1.0 };
     }
     g
 }

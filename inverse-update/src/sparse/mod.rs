@@ -24,4 +24,4 @@ mod sweep;
 mod symbolic;
 mod vertex_cover;
 
-pub use inverse::{RebaseOptions, Sparse, elimination_order};
+pub use inverse::{RebaseOptions, Sparse};

@@ -13,6 +13,7 @@ use super::pivot::BadPivot;
 use super::symbolic::Symbolic;
 
 /// A factor as it was made, its base, and as it is after some edits.
+#[derive(Default)]
 pub(crate) struct Based {
     /// A copy of the factor as it was made; `None` before the first edit.
     base: Option<Factor>,

@@ -94,9 +94,4 @@ impl<E: Precision> Deferred<E> {
         let pending = std::mem::replace(&mut self.pending, none);
         self.tiles.add(&pending);
     }
-
-    #[cfg(test)]
-    pub(crate) fn scale_rows(&mut self, count: usize, factor: f64) {
-        self.tiles.scale_rows(count, factor);
-    }
 }

@@ -148,19 +148,6 @@ impl<E: Precision> Tiles<E> {
 }
 
 #[cfg(test)]
-impl<E: Precision> Tiles<E> {
-    /// Scales the first rows and columns: C is wrong then.
-    pub(crate) fn scale_rows(&mut self, count: usize, factor: f64) {
-        for i in 0..self.rows {
-            for j in 0..count.min(i + 1) {
-                self.set(i, j, E::of(factor * self.get(i, j).value()));
-            }
-        }
-        self.read_diagonal();
-    }
-}
-
-#[cfg(test)]
 pub(super) mod tests {
     use super::*;
     use faer::Mat;

@@ -19,15 +19,6 @@ impl Panel {
         Self { rows, columns, data: vec![0.0; rows.div_ceil(TILE) * TILE * columns] }
     }
 
-    /// Columns of equal length.
-    pub(crate) fn from_columns(rows: usize, columns: &[&[f64]]) -> Self {
-        let mut panel = Self::zeros(rows, columns.len());
-        for (k, column) in columns.iter().enumerate() {
-            panel.set_column(k, column);
-        }
-        panel
-    }
-
     /// A matrix's columns.
     pub(crate) fn from_matrix(matrix: MatRef<'_, f64>) -> Self {
         let mut panel = Self::zeros(matrix.nrows(), matrix.ncols());
@@ -79,21 +70,6 @@ impl Panel {
     pub(crate) fn pieces(&self, column: usize) -> impl Iterator<Item = &[f64; TILE]> {
         let pieces = self.data.as_chunks::<TILE>().0;
         pieces.iter().skip(column).step_by(self.columns)
-    }
-
-    /// Writes one column out.
-    pub(crate) fn copy_column(&self, column: usize, target: &mut [f64]) {
-        for (block, piece) in target.chunks_mut(TILE).enumerate() {
-            let first = self.at(block * TILE, column);
-            piece.copy_from_slice(&self.data[first..first + piece.len()]);
-        }
-    }
-
-    pub(crate) fn set_column(&mut self, column: usize, source: &[f64]) {
-        for (block, piece) in source.chunks(TILE).enumerate() {
-            let first = self.at(block * TILE, column);
-            self.data[first..first + piece.len()].copy_from_slice(piece);
-        }
     }
 
     /// Some rows, as a matrix of their own.

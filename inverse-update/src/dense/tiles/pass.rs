@@ -171,8 +171,7 @@ mod tests {
     #[test]
     fn threads_do_not_change_a_bit() {
         let n = 1500;
-        let column: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
-        let columns = Panel::from_columns(n, &[&column]);
+        let columns = Panel::from_matrix(Mat::from_fn(n, 1, |i, _| (i as f64).sin()).as_ref());
         let terms = SignedPanel { columns, signs: vec![-1.0] };
         let result = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -4,10 +4,10 @@ use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
 
 use super::*;
-use crate::Lu;
 use crate::change::Capacitance;
 use crate::sparse::factor::{Factor, NONE};
 use crate::sparse::rebase;
+use crate::{InverseMaintainer, Lu, RingChange, StiffnessChange};
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 struct Random(u64);
@@ -176,7 +176,8 @@ impl Body {
 
     /// The largest entry of L D Lᵀ − K, relative to √(K_ii K_jj).
     fn error(&self) -> f64 {
-        let (whole, k) = (self.sparse.based.factor.product(), self.sparse.stiffness.to_dense());
+        let whole = self.sparse.read(|method| method.based.factor.product());
+        let k = self.sparse.stiffness.to_dense();
         let mut worst: f64 = 0.0;
         for i in 0..k.nrows() {
             for j in 0..k.nrows() {
@@ -250,7 +251,7 @@ fn l_d_lt_is_k_through_random_histories() {
         assert!(body.error() < 1e-12, "at the end {:e}", body.error());
         assert_eq!(body.sparse.counts().rebuilds, 0);
         let count = |slot: u32| slot != NONE;
-        let factor = &body.sparse.based.factor;
+        let factor = &body.sparse.method().based.factor;
         let live = factor.slot_of.iter().filter(|&&slot| count(slot)).count();
         assert_eq!(live, factor.vertices());
         let blocks: usize = factor.panels.iter().map(|panel| panel.blocks()).sum();
@@ -268,7 +269,7 @@ fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
     copy.sparse.batch(few).unwrap();
     assert_eq!(copy.sparse.rebases(), 0);
     copy.sparse.batch(many).unwrap();
-    assert_eq!((copy.sparse.rebases(), copy.sparse.journal.len()), (1, 0));
+    assert_eq!((copy.sparse.rebases(), copy.sparse.method().journal.len()), (1, 0));
     let (k, want) = (copy.sparse.stiffness.to_dense(), body.sparse.stiffness.to_dense());
     assert!((&k - &want).norm_max() < 1e-13 * want.norm_max());
     assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
@@ -278,20 +279,21 @@ fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
 fn a_batch_counts_its_small_algebra_and_what_its_own_walks_show() {
     // Walks seem to cost nothing so far.
     let seem_free = |sparse: &mut Sparse| {
-        (sparse.scratch.walks, sparse.scratch.operations) = (1_000_000_000, 0.0);
+        let scratch = &mut sparse.method().scratch;
+        (scratch.walks, scratch.operations) = (1_000_000_000, 0.0);
     };
     let mut body = Body::new(4, 3, 0, quiet());
     let mut copy = Body::new(4, 3, 0, quiet());
     seem_free(&mut copy.sparse);
     copy.sparse.batch(&body.splits(160)).unwrap();
-    assert_eq!((copy.sparse.rebases(), copy.sparse.scratch.walks), (1, 1_000_000_000));
+    assert_eq!((copy.sparse.rebases(), copy.sparse.method().scratch.walks), (1, 1_000_000_000));
     // Rank one has next to no small algebra: the first walks tell that five thousand are many.
     let added = Mat::from_fn(3, 1, |i, _| if i == 0 { 1e-3 } else { 0.0 });
     let change = StiffnessChange { slots: vec![0], added, removed: Mat::zeros(3, 0) };
     let mut copy = Body::new(4, 3, 0, quiet());
     seem_free(&mut copy.sparse);
     copy.sparse.batch(&vec![Update::Content(change); 5000]).unwrap();
-    let walks = copy.sparse.scratch.walks - 1_000_000_000;
+    let walks = copy.sparse.method().scratch.walks - 1_000_000_000;
     assert!(copy.sparse.rebases() == 1 && (1..100).contains(&walks), "{walks} walks");
     assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
 }
@@ -327,12 +329,12 @@ fn a_poor_factor_is_made_up_for_by_refinement() {
     let f = vec![1.0; 81];
     let (mut want, mut u) = (f.clone(), f.clone());
     body.sparse.solve(&f, &mut want).unwrap();
-    assert_eq!(body.sparse.refinements(), 0);
-    for panel in &mut body.sparse.based.factor.panels {
+    assert_eq!(body.sparse.counts().refinement_steps, 0);
+    for panel in &mut body.sparse.method().based.factor.panels {
         panel.pivots.iter_mut().for_each(|x| *x *= 1.0 + 1e-7);
     }
     body.sparse.solve(&f, &mut u).unwrap();
-    assert_eq!(body.sparse.refinements(), 1);
+    assert_eq!(body.sparse.counts().refinement_steps, 1);
     let error = u.iter().zip(&want).fold(0.0, |e: f64, (a, b)| e.max((a - b).abs()));
     assert!(error < 1e-11, "{error:e}");
 }
@@ -347,7 +349,7 @@ fn a_failed_update_leaves_every_bit() {
     let before = body.sparse.columns(&all).unwrap();
     // A little less at the vertex that is eliminated first, far too much at the last one: the walk
     // fails at its very end.
-    let factor = &body.sparse.based.factor;
+    let factor = &body.sparse.method().based.factor;
     let first = (0..body.names.len()).max_by_key(|&slot| factor.position_of[slot]).unwrap();
     let slots = vec![first, factor.slot_of[0] as usize];
     let removed = Mat::from_fn(6, 2, |i, j| if i / 3 == j { [0.05, 100.0][j] } else { 0.0 });
