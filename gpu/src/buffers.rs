@@ -87,7 +87,6 @@ impl<E: DeviceScalar> Buffers<E> {
 
     /// Grows to what is needed; the panel is 0 afterwards where [`is_short_of`](Self::is_short_of)
     /// said so.
-    ///
     /// # Errors
     /// [`GpuError::Limit`], [`GpuError::OutOfMemory`], [`GpuError::Lost`]; what there is stays.
     pub(crate) fn grow(&mut self, need: Need) -> Result<(), GpuError> {

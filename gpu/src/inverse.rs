@@ -20,7 +20,6 @@ pub type DeviceInverse<E> = Delayed<DeviceStore<E>>;
 pub const CHOICES: &[&str] = &["gpu", "gpu_f32"];
 
 /// Makes the maintainer of that name on a device and inverts `stiffness`. Cost: O(n³) on the host.
-///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Storage`] around
 /// a [`GpuError`](crate::GpuError) if the device can't hold it; [`InverseError::Singular`].
@@ -37,7 +36,6 @@ pub fn build(
 }
 
 /// Inverts `stiffness` on the host and keeps it on a device. Cost: O(n³) on the host.
-///
 /// # Errors
 /// As [`build`].
 pub fn on_device<E: DeviceScalar>(

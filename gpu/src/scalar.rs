@@ -16,7 +16,6 @@ pub trait DeviceScalar: Precision + bytemuck::Pod {
     const BYTES: u64 = size_of::<Self>() as u64;
 
     /// Translates the kernels of this precision, the first time.
-    ///
     /// # Errors
     /// [`GpuError::NoF64`]; [`GpuError::Refused`] if the driver can't translate them.
     fn prepare(device: &Device) -> Result<(), GpuError> {

@@ -14,8 +14,8 @@
 //! - A *batch* is a sequence of such [`Update`]s made in one call, which a maintainer may combine.
 //!
 //! [`InverseMaintainer`] is the stage, [`build`] makes one by name. `matrix` holds K itself,
-//! `change` the updates of K, `dense` and `sparse` the maintainers, `accuracy` how residuals and
-//! drift are measured.
+//! `change` the updates of K, `dense` and `sparse` the methods by which a [`Maintained`] keeps its
+//! inverse, `accuracy` how residuals and drift are measured.
 #![forbid(unsafe_code)]
 
 mod accuracy;

@@ -35,50 +35,33 @@ pub trait Method: Send + Sized {
         Self::SHOWS_KEPT_COLUMNS
     }
 
-    /// Inverts K from scratch.
-    ///
-    /// # Errors
-    /// What there is stays, but for what [`restore`](Self::restore) has to bring back.
+    /// Inverts K from scratch; after an error what there is stays.
     fn invert(&mut self, k: &SparseStiffness) -> Result<(), InverseError>;
 
-    /// Follows an update that K can take, and has not taken yet.
-    ///
-    /// # Errors
-    /// [`InverseError::Storage`] is final; after any other K is inverted from scratch.
+    /// Follows an update that K can take, and has not taken yet. After an error, unless it is
+    /// [`InverseError::Storage`], K is inverted from scratch.
     fn update(&mut self, k: &SparseStiffness, update: UpdateRef<'_>) -> Result<(), InverseError>;
 
     /// Called once K has taken the update.
     fn updated(&mut self, _k: &SparseStiffness) {}
 
-    /// Called where neither the update nor the inversion succeeded.
+    /// Called where neither the update nor the inversion succeeded: what the update damaged comes back.
     fn restore(&mut self) {}
 
-    /// C X as it is kept.
-    ///
-    /// # Errors
-    /// [`InverseError::Storage`].
+    /// C X as it is kept; fails with [`InverseError::Storage`] alone.
     fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>;
 
-    /// Columns of C as they are kept, by row number.
-    ///
-    /// # Errors
-    /// [`InverseError::Storage`].
+    /// Columns of C as they are kept, by row number; fails as [`multiply`](Self::multiply).
     fn columns(&self, k: &SparseStiffness, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
         self.multiply(k.unit_columns(rows).as_ref())
     }
 
     /// See [`InverseMaintainer::compliance`]; the slots are checked.
-    ///
-    /// # Errors
-    /// As there.
     fn compliance(whole: &Maintained<Self>, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         compliance_by_columns(whole, slots)
     }
 
     /// See [`InverseMaintainer::batch`].
-    ///
-    /// # Errors
-    /// As there.
     fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
         Update::make_all(updates, whole)
     }
@@ -101,9 +84,21 @@ struct Kept<M> {
     is_rebuilt: bool,
 }
 
+/// What is behind the lock: replaced as a whole, or changed by updates that can't panic half-way.
+fn unlocked<M>(kept: &mut RwLock<Kept<M>>) -> &mut Kept<M> {
+    kept.get_mut().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<M: Method> Kept<M> {
+    fn invert(&mut self, k: &SparseStiffness) -> Result<(), InverseError> {
+        self.method.invert(k)?;
+        self.is_rebuilt = true;
+        Ok(())
+    }
+}
+
 impl<M: Method + Default> Maintained<M> {
     /// Inverts `stiffness`. Cost: O(n³); of a factor in 3-D O(n²).
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
     /// [`InverseError::BlockTooLarge`].
@@ -120,12 +115,7 @@ impl<M: Method> Maintained<M> {
     }
 
     fn kept(&self) -> RwLockReadGuard<'_, Kept<M>> {
-        // An inverse is replaced as a whole or changed by updates that can't panic half-way.
         self.kept.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn kept_mut(&mut self) -> &mut Kept<M> {
-        self.kept.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn count(&self) -> MutexGuard<'_, Counts> {
@@ -134,7 +124,7 @@ impl<M: Method> Maintained<M> {
 
     /// The method, for what only it can tell or do.
     pub(crate) fn method(&mut self) -> &mut M {
-        &mut self.kept_mut().method
+        &mut unlocked(&mut self.kept).method
     }
 
     /// Reads of the method.
@@ -145,8 +135,7 @@ impl<M: Method> Maintained<M> {
     /// Makes an update of any kind.
     pub(crate) fn update(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {
         self.stiffness.check(update)?;
-        let Kept { method, is_rebuilt } =
-            self.kept.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let Kept { method, is_rebuilt } = unlocked(&mut self.kept);
         *is_rebuilt = false;
         match method.update(&self.stiffness, update) {
             Ok(()) => {
@@ -177,8 +166,7 @@ impl<M: Method> Maintained<M> {
 
     /// Takes another K and inverts it.
     pub(crate) fn replace(&mut self, stiffness: SparseStiffness) -> Result<(), InverseError> {
-        self.method().invert(&stiffness)?;
-        self.kept_mut().is_rebuilt = true;
+        unlocked(&mut self.kept).invert(&stiffness)?;
         self.stiffness = stiffness;
         Ok(())
     }
@@ -214,8 +202,7 @@ impl<M: Method> Maintained<M> {
     fn rebuild_for_refinement(&self) -> Result<(), InverseError> {
         let mut kept = self.kept.write().unwrap_or_else(PoisonError::into_inner);
         if !kept.is_rebuilt {
-            kept.method.invert(&self.stiffness)?;
-            kept.is_rebuilt = true;
+            kept.invert(&self.stiffness)?;
             self.count().rebuilds += 1;
             tracing::warn!("{}: refinement failed, inverse computed afresh", kept.method.name());
         }
@@ -289,11 +276,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
-        let Self { stiffness, kept, .. } = self;
-        let kept = kept.get_mut().unwrap_or_else(PoisonError::into_inner);
-        kept.method.invert(stiffness)?;
-        kept.is_rebuilt = true;
-        Ok(())
+        unlocked(&mut self.kept).invert(&self.stiffness)
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {

@@ -90,7 +90,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// A vertex is added: K becomes [K + K_c − K_p, a12; a21, A22]. Returns its slot, the last.
-    ///
     /// # Errors
     /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
@@ -98,7 +97,6 @@ pub trait InverseMaintainer: Send {
     /// The vertex at `slot` goes, the reverse of [`split`](Self::split) with the same
     /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
     /// slot that was moved into `slot`, if any.
-    ///
     /// # Errors
     /// As [`split`](Self::split).
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
@@ -108,7 +106,6 @@ pub trait InverseMaintainer: Send {
     ///
     /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
     /// [`merge`](Self::merge), with the vertex's neighbours as the ring.
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if `slot` is not in `0..vertices()`.
     fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
@@ -118,7 +115,6 @@ pub trait InverseMaintainer: Send {
 
     /// The content changes, K on vertices that stay: a material edit, a removed element, a split or
     /// merge whose midpoint is fixed.
-    ///
     /// # Errors
     /// As [`split`](Self::split).
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
@@ -130,7 +126,6 @@ pub trait InverseMaintainer: Send {
     /// rounding of K u, a step of refinement is made, which [`Counts`] tell; up to
     /// [`MOST_REFINEMENTS`](crate::MOST_REFINEMENTS) where C is kept in f32.
     /// Cost: a product with the sparse K on top of the method's own.
-    ///
     /// # Errors
     /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
@@ -138,7 +133,6 @@ pub trait InverseMaintainer: Send {
     /// U = C F for several loads, one per column of the `block · vertices()` rows of F.
     ///
     /// As [`solve`](Self::solve) for each; a maintainer may read what it keeps once for several.
-    ///
     /// # Errors
     /// As [`solve`](Self::solve).
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
@@ -152,7 +146,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -165,7 +158,6 @@ pub trait InverseMaintainer: Send {
     ///
     /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
     /// a shorter way.
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -177,7 +169,6 @@ pub trait InverseMaintainer: Send {
     /// As single calls would make them. A maintainer may defer work and do it for many updates at
     /// once, or invert the last K from scratch where that is less work; the matrices in between may
     /// be singular then.
-    ///
     /// # Errors
     /// [`InverseError::Batch`] tells which update was refused and why; those before it are made, as
     /// by single calls, those from it on are not.
@@ -192,7 +183,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// Computes the inverse from [`stiffness`](Self::stiffness) alone.
-    ///
     /// # Errors
     /// [`InverseError::Singular`].
     fn rebuild(&mut self) -> Result<(), InverseError>;
@@ -204,7 +194,6 @@ pub trait InverseMaintainer: Send {
     ///
     /// To be called now and then, best after updates. `seed` picks the columns: another one each
     /// time sees all of them sooner or later. Cost: 8 columns and products with the sparse K.
-    ///
     /// # Errors
     /// As [`rebuild`](Self::rebuild); the drifted inverse is then kept.
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
@@ -237,7 +226,6 @@ pub struct Counts {
 
 impl Update {
     /// Makes this update alone.
-    ///
     /// # Errors
     /// As the method of [`InverseMaintainer`].
     pub fn make<M: InverseMaintainer + ?Sized>(

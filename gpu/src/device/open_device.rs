@@ -162,7 +162,6 @@ impl Device {
     }
 
     /// A new buffer, all 0.
-    ///
     /// # Errors
     /// [`GpuError::Limit`] above the device's largest buffer; [`GpuError::OutOfMemory`];
     /// [`GpuError::Lost`].

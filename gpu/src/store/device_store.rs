@@ -31,7 +31,6 @@ pub struct DeviceStore<E: DeviceScalar> {
 
 impl<E: DeviceScalar> DeviceStore<E> {
     /// Holds a C of no rows on that device.
-    ///
     /// # Errors
     /// [`GpuError::NoF64`] for f64 where shaders don't have it; [`GpuError::Lost`];
     /// [`GpuError::Refused`] if the driver can't translate the kernels.
@@ -54,7 +53,6 @@ impl<E: DeviceScalar> DeviceStore<E> {
     }
 
     /// Waits until the device has done all submitted work.
-    ///
     /// # Errors
     /// [`GpuError::Lost`], [`GpuError::Timeout`].
     pub fn finish(&self) -> Result<(), GpuError> {

@@ -55,7 +55,7 @@ fn random_rows(k: &SparseStiffness, seed: u64, samples: usize) -> Vec<usize> {
 }
 
 /// SplitMix64 (Steele, Lea, Flood 2014): good enough to pick columns, the same everywhere.
-fn random(state: &mut u64) -> u64 {
+pub(crate) fn random(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

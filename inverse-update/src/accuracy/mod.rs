@@ -11,4 +11,4 @@ pub(crate) use drift::{WATCHED, is_too_far, kept_drift};
 pub use refinement::{MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT};
 pub(crate) use refinement::{refine_columns, refine_each};
 #[cfg(test)]
-pub(crate) use residual::residual;
+pub(crate) use {drift::random, residual::residual};

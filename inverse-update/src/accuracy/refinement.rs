@@ -21,7 +21,6 @@ pub const MOST_REFINEMENTS: usize = 5;
 const PROGRESS: f64 = 0.5;
 
 /// Refines each of some solutions once where that helps; `multiply` gives C X, and `steps` counts.
-///
 /// # Errors
 /// [`InverseError::NotFinite`]; those of `multiply`.
 pub(crate) fn refine_each(
@@ -77,7 +76,6 @@ fn refine_once(
 }
 
 /// X with K X = F, from `solutions` by X ← X + C (F − K X), as long as that brings it closer.
-///
 /// # Errors
 /// [`InverseError::NotRefined`] if it does not come close enough; those of `multiply`.
 pub(crate) fn refine_columns(

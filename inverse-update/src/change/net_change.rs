@@ -31,7 +31,6 @@ impl NetChange {
     }
 
     /// Of one update, with `negative` rows of negative pivots per vertex.
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if the ring's own algebra fails.
     pub(crate) fn of(update: UpdateRef<'_>, negative: usize) -> Result<Self, InverseError> {
@@ -42,7 +41,7 @@ impl NetChange {
                 return Ok(Self::new("I + Uᵀ C U of a change", &change.added, &change.removed));
             }
         };
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let a22 = Capacitance::of("a22", change.a22.as_ref(), negative)?;
         let (gained, lost) = of_ring(change, &a22, negative)?;
         if !is_split {
             return Ok(Self::new("I + Uᵀ C U of a merge", &lost, &gained));

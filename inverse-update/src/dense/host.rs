@@ -8,7 +8,7 @@ use super::store::{DenseStore, Staged};
 use super::tiles::{Deferred, Panel, SignedPanel};
 
 /// Packed tiles in the host's memory, with the deferred columns beside them.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct HostStore {
     inverse: Deferred<f64>,
     /// Y and its signs.
@@ -21,14 +21,7 @@ impl HostStore {
     /// Holds a C of no rows.
     #[must_use]
     pub fn new() -> Self {
-        let inverse = Deferred::from_lower(Mat::<f64>::zeros(0, 0).as_ref());
-        Self { inverse, staged: SignedPanel::none(0), border: Panel::zeros(0, 0) }
-    }
-}
-
-impl Default for HostStore {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -80,7 +73,7 @@ impl DenseStore for HostStore {
     }
 
     fn accept(&mut self, own: MatRef<'_, f64>) -> Result<(), Infallible> {
-        self.inverse.defer(std::mem::replace(&mut self.staged, SignedPanel::none(0)));
+        self.inverse.defer(std::mem::take(&mut self.staged));
         self.inverse.append(&self.border, own);
         Ok(())
     }

@@ -4,15 +4,13 @@
 //! tiles (`tiles/`). `delayed/` keeps the columns of many updates beside C, which is stored in a
 //! [`DenseStore`](store::DenseStore): on the host (`host.rs`) or on a device (the crate `gpu`).
 //! `paper.rs` follows Oishi et al., `lu.rs` is the reference; both store C in full
-//! (`full_storage.rs`). `signed_root.rs` is the small algebra of an update, `lost_terms.rs` its
-//! refinement where K becomes much softer, `from_stiffness.rs` the inverse from K alone,
-//! `precision.rs` the stored scalar.
+//! (`full_storage.rs`). `signed_root.rs` is the small algebra of an update, `from_stiffness.rs` the
+//! inverse from K alone, `precision.rs` the stored scalar.
 
 mod delayed;
 mod from_stiffness;
 mod full_storage;
 mod host;
-mod lost_terms;
 mod lu;
 mod paper;
 mod precision;

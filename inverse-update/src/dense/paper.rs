@@ -119,7 +119,7 @@ fn check_stays_quasi_definite(
     let order: Vec<usize> = positive.iter().chain(&negative).copied().collect();
     let n = order.len();
     let sorted = Mat::from_fn(n, n, |i, j| after[(order[i], order[j])]);
-    Capacitance::of_signed(what, sorted.as_ref(), negative.len())?;
+    Capacitance::of(what, sorted.as_ref(), negative.len())?;
     for row in 0..n {
         // A row that becomes this much softer has lost half of its digits.
         let value = (before[(row, row)] / after[(row, row)]).abs();
@@ -133,7 +133,7 @@ fn check_stays_quasi_definite(
 /// K + V Δ Vᵀ is positive definite iff I + Lᵀ Δ L is, with L Lᵀ = Vᵀ C V: LU would invert an
 /// indefinite matrix without a word. Cost: O(p³).
 fn check_stays_definite(own: &Mat<f64>, delta: MatRef<'_, f64>) -> Result<(), InverseError> {
-    let factor = Capacitance::of("the ring's part of the inverse", own.as_ref())?;
+    let factor = Capacitance::of("the ring's part of the inverse", own.as_ref(), 0)?;
     let g = Mat::<f64>::identity(delta.nrows(), delta.nrows())
         + factor.lower().transpose() * delta * factor.lower();
     let largest = (0..g.nrows()).fold(1.0, |worst: f64, i| worst.max(g[(i, i)].abs()));
@@ -156,7 +156,7 @@ fn small_inverse(
     matrix: &Mat<f64>,
     negative: usize,
 ) -> Result<Mat<f64>, InverseError> {
-    Capacitance::of_signed(what, matrix.as_ref(), negative)?;
+    Capacitance::of(what, matrix.as_ref(), negative)?;
     Ok(matrix.partial_piv_lu().inverse())
 }
 
@@ -169,19 +169,17 @@ impl PaperMethod {
     ) -> Result<(Vec<Product>, Mat<f64>), InverseError> {
         let c = &self.0.0;
         let mut ring = Selected::of(c, k, update.slots());
-        let mut own = Mat::zeros(0, 0);
-        let products = match update {
-            UpdateRef::Split(change) => {
-                let (products, corner) = ring.split(k, change)?;
-                own = corner;
-                products
-            }
+        let (products, own) = match update {
+            UpdateRef::Split(change) => ring.split(k, change)?,
             UpdateRef::Merge(slot, change) => {
                 let removal = removal(c, k, slot)?;
                 ring.apply(&removal);
-                vec![removal, ring.woodbury(k, (&change.k_p - &change.k_c).as_ref())?]
+                let update = ring.woodbury(k, (&change.k_p - &change.k_c).as_ref())?;
+                (vec![removal, update], Mat::new())
             }
-            UpdateRef::Content(change) => vec![ring.woodbury(k, change.delta().as_ref())?],
+            UpdateRef::Content(change) => {
+                (vec![ring.woodbury(k, change.delta().as_ref())?], Mat::new())
+            }
         };
         let diagonal = (0..c.nrows()).map(|row| {
             let mut value = c[(row, row)];

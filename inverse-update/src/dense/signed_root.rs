@@ -63,7 +63,6 @@ impl SignedRoot {
 
     /// For a quasi-definite K, whose inertia an update keeps if and only if G has the inertia of Λ:
     /// G = S V D Vᵀ S by eigenvectors, S its diagonal's scale, A = S⁻¹ V |D|^(−½).
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if an eigenvalue of the scaled G is below the scalar's
     /// `PIVOT_FLOOR`, or there are more or fewer negative ones than columns lost.
@@ -121,7 +120,6 @@ fn capacitance(change: &NetChange, product: MatRef<'_, f64>) -> Mat<f64> {
 /// Checks the diagonal of an updated inverse. A finite diagonal of the right signs shows that the
 /// terms are finite, and bounds a positive definite C; anything else is a failed update. Rows about
 /// to be removed are exempt: without their ring they may have any sign in a quasi-definite C.
-///
 /// # Errors
 /// [`InverseError::Singular`].
 pub(crate) fn check_diagonal(
@@ -137,4 +135,34 @@ pub(crate) fn check_diagonal(
         }
     }
     Ok(())
+}
+
+/// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
+pub(crate) fn residual(
+    k: &SparseStiffness,
+    rows: &[usize],
+    change: &NetChange,
+    x: MatRef<'_, f64>,
+) -> Result<Mat<f64>, InverseError> {
+    let mut residual = Mat::zeros(x.nrows(), x.ncols());
+    let mut image = vec![0.0; x.nrows()];
+    for j in 0..x.ncols() {
+        let source: Vec<f64> = x.col(j).iter().copied().collect();
+        k.apply(&source, &mut image)?;
+        residual.col_mut(j).iter_mut().zip(&image).for_each(|(r, value)| *r = -value);
+    }
+    let at = at_rows(x, rows);
+    let (p, n) = (change.u.subcols(0, change.gained), change.lost());
+    let own = n.to_owned() - p * (p.transpose() * &at) + n * (n.transpose() * &at);
+    for (i, &row) in rows.iter().enumerate() {
+        for j in 0..x.ncols() {
+            residual[(row, j)] += own[(i, j)];
+        }
+    }
+    Ok(residual)
+}
+
+/// Some rows.
+pub(crate) fn at_rows(x: MatRef<'_, f64>, rows: &[usize]) -> Mat<f64> {
+    Mat::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)])
 }

@@ -3,9 +3,8 @@
 use faer::{Mat, MatRef};
 
 use super::from_stiffness::symmetric_inverse;
-use super::lost_terms::residual;
 use super::precision::Precision;
-use super::signed_root::{SignedRoot, check_diagonal};
+use super::signed_root::{SignedRoot, check_diagonal, residual};
 use super::tiles::{Deferred, Panel, SignedPanel};
 use crate::InverseError;
 use crate::change::{Capacitance, NetChange, Update, UpdateRef, beside};
@@ -43,6 +42,7 @@ pub type WoodburyF32 = Maintained<Packed<f32>>;
 const DEFERRED: usize = 96;
 
 /// C, lower half.
+#[derive(Default)]
 pub struct Packed<E> {
     inverse: Deferred<E>,
     /// Whether passes are left to the end of a batch.
@@ -55,12 +55,6 @@ struct Prepared {
     /// C_:m and C_mm of the vertex that is added, without columns where none is.
     coupling: Panel,
     own: Mat<f64>,
-}
-
-impl<E: Precision> Default for Packed<E> {
-    fn default() -> Self {
-        Self { inverse: Deferred::from_lower(Mat::new().as_ref()), is_deferring: false }
-    }
 }
 
 impl<E: Precision> Packed<E> {
@@ -118,7 +112,7 @@ impl<E: Precision> Packed<E> {
         softened.add_times(&step, Mat::<f64>::identity(q, q).as_ref());
         softened.add_times(&terms.signed(), terms.columns.inner(&residual).as_ref());
         let g = Mat::<f64>::identity(q, q) + change.lost().transpose() * softened.at_rows(rows);
-        let factor = Capacitance::of(change.what, g.as_ref())?;
+        let factor = Capacitance::of(change.what, g.as_ref(), 0)?;
         let root = factor.half_solve(Mat::<f64>::identity(q, q).as_ref());
         terms.columns = terms.columns.some_columns(0..p).beside(&softened.times(root.as_ref()));
         Ok(())

@@ -115,7 +115,6 @@ struct Pending {
 
 impl Sparse {
     /// As [`new`](Self::new), with other options.
-    ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn with_options(
@@ -233,8 +232,7 @@ impl Method for SparseMethod {
         let n = x.nrows();
         let mut flat: Vec<f64> = x.col_iter().flat_map(|column| column.iter().copied()).collect();
         for group in flat.chunks_mut((TOGETHER * n).max(1)) {
-            let mut sides: Vec<&mut [f64]> = group.chunks_mut(n).collect();
-            self.based.factor.solve(&mut sides);
+            self.based.factor.solve(group);
         }
         Ok(MatRef::from_column_major_slice(&flat, n, x.ncols()).to_owned())
     }

@@ -25,7 +25,6 @@ pub(crate) struct Based {
 
 impl Based {
     /// Orders and factors a matrix.
-    ///
     /// # Errors
     /// [`BadPivot`] with the slot of the vertex for its position.
     pub(crate) fn new(pattern: &Pattern) -> Result<Self, BadPivot> {
@@ -38,7 +37,6 @@ impl Based {
     }
 
     /// Makes an edit.
-    ///
     /// # Errors
     /// [`BadPivot`]; the factor is damaged then.
     pub(crate) fn apply(&mut self, edit: &Edit, scratch: &mut Scratch) -> Result<(), BadPivot> {

@@ -8,9 +8,8 @@ use faer::{Mat, MatRef};
 use super::terms::Terms;
 use crate::change::{Capacitance, NetChange, Update, UpdateRef};
 use crate::dense::from_stiffness::symmetric_inverse;
-use crate::dense::lost_terms::{at_rows, residual};
 use crate::dense::precision::Precision;
-use crate::dense::signed_root::check_diagonal;
+use crate::dense::signed_root::{at_rows, check_diagonal, residual};
 use crate::dense::store::{DenseStore, Staged};
 use crate::maintained::{Maintained, Method};
 use crate::matrix::SparseStiffness;
@@ -48,7 +47,6 @@ pub struct DelayedMethod<S> {
 
 impl<S: DenseStore> Delayed<S> {
     /// Inverts `stiffness` into `store`. Cost: O(n³).
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
     /// [`InverseError::Storage`] if the store has not enough memory.
@@ -64,7 +62,6 @@ impl<S: DenseStore> Delayed<S> {
     }
 
     /// Folds the deferred columns into C now, for example after the last update of a frame.
-    ///
     /// # Errors
     /// [`InverseError::Storage`].
     pub fn fold(&mut self) -> Result<(), InverseError> {
@@ -102,10 +99,8 @@ impl<S: DenseStore> DelayedMethod<S> {
         let own = self.ask(|store| store.submatrix(&rows))?;
         let terms = Terms::new::<S::Scalar>(&net, &own, k.negative())?;
         let (p, columns, m) = (net.gained, net.u.ncols(), t.ncols());
-        let lost = match terms.is_softening {
-            true => Some(self.lost_terms(k, &rows, &net, &terms)?),
-            false => None,
-        };
+        let refine = || self.lost_terms(k, &rows, &net, &terms);
+        let lost = terms.is_softening.then(refine).transpose()?;
         // C_:r t + Y Σ Y_rᵀ t, those of Y from C_:r by W, the others as they are.
         let from_c = if terms.is_softening { p } else { columns };
         let mut x = Mat::zeros(rows.len(), columns + m);
@@ -148,7 +143,6 @@ impl<S: DenseStore> DelayedMethod<S> {
 
     /// Y of the columns lost, n × q, from C'' N after one step of refinement by K: I + NᵀC''N does
     /// not cancel.
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if that is not positive definite; those of the store.
     fn lost_terms(
@@ -170,7 +164,7 @@ impl<S: DenseStore> DelayedMethod<S> {
         softened += product(&terms.w * inner)?;
         let one = Mat::<f64>::identity(lost.ncols(), lost.ncols());
         let g = &one + lost.transpose() * at_rows(softened.as_ref(), rows);
-        Ok(softened * Capacitance::of(change.what, g.as_ref())?.half_solve(one.as_ref()))
+        Ok(softened * Capacitance::of(change.what, g.as_ref(), 0)?.half_solve(one.as_ref()))
     }
 
     /// Hands what is staged to the store, with the corner of new rows and the slot that goes.

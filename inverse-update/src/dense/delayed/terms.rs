@@ -21,7 +21,6 @@ pub(super) struct Terms {
 
 impl Terms {
     /// From C_rr, where C is stored as `E`.
-    ///
     /// # Errors
     /// [`InverseError::Singular`].
     pub(super) fn new<E: Precision>(

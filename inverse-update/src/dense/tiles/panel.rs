@@ -7,11 +7,11 @@ use super::tile::TILE;
 
 /// An n × k matrix with k small: block after block of [`TILE`] rows, each k × [`TILE`]. Rows
 /// beyond n are 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Panel {
-    rows: usize,
-    columns: usize,
-    data: Vec<f64>,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    pub(super) data: Vec<f64>,
 }
 
 impl Panel {
@@ -33,24 +33,6 @@ impl Panel {
     /// All of it as a matrix.
     pub(crate) fn to_matrix(&self) -> Mat<f64> {
         Mat::from_fn(self.rows, self.columns, |row, k| self.get(row, k))
-    }
-
-    pub(crate) fn rows(&self) -> usize {
-        self.rows
-    }
-
-    pub(crate) fn columns(&self) -> usize {
-        self.columns
-    }
-
-    /// All numbers, block after block.
-    pub(crate) fn data(&self) -> &[f64] {
-        &self.data
-    }
-
-    /// As [`data`](Self::data), to be written to; rows beyond the last have to stay 0.
-    pub(crate) fn data_mut(&mut self) -> &mut [f64] {
-        &mut self.data
     }
 
     fn at(&self, row: usize, column: usize) -> usize {
