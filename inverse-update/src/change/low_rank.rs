@@ -15,8 +15,8 @@ pub(crate) fn beside(parts: &[MatRef<'_, f64>]) -> Mat<f64> {
 }
 
 /// U Σ Uᵀ = Σ_j ± v_j v_jᵀ by eigenvectors, Σ = diag(`signs`): the columns v_j and the eigenvalues,
-/// whose signs are those of the terms. `is_scaled`: rows of U are brought to equal size first, so
-/// that small ones keep their digits.
+/// whose signs are those of the terms, but for those below `floor` of the largest. `is_scaled`: rows
+/// of U are brought to equal size first, so that small ones keep their digits.
 ///
 /// Cost: O((r + k) k²) for r rows and k columns.
 /// # Errors
@@ -25,6 +25,7 @@ pub(crate) fn eigenvectors(
     u: MatRef<'_, f64>,
     signs: &[f64],
     is_scaled: bool,
+    floor: f64,
 ) -> Result<(Mat<f64>, Vec<f64>), f64> {
     let size = |i: usize| match u.row(i).norm_l2() {
         norm if is_scaled && norm > 0.0 => norm,
@@ -36,8 +37,10 @@ pub(crate) fn eigenvectors(
     let signed = Mat::from_fn(upper.nrows(), u.ncols(), |i, j| signs[j] * upper[(i, j)]);
     let small = signed * upper.transpose();
     let eigen = small.self_adjoint_eigen(Side::Lower).map_err(|_| small.norm_max())?;
-    let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
-    let vectors = basis * eigen.U();
-    let column = |i, j: usize| scale[i] * vectors[(i, j)] * values[j].abs().sqrt();
-    Ok((Mat::from_fn(u.nrows(), values.len(), column), values))
+    let (values, vectors) = (eigen.S().column_vector(), basis * eigen.U());
+    let floor = floor * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let kept: Vec<usize> = (0..values.nrows()).filter(|&j| values[j].abs() > floor).collect();
+    let column = |i, j: usize| scale[i] * vectors[(i, kept[j])] * values[kept[j]].abs().sqrt();
+    let columns = Mat::from_fn(u.nrows(), kept.len(), column);
+    Ok((columns, kept.iter().map(|&j| values[j]).collect()))
 }

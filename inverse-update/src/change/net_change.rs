@@ -88,15 +88,14 @@ fn of_ring(
     };
     let signs: Vec<f64> = (0..all.ncols()).map(sign).collect();
     // Displacements and pressures have sizes of their own: rows of equal size keep the digits of
-    // both.
-    let (vectors, values) = eigenvectors(all.as_ref(), &signs, negative > 0).map_err(|value| {
+    // both. Smaller eigenvalues are rounding of the largest.
+    let eigen = eigenvectors(all.as_ref(), &signs, negative > 0, 0.25 * f64::EPSILON);
+    let (vectors, values) = eigen.map_err(|value| {
         let what = "the ring's net change of stiffness";
         InverseError::Singular { what, row: 0, value, limit: f64::MAX }
     })?;
-    // Smaller eigenvalues are rounding of the largest.
-    let floor = 0.25 * f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     let side = |sign: f64| {
-        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > floor).collect();
+        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > 0.0).collect();
         Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])])
     };
     Ok((side(1.0), side(-1.0)))

@@ -85,11 +85,7 @@ pub(crate) fn check_vector(
     vector: &[f64],
     want: usize,
 ) -> Result<(), InverseError> {
-    check_length(what, vector, want)?;
-    match vector.iter().position(|value| !value.is_finite()) {
-        Some(row) => Err(InverseError::NotFinite { what, row, col: 0, value: vector[row] }),
-        None => Ok(()),
-    }
+    check_matrix(what, MatRef::from_column_major_slice(vector, vector.len(), 1), (want, 1))
 }
 
 pub(crate) fn check_symmetry(

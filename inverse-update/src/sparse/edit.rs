@@ -54,20 +54,17 @@ impl SlotChange {
     /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k
     /// columns.
     fn compressed(self) -> Self {
-        let rows = self.columns.nrows();
-        if rows == 0 || self.signs.windows(2).all(|pair| pair[0] == pair[1]) {
+        let is_one_signed = self.signs.windows(2).all(|pair| pair[0] == pair[1]);
+        if self.columns.nrows() == 0 || is_one_signed {
             return self;
         }
-        let Ok((vectors, values)) = eigenvectors(self.columns.as_ref(), &self.signs, true) else {
-            return self;
-        };
         // Smaller eigenvalues are rounding of the largest.
-        let floor = f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        let kept: Vec<usize> = (0..values.len()).filter(|&j| values[j].abs() > floor).collect();
-        Self {
-            columns: Mat::from_fn(rows, kept.len(), |i, j| vectors[(i, kept[j])]),
-            signs: kept.iter().map(|&j| values[j].signum()).collect(),
-            slots: self.slots,
+        match eigenvectors(self.columns.as_ref(), &self.signs, true, f64::EPSILON) {
+            Ok((columns, values)) => {
+                let signs = values.iter().map(|value| value.signum()).collect();
+                Self { columns, signs, ..self }
+            }
+            Err(_) => self,
         }
     }
 }
