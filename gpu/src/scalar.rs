@@ -12,6 +12,8 @@ use crate::kernels::Kernels;
 pub trait DeviceScalar: Precision + bytemuck::Pod {
     /// Scene name of the maintainer.
     const NAME: &'static str;
+    /// What shaders call it.
+    const WGSL: &'static str;
     /// Bytes of a number.
     const BYTES: u64 = size_of::<Self>() as u64;
 
@@ -27,21 +29,18 @@ pub trait DeviceScalar: Precision + bytemuck::Pod {
     }
 
     #[doc(hidden)]
-    fn kernels(device: &Device) -> &Kernels;
+    fn kernels(device: &Device) -> &Kernels {
+        let kernels = &device.kernels[usize::from(Self::BYTES == 8)];
+        kernels.get_or_init(|| Kernels::new(&device.device, Self::WGSL))
+    }
 }
 
 impl DeviceScalar for f32 {
     const NAME: &'static str = "gpu_f32";
-
-    fn kernels(device: &Device) -> &Kernels {
-        device.kernels_f32.get_or_init(|| Kernels::new(&device.device, "f32"))
-    }
+    const WGSL: &'static str = "f32";
 }
 
 impl DeviceScalar for f64 {
     const NAME: &'static str = "gpu";
-
-    fn kernels(device: &Device) -> &Kernels {
-        device.kernels_f64.get_or_init(|| Kernels::new(&device.device, "f64"))
-    }
+    const WGSL: &'static str = "f64";
 }

@@ -41,4 +41,4 @@ pub use error::{InverseError, StorageError};
 pub use maintained::Maintained;
 pub use maintainer::{Counts, InverseMaintainer, drift};
 pub use matrix::{SYMMETRY_LIMIT, SparseStiffness};
-pub use sparse::{RebaseOptions, Sparse};
+pub use sparse::{RebaseOptions, Sparse, elimination_order};

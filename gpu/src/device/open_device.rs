@@ -46,8 +46,8 @@ pub struct Device {
     submits: AtomicU64,
     answers: AtomicU64,
     fault: Arc<Mutex<Option<GpuError>>>,
-    pub(crate) kernels_f32: OnceLock<Kernels>,
-    pub(crate) kernels_f64: OnceLock<Kernels>,
+    /// In f32 and in f64.
+    pub(crate) kernels: [OnceLock<Kernels>; 2],
 }
 
 /// A buffer that gives its bytes back to the device's budget.
@@ -108,8 +108,7 @@ impl Device {
             submits: AtomicU64::new(0),
             answers: AtomicU64::new(0),
             fault,
-            kernels_f32: OnceLock::new(),
-            kernels_f64: OnceLock::new(),
+            kernels: Default::default(),
         }))
     }
 

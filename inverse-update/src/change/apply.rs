@@ -102,7 +102,7 @@ impl SparseStiffness {
     fn check_merge(&self, slot: usize, change: &RingChange) -> Result<(), InverseError> {
         check_slots(&[slot], self.vertices())?;
         if change.slots.contains(&slot) {
-            return Err(InverseError::OwnRing { slot });
+            return Err(InverseError::OwnRing(slot));
         }
         change.check(self.vertices(), self.block(), self.negative())?;
         let nothing = Mat::<f64>::zeros(self.block(), self.block());

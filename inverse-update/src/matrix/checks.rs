@@ -43,7 +43,7 @@ pub(crate) fn check_slots(slots: &[usize], vertices: usize) -> Result<(), Invers
     check_range(slots, vertices)?;
     for (i, &slot) in slots.iter().enumerate() {
         if slots[..i].contains(&slot) {
-            return Err(InverseError::DuplicateSlot { slot });
+            return Err(InverseError::DuplicateSlot(slot));
         }
     }
     Ok(())

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use faer::{Mat, MatRef};
 
 use super::bennett::Scratch;
+use super::dissection;
 use super::edit::Edit;
 use super::pattern::Pattern;
 use super::pivot::BadPivot;
@@ -185,6 +186,15 @@ impl SparseMethod {
             || self.based.factor.blocks as f64 > limit
             || self.scratch.loss > SOFTENED
     }
+}
+
+/// The order in which a new [`Sparse`] eliminates the vertices of `stiffness`: nested dissection
+/// where they have positions, minimum degree where they have none.
+///
+/// For callers that factor K by other means. Cost: O(n log n) and some hundred edges per vertex.
+#[must_use]
+pub fn elimination_order(stiffness: &SparseStiffness) -> Vec<usize> {
+    dissection::order(&Pattern::of(stiffness))
 }
 
 impl Method for SparseMethod {

@@ -23,4 +23,4 @@ mod sweep;
 mod symbolic;
 mod vertex_cover;
 
-pub use inverse::{RebaseOptions, Sparse};
+pub use inverse::{RebaseOptions, Sparse, elimination_order};

@@ -69,8 +69,13 @@ impl Batch {
         let at: Vec<usize> =
             update.slots().iter().flat_map(|slot| self.place[slot]..self.place[slot] + m).collect();
         let Ok(net) = NetChange::of(update, negative) else { return false };
-        if update.removed().is_some() || !self.update::<E>(&at, &net, negative) {
-            return false;
+        // C ← C − C_:r U (Λ + Uᵀ C_rr U)⁻¹ Uᵀ C_r:.
+        let ring = Mat::from_fn(at.len(), at.len(), |i, j| self.block[(at[i], at[j])]);
+        match Terms::new::<E>(&net, &ring, negative) {
+            Ok(terms) if update.removed().is_none() && !terms.is_softening => {
+                self.add(&at, terms.w.as_ref(), &terms.signs);
+            }
+            _ => return false,
         }
         if net.t.ncols() > 0 {
             self.append(&at, &net.t, &net.inverse);
@@ -78,18 +83,6 @@ impl Batch {
             self.known += m;
         }
         true
-    }
-
-    /// C ← C − C_:r U (Λ + Uᵀ C_rr U)⁻¹ Uᵀ C_r:; false as [`take`](Self::take).
-    fn update<E: Precision>(&mut self, at: &[usize], net: &NetChange, negative: usize) -> bool {
-        let ring = Mat::from_fn(at.len(), at.len(), |i, j| self.block[(at[i], at[j])]);
-        match Terms::new::<E>(net, &ring, negative) {
-            Ok(terms) if !terms.is_softening => {
-                self.add(at, terms.w.as_ref(), &terms.signs);
-                true
-            }
-            _ => false,
-        }
     }
 
     /// C ← C + Y Σ Yᵀ with Y = C_:r `w`.
