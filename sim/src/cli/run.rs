@@ -21,7 +21,7 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
     let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
     if scene.output.field && !cfg!(feature = "nifti") {
-        return Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" });
+        return Err(SimError::FeatureMissing("output.field".into(), "nifti"));
     }
     let target = match &arguments.out {
         Some(path) => path.clone(),

@@ -75,7 +75,6 @@ impl Simulation {
 
     /// One step: move the tools, find equilibrium, refine and merge. A step that does not
     /// converge is reported, not an error.
-    ///
     /// # Errors
     /// [`SimError::Inverse`] if an update of the inverse fails.
     pub fn step(&mut self) -> Result<StepReport, SimError> {
@@ -149,7 +148,6 @@ impl Simulation {
 
     /// Leads a tool from where it is to `pose` over the next step, in place of its path; it stays
     /// there until it is led elsewhere. Results are those of a path with the same poses.
-    ///
     /// # Errors
     /// [`SimError::NoSuchTool`] if there is none of that number or it does not move (a pressure);
     /// [`SimError::Pose`] for values that are not finite or farther than 1000 m. Nothing has
@@ -162,7 +160,6 @@ impl Simulation {
     }
 
     /// Where a tool is asked to be at time `t`, s: its path, or where it was last led.
-    ///
     /// # Errors
     /// As [`set_tool_pose`](Self::set_tool_pose).
     pub fn tool_pose(&mut self, tool: usize, t: f64) -> Result<Pose, SimError> {
@@ -198,7 +195,6 @@ impl Simulation {
     }
 
     /// The current mesh with its fields and surfaces, for output.
-    ///
     /// # Errors
     /// [`SimError::Surface`] if a position is not finite.
     pub fn frame(&self) -> Result<Frame, SimError> {
@@ -213,7 +209,6 @@ impl Simulation {
     /// The current state on the image's grid, or `None` unless the scene sets `output.field`.
     ///
     /// Cost: O(voxels + tetrahedra); 10 bytes per voxel.
-    ///
     /// # Errors
     /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
@@ -221,7 +216,6 @@ impl Simulation {
     }
 
     /// Everything that happened so far.
-    ///
     /// # Errors
     /// As [`Self::frame`].
     pub fn summary(&self) -> Result<Summary, SimError> {

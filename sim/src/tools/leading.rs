@@ -6,7 +6,6 @@ use crate::error::SimError;
 use crate::scene::checks::FARTHEST_M;
 
 /// The path of a tool by its number.
-///
 /// # Errors
 /// [`SimError::NoSuchTool`] if there is none of that number or it does not move.
 pub(crate) fn path_of(tools: &mut [Box<dyn Tool>], tool: usize) -> Result<&mut ToolPath, SimError> {
@@ -17,7 +16,6 @@ pub(crate) fn path_of(tools: &mut [Box<dyn Tool>], tool: usize) -> Result<&mut T
 }
 
 /// Refuses a pose that is not finite, or out of reach.
-///
 /// # Errors
 /// [`SimError::Pose`].
 pub(crate) fn check_pose(tool: usize, pose: &Pose) -> Result<(), SimError> {
