@@ -84,8 +84,6 @@ impl Stages {
     }
 
     /// The integrator: the one given, else implicit Euler where the scene has inertia.
-    /// # Errors
-    /// None of the built-in names.
     pub(crate) fn take_integrator(
         &mut self,
         scene: &Scene,

@@ -14,9 +14,6 @@ pub(super) const FILES: [&str; 3] =
 
 /// Writes the three fields into a run directory's folder; each appears under its name when it is
 /// complete.
-/// # Errors
-/// [`SimError::Io`], or [`SimError::Image`] with the file, if they can't be written;
-/// [`SimError::FeatureMissing`] in a build without NIfTI.
 #[cfg(feature = "nifti")]
 pub(super) fn write(directory: &Path, fields: &Fields) -> Result<(), SimError> {
     use yawara_mesh::image::{write_field, write_labels};

@@ -19,7 +19,7 @@ use crate::report::{
     milliseconds,
 };
 use crate::scene::Scene;
-use crate::tools::{Pose, Tool, check_pose, path_of};
+use crate::tools::{Pose, Tool, path_of};
 
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
@@ -154,7 +154,7 @@ impl Simulation {
     /// changed then.
     pub fn set_tool_pose(&mut self, tool: usize, pose: Pose) -> Result<(), SimError> {
         let Span { from, to } = self.next_span();
-        check_pose(tool, &pose)?;
+        pose.check(tool)?;
         path_of(&mut self.tools, tool)?.lead(from, to, pose);
         Ok(())
     }
@@ -234,20 +234,15 @@ impl Simulation {
     /// [`SimError::Value`] for a mesh from a file, which has no levels, or a level beyond
     /// [`MAX_LEVEL`]; [`SimError::Bisection`], [`SimError::Embed`].
     pub fn probe(&self, level: u8) -> Result<Probe, SimError> {
-        let refused = |key: &str, value: String, want: &str| SimError::Value {
-            place: self.scene.name.clone(),
-            key: key.into(),
-            value,
-            want: want.into(),
-        };
+        let name = &self.scene.name;
         let Some(Refiner { content, .. }) = &self.body.refiner else {
             let path = format!("{:?}", self.scene.mesh.path);
             let want = "an image: a mesh from a file has no finer levels to measure it on";
-            return Err(refused("mesh.path", path, want));
+            return Err(SimError::value(name, "mesh.path", path, want));
         };
         if level > MAX_LEVEL {
             let want = format!("at most {MAX_LEVEL}");
-            return Err(refused("level of the probe", level.to_string(), &want));
+            return Err(SimError::value(name, "level of the probe", level, want));
         }
         Probe::new(&content.forest, &content.embedding, content.placement, level)
     }

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::body::ScannerAxes;
 use crate::error::SimError;
 use crate::scene::Key;
+use crate::scene::checks::FARTHEST_M;
 
 use super::path_csv;
 
@@ -15,6 +16,20 @@ pub struct Pose {
     pub move_m: [f64; 3],
     /// Turn about the tool's axis, degrees.
     pub turn_deg: f64,
+}
+
+impl Pose {
+    /// Refuses a pose of a tool that is not finite, or out of reach.
+    pub(crate) fn check(&self, tool: usize) -> Result<(), SimError> {
+        let far = self.move_m.iter().find(|x| !(x.abs() <= FARTHEST_M));
+        if let Some(&value) = far {
+            return Err(SimError::Pose { tool, value, want: "at most 1000 m in each axis" });
+        }
+        match self.turn_deg.is_finite() {
+            true => Ok(()),
+            false => Err(SimError::Pose { tool, value: self.turn_deg, want: "a finite turn" }),
+        }
+    }
 }
 
 /// A path in scanner axes, which solver axes read.
