@@ -25,6 +25,4 @@ pub use harness::statistics::{median, percentile, ratios};
 pub use harness::{cases, ranks};
 pub use solvers::accuracy::inverse_error;
 pub use solvers::direct::{DIRECT, Direct};
-pub use solvers::stream::Stream;
 pub use workloads::history::{History, Update};
-pub use workloads::material_edits::MaterialEdits;

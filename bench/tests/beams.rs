@@ -10,7 +10,8 @@ const LBFGS: [[f64; 2]; 3] = [[5.1, 9.1], [7.0, 15.7], [4.0, 7.5]];
 
 fn course(load: BeamLoad, poisson_ratio: f64, steps: usize, solver: &str) -> Vec<StepCount> {
     let mut equilibrium = equilibrium_by_name(solver).unwrap();
-    Beam::course(load, poisson_ratio, steps, &ElementCorotation, equilibrium.as_mut()).unwrap()
+    let beam = Beam::new(load, poisson_ratio).unwrap();
+    beam.all(steps, &ElementCorotation, equilibrium.as_mut())
 }
 
 #[test]

@@ -146,20 +146,6 @@ impl Beam {
     }
 
     /// All of the load in equal steps, each solved to a residual of 10⁻¹².
-    ///
-    /// # Errors
-    /// As [`Beam::new`].
-    pub fn course(
-        load: BeamLoad,
-        poisson_ratio: f64,
-        steps: usize,
-        corotation: &dyn InternalForces,
-        equilibrium: &mut dyn Equilibrium,
-    ) -> Result<Vec<StepCount>, BenchError> {
-        Ok(Self::new(load, poisson_ratio)?.all(steps, corotation, equilibrium))
-    }
-
-    /// All of the load in equal steps, each solved to a residual of 10⁻¹².
     pub fn all(
         mut self,
         steps: usize,

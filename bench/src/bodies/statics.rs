@@ -136,6 +136,11 @@ impl Statics {
         }
     }
 
+    /// How far a vertex is from its rest position.
+    pub fn displacement(&self, vertex: usize) -> Vector3<f64> {
+        self.positions[vertex] - self.rest[vertex]
+    }
+
     /// The slot of a vertex in the inverse; none if it is held and has no pressure.
     pub fn slot(&self, vertex: usize) -> Option<usize> {
         self.link.slots.get(VertexId(vertex as u32))

@@ -7,18 +7,21 @@ use clap::Args;
 use crate::error::BenchError;
 use crate::harness::folder::Folder;
 
-/// Where a study writes.
+/// Where a study writes, and how much of it is run.
 #[derive(Args, Clone, Debug)]
-pub struct Destination {
+pub struct Common {
     /// Where the tables and plots go: a new or empty directory.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Write into a directory that is not empty.
     #[arg(long)]
     pub force: bool,
+    /// A part of the study that takes less than a minute; its page says which.
+    #[arg(long)]
+    pub quick: bool,
 }
 
-impl Destination {
+impl Common {
     /// The folder, checked before anything is measured.
     ///
     /// # Errors
@@ -28,25 +31,11 @@ impl Destination {
     }
 }
 
-/// Where a study writes, and how much of it is run.
-#[derive(Args, Clone, Debug)]
-pub struct Common {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub destination: Destination,
-    /// A part of the study that takes less than a minute; its page says which.
-    #[arg(long)]
-    pub quick: bool,
-}
-
 /// Fewer vertices than the coarsest mesh are refused when it is there; more than this its finest
 /// level does not have.
 const VERTICES: (usize, usize) = (8, 32_768);
 
 /// Numbers of free vertices, ascending, each once; `otherwise` if none is given.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
 pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, BenchError> {
     let mut vertices = if given.is_empty() { otherwise } else { given }.to_vec();
     vertices.iter().try_for_each(|&n| in_range("--vertices", n, VERTICES))?;
@@ -56,18 +45,13 @@ pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, 
 }
 
 /// Refuses a number that makes no sense.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
 pub(crate) fn in_range(
     option: &'static str,
     value: usize,
     limits: (usize, usize),
 ) -> Result<(), BenchError> {
-    if (limits.0..=limits.1).contains(&value) {
-        return Ok(());
-    }
-    Err(BenchError::OutOfRange { option, value, limits })
+    let is_in = (limits.0..=limits.1).contains(&value);
+    if is_in { Ok(()) } else { Err(BenchError::OutOfRange { option, value, limits }) }
 }
 
 #[cfg(test)]

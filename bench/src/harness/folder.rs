@@ -4,7 +4,8 @@ use std::fs;
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
 use yawara_mesh::atomic_file::{self, PARTIAL};
 
 use super::cases::Row;
@@ -38,15 +39,16 @@ impl Folder {
     pub fn create(path: &Path, force: bool) -> Result<Self, BenchError> {
         let mut folder = Self { path: path.into(), made: Vec::new() };
         if folder.names()?.iter().any(|_| !force) {
-            return Err(BenchError::NotEmpty { path: path.into() });
+            return Err(BenchError::NotEmpty(path.into()));
         }
         let missing = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists());
         for path in missing.map(Path::to_owned).collect::<Vec<_>>().into_iter().rev() {
-            fs::create_dir(&path).map_err(at(&path))?;
+            fs::create_dir(&path).map_err(BenchError::at(&path))?;
             folder.made.push(path);
         }
         let probe = folder.at(&format!(".probe.{}{PARTIAL}", std::process::id()));
-        fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(at(&probe))?;
+        let written = fs::write(&probe, "").and_then(|()| fs::remove_file(&probe));
+        written.map_err(BenchError::at(&probe))?;
         Ok(folder)
     }
 
@@ -72,7 +74,7 @@ impl Folder {
         match folder.read(OPTIONS)? {
             Some(found) if !force => folder.compare(&found, options)?,
             None if !force && !names.iter().all(left) => {
-                return Err(BenchError::NotEmpty { path: path.into() });
+                return Err(BenchError::NotEmpty(path.into()));
             }
             _ => folder.start(options)?,
         }
@@ -82,16 +84,11 @@ impl Folder {
     /// Names of what is in it; none if it is not there.
     fn names(&self) -> Result<Vec<String>, BenchError> {
         if self.path.exists() && !self.path.is_dir() {
-            return Err(BenchError::NotADirectory { path: self.path.clone() });
+            return Err(BenchError::NotADirectory(self.path.clone()));
         }
-        match fs::read_dir(&self.path) {
-            Ok(entries) => {
-                let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
-                Ok(entries.flatten().map(name).collect())
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
-            Err(error) => Err(at(&self.path)(error)),
-        }
+        let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
+        let entries = if_there(&self.path, fs::read_dir(&self.path))?;
+        Ok(entries.into_iter().flat_map(Iterator::flatten).map(name).collect())
     }
 
     /// Where a file of that name is.
@@ -104,11 +101,8 @@ impl Folder {
     /// # Errors
     /// [`BenchError::Io`].
     pub fn read(&self, name: &str) -> Result<Option<Vec<u8>>, BenchError> {
-        match fs::read(self.at(name)) {
-            Ok(bytes) => Ok(Some(bytes)),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(at(&self.at(name))(error)),
-        }
+        let path = self.at(name);
+        if_there(&path, fs::read(&path))
     }
 
     /// Writes a file, or replaces it: a reader finds the old one or the whole new one.
@@ -117,7 +111,7 @@ impl Folder {
     /// [`BenchError::Io`].
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), BenchError> {
         let path = self.at(name);
-        atomic_file::write(&path, bytes).map_err(at(&path))
+        atomic_file::write(&path, bytes).map_err(BenchError::at(&path))
     }
 
     /// The row of a finished case; its number counts from 0.
@@ -127,11 +121,10 @@ impl Folder {
     pub fn row(&self, number: usize, case: &str) -> Result<Option<Row>, BenchError> {
         let name = file_name(number, case);
         let Some(bytes) = self.read(&name)? else { return Ok(None) };
-        let damaged = |reason: String| BenchError::Damaged { path: self.at(&name), reason };
-        let row: Row =
-            serde_json::from_slice(&bytes).map_err(|error| damaged(error.to_string()))?;
+        let row: Row = self.parse(&name, &bytes)?;
         if row.case != case {
-            return Err(damaged(format!("it is of the case {:?}, want {case:?}", row.case)));
+            let reason = format!("it is of the case {:?}, want {case:?}", row.case);
+            return Err(BenchError::Damaged(self.at(&name), reason));
         }
         Ok(Some(row))
     }
@@ -142,8 +135,7 @@ impl Folder {
     /// [`BenchError::Io`].
     pub fn keep(&self, number: usize, row: &Row) -> Result<(), BenchError> {
         let name = file_name(number, &row.case);
-        let text = serde_json::to_string_pretty(row);
-        self.write(&name, text.map_err(|error| at(&self.at(&name))(error.into()))? + "\n")
+        self.write(&name, format!("{:#}\n", json!(row)))
     }
 
     /// Removes what ended processes have left half written; to be called when all is done.
@@ -161,26 +153,26 @@ impl Folder {
 
     fn start(&self, options: &Value) -> Result<(), BenchError> {
         let cases = self.at(CASES);
-        let gone = |removed: Result<(), Error>| match removed {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(at(&cases)(error)),
-            _ => Ok(()),
-        };
         for name in [OPTIONS, "reference.bin", "picture.svg"] {
-            gone(fs::remove_file(self.at(name)))?;
+            if_there(&self.at(name), fs::remove_file(self.at(name)))?;
         }
-        gone(fs::remove_dir_all(&cases))?;
-        fs::create_dir_all(&cases).map_err(at(&cases))?;
+        if_there(&cases, fs::remove_dir_all(&cases))?;
+        fs::create_dir_all(&cases).map_err(BenchError::at(&cases))?;
         self.write(OPTIONS, format!("{options:#}\n"))
     }
 
     fn compare(&self, found: &[u8], options: &Value) -> Result<(), BenchError> {
-        let path = self.at(OPTIONS);
-        let found: Value = serde_json::from_slice(found).map_err(|error| BenchError::Damaged {
-            path: path.clone(),
-            reason: error.to_string(),
-        })?;
+        let found = self.parse(OPTIONS, found)?;
         let Some((key, old, new)) = difference("", &found, options) else { return Ok(()) };
-        Err(BenchError::OptionsDiffer { path, key, old: shown(&old), new: shown(&new) })
+        let (path, old, new) = (self.at(OPTIONS), shown(&old), shown(&new));
+        Err(BenchError::OptionsDiffer { path, key, old, new })
+    }
+
+    fn parse<T: DeserializeOwned>(&self, name: &str, bytes: &[u8]) -> Result<T, BenchError> {
+        let damaged = |error: serde_json::Error| {
+            BenchError::Damaged(self.at(name), error.to_string())
+        };
+        serde_json::from_slice(bytes).map_err(damaged)
     }
 }
 
@@ -193,9 +185,12 @@ impl Drop for Folder {
     }
 }
 
-fn at(path: &Path) -> impl FnOnce(Error) -> BenchError {
-    let path = path.to_owned();
-    move |source| BenchError::Io { path, source }
+/// What was done at `path`; none if nothing is there.
+fn if_there<T>(path: &Path, done: Result<T, Error>) -> Result<Option<T>, BenchError> {
+    match done {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        done => done.map(Some).map_err(BenchError::at(path)),
+    }
 }
 
 fn file_name(number: usize, case: &str) -> String {
@@ -232,7 +227,6 @@ fn shown(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     #[test]
     fn a_folder_belongs_to_one_set_of_options() {
@@ -259,7 +253,7 @@ mod tests {
         fs::write(root.path().join("notes.txt"), "x").unwrap();
         let options = json!({});
         let error = Folder::open(root.path(), &options, false).unwrap_err();
-        assert!(matches!(error, BenchError::NotEmpty { .. }), "{error}");
+        assert!(matches!(error, BenchError::NotEmpty(_)), "{error}");
         let folder = Folder::open(root.path(), &options, true).unwrap();
         assert!(root.path().join("notes.txt").exists());
         folder.write("cases/000-a.json", "{\"group\": ").unwrap();
@@ -269,7 +263,7 @@ mod tests {
         let error = folder.row(1, "b!").unwrap_err().to_string();
         assert!(error.contains("b?"), "{error}");
         let error = Folder::open(&root.path().join("notes.txt"), &options, true).unwrap_err();
-        assert!(matches!(error, BenchError::NotADirectory { .. }), "{error}");
+        assert!(matches!(error, BenchError::NotADirectory(_)), "{error}");
     }
 
     #[test]
@@ -292,17 +286,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_of_a_study_that_wrote_nothing() {
+    fn files_arrive_whole_and_a_study_that_wrote_none_leaves_nothing() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::create(&root.path().join("new/deep"), false).unwrap();
         assert!(names(&root.path().join("new/deep")).is_empty());
         drop(folder);
         assert!(names(root.path()).is_empty());
-    }
-
-    #[test]
-    fn files_arrive_whole_and_replace_older_ones() {
-        let root = tempfile::tempdir().unwrap();
         let folder = Folder::create(&root.path().join("new"), false).unwrap();
         folder.write("a.csv", "one").unwrap();
         folder.write("a.csv", "two").unwrap();
@@ -314,22 +303,16 @@ mod tests {
     #[test]
     fn foreign_files_are_refused_unless_forced_and_then_kept() {
         let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join("notes.txt"), "x").unwrap();
-        let error = Folder::create(root.path(), false).unwrap_err();
-        assert!(matches!(error, BenchError::NotEmpty { .. }), "{error}");
-        Folder::create(root.path(), true).unwrap().write("a.csv", "one").unwrap();
-        assert_eq!(names(root.path()), ["a.csv", "notes.txt"]);
-    }
-
-    #[test]
-    fn a_file_in_the_way_is_named() {
-        let root = tempfile::tempdir().unwrap();
         let file = root.path().join("notes.txt");
         fs::write(&file, "x").unwrap();
+        let error = Folder::create(root.path(), false).unwrap_err();
+        assert!(matches!(error, BenchError::NotEmpty(_)), "{error}");
         let error = Folder::create(&file, true).unwrap_err();
-        assert!(matches!(error, BenchError::NotADirectory { .. }), "{error}");
+        assert!(matches!(error, BenchError::NotADirectory(_)), "{error}");
         let error = Folder::create(&file.join("below"), true).unwrap_err();
         assert!(error.to_string().contains("notes.txt"), "{error}");
         assert_eq!(names(root.path()), ["notes.txt"]);
+        Folder::create(root.path(), true).unwrap().write("a.csv", "one").unwrap();
+        assert_eq!(names(root.path()), ["a.csv", "notes.txt"]);
     }
 }

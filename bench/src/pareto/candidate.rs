@@ -58,7 +58,7 @@ impl Candidate {
     /// # Errors
     /// [`BenchError::Combination`] if there is no name or no value.
     pub fn parse(text: &str) -> Result<Self, BenchError> {
-        let refused = || BenchError::Combination { text: text.into() };
+        let refused = || BenchError::Combination(text.into());
         let (name, values) = text.split_once(':').ok_or_else(refused)?;
         let overrides = split(values);
         let complete = overrides.iter().all(|one| one.contains('='));

@@ -7,7 +7,7 @@ use yawara::{Simulation, Stages};
 use yawara_mesh::lattice::MAX_LEVEL;
 
 use super::deadline::Deadline;
-use super::measure::run_steps;
+use super::measure::{choice, run_steps};
 use super::path::Path;
 use crate::error::BenchError;
 use crate::harness::{Folder, Progress};
@@ -33,7 +33,7 @@ pub struct Reference {
 }
 
 /// How a reference was made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceSummary {
     /// Its uniform level.
     pub level: u8,
@@ -71,10 +71,7 @@ impl Reference {
     ) -> Result<Self, BenchError> {
         let name = format!("cases/{name}.bin");
         if let Some(bytes) = folder.read(&name)? {
-            let damaged = |reason: &str| BenchError::Damaged {
-                path: folder.at(&name),
-                reason: reason.into(),
-            };
+            let damaged = |reason: &str| BenchError::Damaged(folder.at(&name), reason.into());
             return decode(&bytes).map_err(damaged);
         }
         let reference = Self::compute(scene, limit, cap_s)?;
@@ -85,12 +82,8 @@ impl Reference {
     fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self, BenchError> {
         let begin = std::time::Instant::now();
         let level = finest_level(scene, limit)?;
-        let mut fine = scene.clone();
-        fine.mesh.start_level = level;
+        let mut fine = uniform(scene, level, limit);
         fine.mesh.max_level = Some(level);
-        fine.mesh.label_level = None;
-        fine.mesh.label_region = None;
-        fine.mesh.max_vertices = limit;
         fine.solver.residual = RESIDUAL;
         fine.solver.max_iterations = ITERATIONS;
         fine.solver.max_halvings = HALVINGS;
@@ -108,7 +101,6 @@ impl Reference {
             path.push(simulation, &mut probe, report.force_n)
         })?;
         let summary = simulation.summary()?;
-        let element = simulation.plan().iter().find(|row| row.stage == "element");
         let summary = ReferenceSummary {
             level,
             points_level,
@@ -117,24 +109,27 @@ impl Reference {
             steps: summary.steps.count,
             converged: summary.steps.converged,
             residual_max: summary.steps.residual_max,
-            element: element.map_or_else(String::new, |row| row.choice.clone()),
+            element: choice(&simulation, "element"),
             total_s: begin.elapsed().as_secs_f64(),
         };
         Ok(Self { path, summary })
     }
 }
 
+/// The scene on a uniform mesh of so many vertices at the most.
+fn uniform(scene: &Scene, level: u8, limit: usize) -> Scene {
+    let mut uniform = scene.clone();
+    uniform.mesh.start_level = level;
+    uniform.mesh.max_level = None;
+    uniform.mesh.label_level = None;
+    uniform.mesh.label_region = None;
+    uniform.mesh.max_vertices = limit;
+    uniform
+}
+
 /// The finest uniform level within `limit` vertices.
-///
-/// # Errors
-/// [`BenchError::Sim`] if even level 0 has more.
 pub(crate) fn finest_level(scene: &Scene, limit: usize) -> Result<u8, BenchError> {
-    let mut coarse = scene.clone();
-    coarse.mesh.start_level = 0;
-    coarse.mesh.max_level = None;
-    coarse.mesh.label_level = None;
-    coarse.mesh.label_region = None;
-    coarse.mesh.max_vertices = limit;
+    let coarse = uniform(scene, 0, limit);
     let simulation = Simulation::new(&coarse, Stages::by_name(&coarse.stages)?)?;
     let mut level = 0;
     while level < MAX_LEVEL && simulation.probe(level + 1)?.vertex_count() <= limit {
@@ -161,11 +156,11 @@ fn decode(bytes: &[u8]) -> Result<Reference, &'static str> {
         summary: ReferenceSummary,
     }
     let end = bytes.iter().take(4096).position(|&byte| byte == b'\n').ok_or("it has no head")?;
-    let head: Head = serde_json::from_slice(&bytes[..end]).map_err(|_| "its head is no JSON")?;
-    if head.layout != MAGIC {
+    let head = serde_json::from_slice(&bytes[..end]);
+    let Head { layout, summary } = head.map_err(|_| "its head is no JSON")?;
+    if layout != MAGIC {
         return Err("its layout is of another version");
     }
-    let Head { summary, .. } = head;
     let (points, steps) = (summary.points, summary.steps);
     let vectors = steps.checked_add(1).and_then(|n| n.checked_mul(points)?.checked_add(steps));
     let want = vectors.and_then(|n| n.checked_mul(3)?.checked_add(steps)?.checked_mul(8));
@@ -180,17 +175,10 @@ fn decode(bytes: &[u8]) -> Result<Reference, &'static str> {
     let mut next = || numbers.next().unwrap_or(f64::NAN);
     let mut vectors =
         |n: usize| (0..n).map(|_| Vector3::from_fn(|_, _| next())).collect::<Vec<_>>();
-    let rest = vectors(points);
-    let displacements = vectors(points * steps);
-    let forces = vectors(steps);
-    let path = Path {
-        level: summary.points_level,
-        rest,
-        displacements,
-        forces,
-        volumes: numbers.collect(),
-    };
-    Ok(Reference { path, summary })
+    let (rest, displacements, forces) =
+        (vectors(points), vectors(points * steps), vectors(steps));
+    let (level, volumes) = (summary.points_level, numbers.collect());
+    Ok(Reference { path: Path { level, rest, displacements, forces, volumes }, summary })
 }
 
 #[cfg(test)]
@@ -228,17 +216,8 @@ mod tests {
 
     #[test]
     fn a_damaged_reference_is_named_and_nothing_is_allocated_for_it() {
-        let summary = ReferenceSummary {
-            level: 1,
-            points_level: 1,
-            vertices: 1,
-            points: usize::MAX / 2,
-            steps: 3,
-            converged: 3,
-            residual_max: 0.0,
-            element: "p1".into(),
-            total_s: 0.0,
-        };
+        let summary =
+            ReferenceSummary { points: usize::MAX / 2, steps: 3, ..ReferenceSummary::default() };
         let reference = Reference { path: Path::default(), summary };
         let forged = encode(&reference);
         assert!(decode(&forged).is_err_and(|reason| reason.contains("long")));

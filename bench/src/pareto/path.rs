@@ -71,9 +71,6 @@ pub(crate) struct Distance<'a> {
 
 impl<'a> Distance<'a> {
     /// Of a run with the points of `probe` from `path`.
-    ///
-    /// # Errors
-    /// [`BenchError::OtherPoints`] if the points are not the same.
     pub fn from(path: &'a Path, probe: &Probe) -> Result<Self, BenchError> {
         if probe.rest() != path.rest {
             let (got, want) = (probe.rest().len(), path.rest.len());

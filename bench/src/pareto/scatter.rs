@@ -2,7 +2,7 @@
 
 use super::front::front;
 use crate::harness::cases::Row;
-use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape};
+use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape, key};
 use crate::harness::report::each_once;
 
 /// Height of a line of the smallest text.
@@ -47,7 +47,7 @@ pub(crate) fn scatter(
         shapes.push(Shape::Disc { at, radius, hollow: !converged(row), role, title });
         labels.block(at, radius);
         if on_front.contains(&i) || named.contains(&&row.group[..]) {
-            labels.want(at, &row.case);
+            labels.wanted.push((at, &row.case));
         }
     }
     shapes.extend(labels.shapes());
@@ -84,36 +84,22 @@ fn stairs(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
 }
 
 fn legend(groups: &[&str]) -> Vec<Shape> {
-    let mut shapes = Vec::new();
-    for (number, group) in groups.iter().enumerate() {
-        let at = (FRAME[2] + 28.0, FRAME[1] + 20.0 * number as f64);
-        let role = Role::Series(number);
-        let title = (*group).to_owned();
-        shapes.push(Shape::Disc { at, radius: 5.0, hollow: false, role, title });
-        let text = (*group).to_owned();
-        let at = (at.0 + 12.0, at.1);
-        shapes.push(Shape::Text { at, size: 13.0, anchor: Anchor::Start, text });
-    }
-    let y = FRAME[1] + 20.0 * groups.len() as f64 + 6.0;
-    for (number, text) in
-        ["hollow: a step did not converge", "line: Pareto front"].iter().enumerate()
-    {
-        let at = (FRAME[2] + 22.0, y + 17.0 * number as f64);
-        let text = (*text).to_owned();
-        shapes.push(Shape::Text { at, size: 12.0, anchor: Anchor::Start, text });
-    }
-    shapes
+    let keys = groups.iter().enumerate().flat_map(|(number, group)| key(number, 5.0, false, group));
+    let (x, y) = (FRAME[2] + 22.0, FRAME[1] + 20.0 * groups.len() as f64 + 6.0);
+    let note = |y, text| Shape::text((x, y), 12.0, Anchor::Start, text);
+    let notes = [note(y, "hollow: a step did not converge"), note(y + 17.0, "line: Pareto front")];
+    keys.chain(notes).collect()
 }
 
 /// Names beside points, moved up or down until they lie on no other and on no mark.
 #[derive(Default)]
-struct Labels {
+struct Labels<'a> {
     /// Boxes that are taken: left, top, right, bottom.
     taken: Vec<[f64; 4]>,
-    wanted: Vec<((f64, f64), String)>,
+    wanted: Vec<((f64, f64), &'a str)>,
 }
 
-impl Labels {
+impl Labels<'_> {
     fn block(&mut self, (x, y): (f64, f64), radius: f64) {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
@@ -123,13 +109,9 @@ impl Labels {
         self.taken.push([a.0.min(b.0), a.1.min(b.1), a.0.max(b.0), a.1.max(b.1)]);
     }
 
-    fn want(&mut self, at: (f64, f64), name: &str) {
-        self.wanted.push((at, name.to_owned()));
-    }
-
     fn shapes(mut self) -> Vec<Shape> {
         let mut shapes = Vec::new();
-        for ((x, y), text) in std::mem::take(&mut self.wanted) {
+        for ((x, y), text) in self.wanted {
             // A letter of this size is about so wide.
             let width = 6.2 * text.chars().count() as f64;
             let fits = x + 9.0 + width < FRAME[2];
@@ -148,7 +130,7 @@ impl Labels {
             let height = shifts.map(|shift| y + shift).find(free).unwrap_or(y);
             self.taken.push(box_at(height));
             let at = (if fits { from } else { from + width }, height);
-            shapes.push(Shape::Text { at, size: 12.0, anchor, text });
+            shapes.push(Shape::text(at, 12.0, anchor, text));
         }
         shapes
     }
@@ -185,14 +167,11 @@ mod tests {
             Shape::Disc { at, hollow, title, .. } if title.contains(':') => Some((*at, *hollow)),
             _ => None,
         });
-        let discs: Vec<_> = discs.collect();
-        assert_eq!(
-            discs.iter().map(|disc| disc.1).collect::<Vec<_>>(),
-            [false, false, false, true]
-        );
+        let (at, hollow): (Vec<(f64, f64)>, Vec<bool>) = discs.unzip();
+        assert_eq!(hollow, [false, false, false, true]);
         // Two decades of either axis are as long as any other two.
-        assert!((discs[1].0.0 - discs[0].0.0 - (discs[2].0.0 - discs[0].0.0)).abs() < 1e-9);
-        assert!(discs[1].0.1 > discs[0].0.1 && (discs[2].0.1 - discs[0].0.1).abs() < 1e-9);
+        assert!((at[1].0 - at[2].0).abs() < 1e-9);
+        assert!(at[1].1 > at[0].1 && (at[2].1 - at[0].1).abs() < 1e-9);
         let svg = picture.svg();
         for (name, shown) in [("fast", 2), ("slow", 2), ("beaten", 1), ("lost", 1)] {
             assert_eq!(svg.matches(&format!(">{name}")).count(), shown, "{name}");
@@ -203,23 +182,16 @@ mod tests {
     fn names_do_not_cover_each_other() {
         let mut labels = Labels::default();
         for i in 0..5 {
-            labels.want((200.0, 200.0 + 2.0 * f64::from(i)), "a name of some length");
+            labels.wanted.push(((200.0, 200.0 + 2.0 * f64::from(i)), "a name of some length"));
         }
-        let heights: Vec<f64> = labels
-            .shapes()
-            .iter()
-            .map(|shape| match shape {
-                Shape::Text { at, .. } => at.1,
-                _ => unreachable!(),
-            })
-            .collect();
+        let height = |shape: &Shape| match shape {
+            Shape::Text { at, .. } => at.1,
+            _ => unreachable!(),
+        };
+        let heights: Vec<f64> = labels.shapes().iter().map(height).collect();
         for (i, a) in heights.iter().enumerate() {
             assert!(heights[..i].iter().all(|b| (a - b).abs() >= LINE), "{heights:?}");
         }
-    }
-
-    #[test]
-    fn nothing_positive_is_no_plot() {
-        assert!(scatter("t", &X, &Y, &[], &[]).is_none());
+        assert!(scatter("t", &X, &Y, &[], &[]).is_none(), "nothing positive is no plot");
     }
 }

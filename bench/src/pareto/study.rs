@@ -103,7 +103,7 @@ impl Study {
     pub fn run(&self, selection: &Selection) -> Result<String, BenchError> {
         let mut names = BTreeSet::new();
         if let Some(twice) = self.candidates.iter().find(|one| !names.insert(&one.name)) {
-            return Err(BenchError::SameName { name: twice.name.clone() });
+            return Err(BenchError::SameName(twice.name.clone()));
         }
         let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
         // Without a reference there is no study: it takes what it takes.

@@ -5,6 +5,7 @@ use super::results::{ERROR, Results, TIME, own_error};
 use super::scatter::{Axis, converged, front_of, scatter};
 use crate::error::BenchError;
 use crate::harness::machine::Machine;
+use crate::harness::plot::Picture;
 use crate::harness::report::Summary;
 use crate::harness::{Folder, cases};
 
@@ -12,20 +13,8 @@ use crate::harness::{Folder, cases};
 pub(crate) const PICTURE: &str = "cases/picture.svg";
 
 /// Columns of the table that is printed.
-const COLUMNS: &[&str] = &[
-    TIME,
-    "step_p50_ms",
-    "step_p99_ms",
-    "precompute_s",
-    "memory_mb",
-    "vertices_max",
-    ERROR,
-    "error_force",
-    "error_volume",
-    "steps",
-    "converged",
-    "fallbacks",
-];
+const COLUMNS: &str = "step_mean_ms step_p50_ms step_p99_ms precompute_s memory_mb vertices_max \
+                       error_displacement error_force error_volume steps converged fallbacks";
 
 /// Rows that are named in the plots wherever they are.
 const NAMED: &[&str] = &["default", "paper", "own", "named"];
@@ -37,9 +26,6 @@ const DISPLACEMENT: Axis<'static> =
 const FORCE: Axis<'static> = Axis { name: "error_force", title: "error of force, relative" };
 
 /// Writes pareto.png and makes the rest: table, JSON, pareto.svg and report.html.
-///
-/// # Errors
-/// [`BenchError::Io`], [`BenchError::Picture`].
 pub(crate) fn all(results: &Results, folder: &Folder) -> Result<Summary, BenchError> {
     let Results { scene, plan, reference, rows } = results;
     let machine = Machine::here();
@@ -49,23 +35,15 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<Summary, BenchEr
     let (on_front, on_front_of_force) = (front(ERROR), front(FORCE.name));
     let text = summary(results, &machine, &on_front, &on_front_of_force);
     let title = format!("{}: error against time", scene.name);
-    let plots: Vec<_> = [&DISPLACEMENT, &FORCE]
-        .iter()
-        .filter_map(|y| scatter(&title, &X, y, rows, NAMED))
-        .collect();
+    let plot = |y| scatter(&title, &X, y, rows, NAMED);
+    let plots: Vec<Picture> = [&DISPLACEMENT, &FORCE].into_iter().filter_map(plot).collect();
     if let Some(first) = plots.first() {
-        let picture = |reason| BenchError::Picture { path: folder.at("pareto.png"), reason };
-        folder.write("pareto.png", first.png().map_err(picture)?)?;
+        let picture = first.png().map_err(BenchError::at(&folder.at("pareto.png")))?;
+        folder.write("pareto.png", picture)?;
     }
     let body = folder.read(PICTURE)?.and_then(|bytes| String::from_utf8(bytes).ok());
-    let page = report::page(&report::Content {
-        results,
-        machine: &machine,
-        front: &on_front,
-        front_of_force: &on_front_of_force,
-        plots: plots.iter().map(|plot| plot.svg()).collect(),
-        body,
-    });
+    let svgs: Vec<String> = plots.iter().map(Picture::svg).collect();
+    let page = report::page(results, &machine, [&on_front, &on_front_of_force], &svgs, body);
     let summary = Summary { table: Some(cases::lines(rows)), ..Summary::new(text) };
     Ok(summary
         .with("study", "pareto")
@@ -76,7 +54,7 @@ pub(crate) fn all(results: &Results, folder: &Folder) -> Result<Summary, BenchEr
         .with("left_out", plan.iter().filter(|row| !row.runs).collect::<Vec<_>>())
         .with("front", &on_front)
         .with("front_force", &on_front_of_force)
-        .with_file("pareto.svg", plots.first().map(|plot| plot.svg()))
+        .with_file("pareto.svg", svgs.into_iter().next())
         .with_file("report.html", Some(page)))
 }
 

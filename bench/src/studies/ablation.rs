@@ -9,7 +9,7 @@ use yawara::{Probe, Simulation, Stages, scene_file};
 
 use crate::error::BenchError;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
-use crate::harness::statistics::{median, ratios};
+use crate::harness::statistics::{median, milliseconds_since, ratios};
 use crate::harness::{Folder, machine};
 
 /// The built-in scenes that need no file.
@@ -64,23 +64,10 @@ impl Part {
 }
 
 /// Columns of the table.
-const COLUMNS: &[&str] = &[
-    "steps",
-    "converged",
-    "converged_with",
-    "disagreement",
-    "tolerance",
-    "step_ms",
-    "step_with_ms",
-    "time_ratio",
-    "memory_mb",
-    "memory_with_mb",
-];
+const COLUMNS: &str = "steps converged converged_with disagreement tolerance step_ms step_with_ms \
+                       time_ratio memory_mb memory_with_mb";
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a part that fails is a row.
+/// Runs the study.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let (selection, quick) = (&arguments.selection, arguments.quick);
     let version = env!("CARGO_PKG_VERSION");
@@ -165,7 +152,7 @@ impl Run {
         if self.has_surface {
             std::hint::black_box(self.simulation.frame()?);
         }
-        self.ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        self.ms.push(milliseconds_since(begin));
         Ok(())
     }
 

@@ -45,13 +45,9 @@ struct Row {
 /// A column of the tables.
 type Figure = fn(&Row) -> Option<f64>;
 
-/// Runs the study, writes its files and returns its tables.
-///
-/// # Errors
-/// [`BenchError`] for a directory that is in use (nothing is written then) or a mesh or factor that
-/// is refused.
+/// Runs the study.
 pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let folder = arguments.destination.folder()?;
+    let folder = arguments.folder()?;
     let rows = measure(arguments.quick)?;
     let summary = summary(&rows);
     report::write(&folder, "elements", &rows, summary)

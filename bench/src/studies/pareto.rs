@@ -74,10 +74,7 @@ impl Arguments {
     }
 }
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// As [`Arguments::study`] and [`Study::run`].
+/// Runs the study.
 pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
     arguments.study()?.run(&arguments.selection)
 }

@@ -14,8 +14,7 @@ use crate::workloads::random::SplitMix64;
 const MOST: usize = 32;
 
 /// Tetrahedra of the start mesh, whose vertices stay.
-#[derive(Clone, Debug)]
-pub struct MaterialEdits {
+pub(crate) struct MaterialEdits {
     elements: Vec<Element>,
     /// Elements that are stiffer now, and by which part of their stiffness.
     active: Vec<(usize, f64)>,
@@ -23,9 +22,6 @@ pub struct MaterialEdits {
 
 impl MaterialEdits {
     /// None is stiffer yet.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] from the homogenisation.
     pub fn new(organ: &Organ, homogenisation: &str) -> Result<Self, BenchError> {
         let embedding = organ.embedding(homogenisation)?;
         Ok(Self { elements: organ.body(&embedding).elements().to_vec(), active: Vec::new() })
@@ -33,10 +29,7 @@ impl MaterialEdits {
 
     /// Makes a random tetrahedron stiffer by up to its own stiffness, or takes that back from one.
     /// Rank 6. None where the chosen one has no free vertex.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] if an element's stiffness is not finite.
-    pub(crate) fn step(
+    pub fn step(
         &mut self,
         slots: &SlotMap,
         random: &mut SplitMix64,
@@ -57,9 +50,6 @@ impl MaterialEdits {
     }
 
     /// Adds what is stiffer now to a freshly assembled K.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] and [`BenchError::Inverse`] if an element's stiffness is not finite.
     pub fn add_to(
         &self,
         stiffness: &mut SparseStiffness,

@@ -113,15 +113,14 @@ pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured
         return Ok(Measured::Waiting(String::new()));
     }
     let kept = cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name));
-    let kept: Vec<Option<Row>> = kept.collect::<Result<_, _>>()?;
-    let done = kept.iter().flatten().count();
-    if done == cases.len() {
-        return Ok(Measured::All(kept.into_iter().flatten().collect()));
+    let kept: Vec<Row> = kept.filter_map(Result::transpose).collect::<Result<_, _>>()?;
+    let (done, all) = (kept.len(), cases.len());
+    if done == all {
+        return Ok(Measured::All(kept));
     }
     Ok(Measured::Waiting(format!(
-        "{done} of {} cases are done; the tables come with the last one (run the other parts, or \
-         again without --shard, over the same folder)\n",
-        cases.len()
+        "{done} of {all} cases are done; the tables come with the last one (run the other parts, or \
+         again without --shard, over the same folder)\n"
     )))
 }
 
@@ -130,28 +129,19 @@ mod tests {
     use super::*;
     use std::cell::RefCell;
 
-    fn findings(value: f64) -> Findings {
-        let mut found = Findings::default();
-        found.figures.put("value", value);
-        found
-    }
-
     /// Three cases, the second of which fails and the third of which panics; `log` tells who ran.
-    fn cases<'a>(log: &'a RefCell<Vec<&'static str>>) -> Vec<Case<'a>> {
-        vec![
-            Case::new("g", "one", |_| {
-                log.borrow_mut().push("one");
-                Ok(findings(1.0 / 3.0))
-            }),
-            Case::new("g", "two", |_| {
-                log.borrow_mut().push("two");
-                Err(BenchError::NoRing { vertices: 7 })
-            }),
-            Case::new("g", "three", |_| {
-                log.borrow_mut().push("three");
-                panic!("a bug")
-            }),
-        ]
+    fn cases<'a>(log: &'a RefCell<Vec<&'static str>>) -> [Case<'a>; 3] {
+        let work = |name| {
+            log.borrow_mut().push(name);
+            let mut found = Findings::default();
+            found.figures.put("value", 1.0 / 3.0);
+            match name {
+                "one" => Ok(found),
+                "two" => Err(BenchError::NoRing(7)),
+                _ => panic!("a bug"),
+            }
+        };
+        ["one", "two", "three"].map(|name| Case::new("g", name, move |_| work(name)))
     }
 
     fn all(measured: Measured) -> Vec<Row> {
@@ -192,8 +182,7 @@ mod tests {
         assert_eq!(*log.borrow(), ["two", "one", "three"]);
         let other = tempfile::tempdir().unwrap();
         let alone = all(run(&open(other.path()), &cases(&log), Shard::ALL).unwrap());
-        let names = |rows: &[Row]| rows.iter().map(|row| row.case.clone()).collect::<Vec<_>>();
-        assert_eq!(names(&rows), names(&alone));
-        assert!(rows.iter().zip(&alone).all(|(a, b)| a.figures == b.figures));
+        let known = |row: &Row| (row.case.clone(), row.figures.clone());
+        assert!(rows.iter().map(known).eq(alone.iter().map(known)));
     }
 }

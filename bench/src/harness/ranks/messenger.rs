@@ -61,9 +61,7 @@ impl Messenger {
             Ok(Reply::Joined { rank, size }) if size == processes => {
                 Ok(Self { rank, orders, replies: Mutex::new(replies) })
             }
-            Ok(Reply::Joined { size, .. }) => {
-                Err(BenchError::OtherMpi { started: processes, found: size })
-            }
+            Ok(Reply::Joined { size, .. }) => Err(BenchError::OtherMpi(processes, size)),
             _ => Err(BenchError::MpiOver),
         }
     }

@@ -43,8 +43,8 @@ pub fn started() -> usize {
 pub fn check(shares_cases: bool) -> Result<(), BenchError> {
     match started() {
         0 | 1 => Ok(()),
-        processes if !shares_cases => Err(BenchError::OneProcess { processes }),
-        processes if cfg!(not(feature = "mpi")) => Err(BenchError::NoMpi { processes }),
+        processes if !shares_cases => Err(BenchError::OneProcess(processes)),
+        processes if cfg!(not(feature = "mpi")) => Err(BenchError::NoMpi(processes)),
         _ => Ok(()),
     }
 }
@@ -69,9 +69,6 @@ pub(crate) fn is_first() -> bool {
 
 /// Does `work` in the first process, and once that is done in all others; `work` is told whether
 /// it is in the first.
-///
-/// # Errors
-/// Those of `work` and of starting MPI.
 pub(crate) fn in_turn<T>(
     work: impl FnOnce(bool) -> Result<T, BenchError>,
 ) -> Result<T, BenchError> {
@@ -94,9 +91,6 @@ pub(crate) enum Turns {
 }
 
 /// Gives out the cases `waiting`, in order; what others than the first process give is not asked for.
-///
-/// # Errors
-/// Those of starting MPI.
 pub(crate) fn give_out(waiting: Vec<usize>) -> Result<Turns, BenchError> {
     let Some(messenger) = messenger()? else { return Ok(Turns::Alone(waiting.into_iter())) };
     if messenger.rank() == 0 {
@@ -108,9 +102,6 @@ pub(crate) fn give_out(waiting: Vec<usize>) -> Result<Turns, BenchError> {
 impl Turns {
     /// The next case, to be asked for when the one before is kept; `None` when all cases of all
     /// processes are.
-    ///
-    /// # Errors
-    /// [`BenchError::MpiOver`], [`BenchError::OutOfStep`].
     pub fn next_case(&mut self) -> Result<Option<usize>, BenchError> {
         match self {
             Self::Alone(waiting) => Ok(waiting.next()),

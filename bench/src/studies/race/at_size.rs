@@ -3,23 +3,18 @@
 use super::competitor::Competitor;
 use super::memory::Memory;
 use super::row::Row;
-use super::samples::{Samples, ratio};
+use super::samples::ratio;
 use super::settings::{FAMILIES, LeftOut};
 use crate::harness::statistics::median;
 
 /// Everything measured at one size.
+#[derive(Default)]
 pub(crate) struct AtSize {
     pub vertices: usize,
     pub rows: Vec<Row>,
     pub competitors: Vec<Competitor>,
     pub left_out: Vec<LeftOut>,
     pub memory: Memory,
-}
-
-/// Time of a split, or of what stands in for it.
-enum Side<'a> {
-    Measured(&'a Samples),
-    Extrapolated(f64),
 }
 
 /// The rows of all sizes.
@@ -34,25 +29,16 @@ impl AtSize {
     }
 
     pub fn competitor(&self, name: &str, family: &str) -> Option<&Competitor> {
-        self.competitors
-            .iter()
-            .find(|competitor| competitor.name == name && self.family(competitor) == family)
+        self.competitors.iter().find(|one| one.name == name && self.family(one) == family)
     }
 
-    fn side(&self, name: &str, family: &str) -> Option<Side<'_>> {
-        if let Some(competitor) = self.competitor(name, family) {
-            return Some(Side::Measured(&competitor.split));
-        }
-        let row = self.rows.iter().find(|row| row.method == name && row.family == family)?;
-        Some(Side::Extrapolated(row.split_ms.p50))
-    }
-
-    /// Time of `slow` over that of `fast`, and whether it is extrapolated.
+    /// Time of a split by `slow` over that by `fast`, and whether `slow` is extrapolated.
     pub fn over(&self, slow: &str, fast: &str, family: &str) -> Option<(f64, bool)> {
-        let Side::Measured(fast) = self.side(fast, family)? else { return None };
-        match self.side(slow, family)? {
-            Side::Measured(slow) => Some((ratio(slow, fast), false)),
-            Side::Extrapolated(slow) => Some((slow / median(&fast.all()), true)),
+        let fast = &self.competitor(fast, family)?.split;
+        if let Some(slow) = self.competitor(slow, family) {
+            return Some((ratio(&slow.split, fast), false));
         }
+        let row = self.rows.iter().find(|row| row.method == slow && row.family == family)?;
+        Some((row.split_ms.p50 / median(&fast.all()), true))
     }
 }

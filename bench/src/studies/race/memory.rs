@@ -34,20 +34,10 @@ impl Memory {
         if self.double.is_empty() {
             return;
         }
-        let Self { numbers, double, single, pass, pass_f32, copy, cold } = self;
-        let [cold, cold_f32] = cold;
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| double.pass(*numbers));
-            sort(at, number, time, cold, pass);
-        }
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| single.pass(*numbers / 2));
-            sort(at, number, time, cold_f32, pass_f32);
-        }
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| double.copy(*numbers));
-            sort(at, number, time, &mut Samples::default(), copy);
-        }
+        let (count, nowhere) = (self.numbers, &mut Samples::default());
+        repeat(number, &mut self.cold[0], &mut self.pass, || self.double.pass(count));
+        repeat(number, &mut self.cold[1], &mut self.pass_f32, || self.single.pass(count / 2));
+        repeat(number, nowhere, &mut self.copy, || self.double.copy(count));
     }
 
     /// Passes in that precision, and those that begin a burst.
@@ -78,13 +68,16 @@ impl Memory {
     }
 }
 
-/// The first of a burst counts apart, the second not at all.
-fn sort(at: usize, burst: usize, time: f64, cold: &mut Samples, others: &mut Samples) {
-    match at {
-        0 => cold.push(burst, time),
-        1 => {}
-        _ => others.push(burst, time),
-    }
+/// As often as a burst has updates: the first counts apart, the second not at all.
+fn repeat(
+    burst: usize,
+    cold: &mut Samples,
+    others: &mut Samples,
+    mut pass: impl FnMut() -> usize,
+) {
+    cold.push(burst, timed(&mut pass));
+    pass();
+    (0..2 * BURST).for_each(|_| others.push(burst, timed(&mut pass)));
 }
 
 #[cfg(test)]

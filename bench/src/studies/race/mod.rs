@@ -6,7 +6,6 @@
 //! same machine. Start with `run.rs`; `workload.rs` makes the bursts, `competitor.rs` runs them,
 //! `row.rs` and `ratios.rs` say what was found, `tables.rs` shows it.
 
-mod arguments;
 mod at_size;
 mod competitor;
 mod growth;
@@ -19,12 +18,10 @@ mod settings;
 mod tables;
 mod workload;
 
-pub use arguments::Arguments;
-pub(crate) use arguments::Defaults;
 pub(crate) use at_size::{AtSize, rows};
 pub(crate) use ratios::beside;
 pub(crate) use row::Row;
 pub(crate) use run::run;
-pub(crate) use settings::{FAMILIES, maintainers};
+pub use settings::Arguments;
+pub(crate) use settings::{Defaults, FAMILIES, maintainers};
 pub(crate) use tables::{families, head, left_out, lines, ratio_table};
-pub(crate) use workload::{three_slots, unit_loads};

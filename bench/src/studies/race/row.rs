@@ -50,9 +50,6 @@ pub(crate) struct Row {
 
 impl Row {
     /// What a competitor has measured.
-    ///
-    /// # Errors
-    /// [`BenchError::NotFinite`] for a figure that nobody can read.
     pub fn measured(
         competitor: &Competitor,
         family: &'static str,
@@ -62,7 +59,7 @@ impl Row {
     ) -> Result<Self, BenchError> {
         let finite = |value: f64, what: &str| {
             let what = format!("{what} of {} in {family} at {vertices} vertices", competitor.name);
-            if value.is_finite() { Ok(value) } else { Err(BenchError::NotFinite { what, value }) }
+            if value.is_finite() { Ok(value) } else { Err(BenchError::NotFinite(what, value)) }
         };
         let median_of = |samples: &Samples| Quantiles::of(samples).map(|q| q.p50);
         let nothing = Quantiles { p50: f64::NAN, p99: f64::NAN };

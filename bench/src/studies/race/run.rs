@@ -32,9 +32,6 @@ fn packed(dofs: usize) -> usize {
 }
 
 /// Runs all sizes one after the other; what the smaller ones took tells what the larger ones will.
-///
-/// # Errors
-/// [`BenchError`] from the mesh, the homogenisation or a method that fails.
 pub(crate) fn run(settings: &Settings) -> Result<Vec<AtSize>, BenchError> {
     let mut progress = Progress::new(settings.vertices.iter().map(|&n| work(n)).sum());
     let mut growth = Growth::default();
@@ -54,12 +51,9 @@ pub(crate) fn run(settings: &Settings) -> Result<Vec<AtSize>, BenchError> {
 /// One size under way.
 struct Race<'a> {
     settings: &'a Settings,
-    vertices: usize,
     workloads: Vec<Workload>,
-    competitors: Vec<Competitor>,
-    left_out: Vec<LeftOut>,
-    predicted: Vec<Row>,
-    memory: Memory,
+    /// Its rows are those that are extrapolated, until the end.
+    size: AtSize,
 }
 
 impl<'a> Race<'a> {
@@ -70,20 +64,13 @@ impl<'a> Race<'a> {
         progress: &mut Progress,
     ) -> Result<Self, BenchError> {
         let organ = Organ::with_at_most(vertices)?;
-        let mut race = Self {
-            settings,
-            vertices,
-            workloads: Vec::new(),
-            competitors: Vec::new(),
-            left_out: Vec::new(),
-            predicted: Vec::new(),
-            memory: Memory::default(),
-        };
+        let size = AtSize { vertices, ..AtSize::default() };
+        let mut race = Self { settings, workloads: Vec::new(), size };
         for family in FAMILIES {
             let seed = settings.seed;
             let history = History::refined(&organ, family.homogenisation, vertices, 0, seed)?;
             let stiffness = history.stiffness()?;
-            race.workloads.push(Workload { family, history, ranks: Vec::new(), reference: None });
+            race.workloads.push(Workload::new(family, history));
             for name in maintainers() {
                 race.enter(name, &stiffness, growth)?;
             }
@@ -93,10 +80,21 @@ impl<'a> Race<'a> {
             let share = 0.5 / FAMILIES.len() as f64;
             progress.advance(&format!("{vertices} vertices"), share * work(vertices));
         }
-        if race.competitors.iter().any(Competitor::is_dense) {
-            race.memory = Memory::new(packed(3 * vertices));
+        if race.size.competitors.iter().any(Competitor::is_dense) {
+            race.size.memory = Memory::new(packed(3 * vertices));
         }
         Ok(race)
+    }
+
+    /// Number and name of the family that enters.
+    fn entering(&self) -> (usize, &'static str) {
+        let workload = self.workloads.len() - 1;
+        (workload, self.workloads[workload].family.name)
+    }
+
+    fn leave_out(&mut self, method: &'static str, reason: String) {
+        let (vertices, (_, family)) = (self.size.vertices, self.entering());
+        self.size.left_out.push(LeftOut { vertices, method, family, reason });
     }
 
     /// Starts a maintainer, unless it would take too much.
@@ -106,44 +104,42 @@ impl<'a> Race<'a> {
         stiffness: &SparseStiffness,
         growth: &mut Growth,
     ) -> Result<(), BenchError> {
-        let workload = self.workloads.len() - 1;
-        let family = self.workloads[workload].family.name;
-        let dofs = 3 * self.vertices;
-        let expected = growth.expect((name, family, "build"), dofs);
-        if let Some(reason) = self.too_much(name, expected) {
-            let vertices = self.vertices;
-            self.left_out.push(LeftOut { vertices, method: name, family, reason });
+        let ((workload, family), dofs) = (self.entering(), 3 * self.size.vertices);
+        let key = (name, family, "build");
+        if let Some(reason) = self.too_much(name, growth.expect(key, dofs)) {
+            self.leave_out(name, reason);
             return Ok(());
         }
         let competitor = Competitor::maintainer(name, workload, stiffness.clone())?;
         if let Some(build_ms) = competitor.build_ms {
-            growth.note((name, family, "build"), dofs, build_ms);
+            growth.note(key, dofs, build_ms);
         }
-        self.competitors.push(competitor);
+        self.size.competitors.push(competitor);
         Ok(())
     }
 
     /// Enters a direct method, its figure extrapolated if it would take too much.
     fn enter_direct(&mut self, direct: Direct, growth: &Growth) {
-        let workload = self.workloads.len() - 1;
-        let family = self.workloads[workload].family.name;
-        let (name, dofs, vertices) = (direct.name(), 3 * self.vertices, self.vertices);
-        let expected = growth.expect((name, family, "split"), dofs);
-        let Some(reason) = self.too_much(name, expected) else {
+        let ((workload, family), vertices) = (self.entering(), self.size.vertices);
+        let key = (direct.name(), family, "split");
+        let expected = growth.expect(key, 3 * vertices);
+        let Some(reason) = self.too_much(direct.name(), expected) else {
             let cap = 1e3 * self.settings.cap_s;
             let rebuilds = expected.map_or(REBUILDS as f64, |ms| cap / ms);
             let rebuilds = (rebuilds as usize).clamp(1, REBUILDS);
-            self.competitors.push(Competitor::direct(direct, workload, rebuilds));
+            self.size.competitors.push(Competitor::direct(direct, workload, rebuilds));
             return;
         };
-        match growth.fitted((name, family, "split"), dofs) {
-            Some(ms) => self.predicted.push(Row::extrapolated(name, family, vertices, ms)),
-            None => self.left_out.push(LeftOut { vertices, method: name, family, reason }),
+        match growth.fitted(key, 3 * vertices) {
+            Some(ms) => {
+                self.size.rows.push(Row::extrapolated(direct.name(), family, vertices, ms));
+            }
+            None => self.leave_out(direct.name(), reason),
         }
     }
 
     fn too_much(&self, name: &str, expected_ms: Option<f64>) -> Option<String> {
-        let dofs = 3.0 * self.vertices as f64;
+        let dofs = 3.0 * self.size.vertices as f64;
         // K, its factor and C, dense, stand side by side while a dense method begins.
         let bytes = if is_sparse(name) { 0.0 } else { 3.0 * 8.0 * dofs * dofs };
         if bytes > self.settings.memory_bytes {
@@ -161,10 +157,10 @@ impl<'a> Race<'a> {
         let random = SplitMix64(!self.settings.seed ^ number as u64);
         let bursts = self.workloads.iter_mut().map(|workload| workload.burst(random));
         let bursts = bursts.collect::<Result<Vec<_>, _>>()?;
-        let turns = self.competitors.len() + 1;
+        let turns = self.size.competitors.len() + 1;
         for turn in 0..turns {
             let at = (number + turn) % turns;
-            match self.competitors.get_mut(at) {
+            match self.size.competitors.get_mut(at) {
                 Some(competitor) if competitor.runs(number, self.settings.bursts()) => {
                     let workload = &self.workloads[competitor.workload];
                     competitor.burst(number, &bursts[competitor.workload], || {
@@ -175,7 +171,7 @@ impl<'a> Race<'a> {
                     }
                 }
                 Some(_) => {}
-                None => self.memory.burst(number),
+                None => self.size.memory.burst(number),
             }
         }
         self.judge(number)
@@ -187,7 +183,7 @@ impl<'a> Race<'a> {
         for workload in &mut self.workloads {
             workload.reference = None;
         }
-        for competitor in &mut self.competitors {
+        for competitor in &mut self.size.competitors {
             if competitor.last_burst(bursts) != Some(number) {
                 continue;
             }
@@ -202,32 +198,20 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    fn finish(mut self, growth: &mut Growth) -> Result<AtSize, BenchError> {
-        self.memory.free();
-        let dofs = 3 * self.vertices;
+    fn finish(self, growth: &mut Growth) -> Result<AtSize, BenchError> {
+        let Self { workloads, mut size, .. } = self;
+        size.memory.free();
         let mut rows = Vec::new();
-        for competitor in &self.competitors {
-            let workload = &self.workloads[competitor.workload];
-            let bound = self.memory.bound(competitor.precision());
-            let row = Row::measured(
-                competitor,
-                workload.family.name,
-                self.vertices,
-                bound,
-                &workload.ranks,
-            )?;
-            growth.note((competitor.name, workload.family.name, "split"), dofs, row.split_ms.p50);
+        for competitor in &size.competitors {
+            let Workload { family, ranks, .. } = &workloads[competitor.workload];
+            let bound = size.memory.bound(competitor.precision());
+            let row = Row::measured(competitor, family.name, size.vertices, bound, ranks)?;
+            growth.note((competitor.name, family.name, "split"), row.dofs, row.split_ms.p50);
             rows.push(row);
         }
-        rows.extend(self.predicted);
+        rows.append(&mut size.rows);
         rows.sort_by_key(|row| FAMILIES.iter().position(|family| family.name == row.family));
-        Ok(AtSize {
-            vertices: self.vertices,
-            rows,
-            competitors: self.competitors,
-            left_out: self.left_out,
-            memory: self.memory,
-        })
+        Ok(AtSize { rows, ..size })
     }
 }
 
@@ -240,16 +224,8 @@ mod tests {
     fn race(settings: &Settings) -> Race<'_> {
         let organ = Organ::new(Size::Quick).unwrap();
         let history = History::refined(&organ, "linear", 160, 0, 1).unwrap();
-        let family = FAMILIES[0];
-        Race {
-            settings,
-            vertices: 1000,
-            workloads: vec![Workload { family, history, ranks: Vec::new(), reference: None }],
-            competitors: Vec::new(),
-            left_out: Vec::new(),
-            predicted: Vec::new(),
-            memory: Memory::default(),
-        }
+        let workloads = vec![Workload::new(FAMILIES[0], history)];
+        Race { settings, workloads, size: AtSize { vertices: 1000, ..AtSize::default() } }
     }
 
     #[test]
@@ -265,20 +241,21 @@ mod tests {
         let mut race = race(&settings);
         let mut growth = Growth::default();
         // 1 s and 8 s: 1000 s at 3000 rows.
-        growth.note(("lu", "rank3", "split"), 300, 1e3);
-        growth.note(("lu", "rank3", "split"), 600, 8e3);
-        growth.note(("cholesky", "rank3", "split"), 300, 1e3);
-        growth.note(("sparse_refactor_amd", "rank3", "split"), 1500, 1e4);
+        let known = [("lu", 300, 1e3), ("lu", 600, 8e3), ("cholesky", 300, 1e3)];
+        for (method, dofs, ms) in known.into_iter().chain([("sparse_refactor_amd", 1500, 1e4)]) {
+            growth.note((method, "rank3", "split"), dofs, ms);
+        }
         DIRECT.iter().for_each(|&direct| race.enter_direct(direct, &growth));
-        let [lu] = &race.predicted[..] else { panic!("{:?}", race.predicted) };
+        let Race { size: AtSize { rows, left_out, competitors, .. }, .. } = &race;
+        let [lu] = &rows[..] else { panic!("{rows:?}") };
         assert!(lu.extrapolated && lu.method == "lu");
         assert!((lu.split_ms.p50 / 1e6 - 1.0).abs() < 1e-9, "{lu:?}");
-        let [cholesky] = &race.left_out[..] else { panic!("{:?}", race.left_out) };
+        let [cholesky] = &left_out[..] else { panic!("{left_out:?}") };
         assert_eq!((cholesky.method, cholesky.vertices), ("cholesky", 1000));
         assert_eq!(cholesky.reason, "would take 1000 s once, limit 60 s");
-        let names: Vec<&str> = race.competitors.iter().map(|competitor| competitor.name).collect();
+        let names: Vec<&str> = competitors.iter().map(|competitor| competitor.name).collect();
         assert_eq!(names, ["sparse_refactor_amd", "sparse_refactor_nd"]);
         // 40 s at 3000 rows, limit 60: a single rebuild in two bursts.
-        assert_eq!(race.competitors[0].last_burst(2), Some(0));
+        assert_eq!(competitors[0].last_burst(2), Some(0));
     }
 }

@@ -2,6 +2,7 @@
 
 use super::stiff::SMALL_LIVER;
 use super::study::{self, Point};
+use crate::bodies::solid::places;
 use crate::error::BenchError;
 use crate::harness::cases::CaseArguments;
 
@@ -17,10 +18,7 @@ const BLOCK: [usize; 3] = [64, 16, 16];
 /// Edge of those cubes, mm.
 const FINE_MM: f64 = 2.5;
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a value that fails is a row.
+/// Runs the study.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let quick = arguments.quick;
     let mut points = vessels(quick);
@@ -116,16 +114,11 @@ fn block(ratio: usize) -> Vec<u8> {
          space origin: (0,0,0)\nencoding: raw\n\n"
     )
     .into_bytes();
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                let at = [x as f64 + 0.5, y as f64 + 0.5, (z as f64 + 0.5) * ratio as f64];
-                let off = |n: usize, middle: f64| (at[n] - middle) * FINE_MM;
-                let radius =
-                    (off(0, 32.0).powi(2) + off(1, 8.0).powi(2) + off(2, 8.0).powi(2)).sqrt();
-                bytes.push(if radius < 14.0 { 2 } else { 1 });
-            }
-        }
-    }
+    bytes.extend(places([nx, ny, nz]).map(|voxel| {
+        let [x, y, z] = voxel.map(|c| c as f64 + 0.5);
+        let off = [x - 32.0, y - 8.0, z * ratio as f64 - 8.0].map(|cubes| cubes * FINE_MM);
+        let radius = off.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if radius < 14.0 { 2 } else { 1 }
+    }));
     bytes
 }

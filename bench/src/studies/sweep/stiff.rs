@@ -20,10 +20,7 @@ const REFERENCE: usize = 1500;
 /// Young's modulus of the parenchyma, Pa.
 const SOFT_PA: f64 = 5e3;
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a value that fails is a row.
+/// Runs the study.
 pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     let quick = arguments.quick;
     let powers: &[i32] = if quick { &[0, 3, 6, 9] } else { &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9] };

@@ -25,24 +25,11 @@ pub(super) struct Point {
 }
 
 /// What is said of each point.
-const COLUMNS: &[&str] = &[
-    "steps",
-    "converged",
-    "error_displacement",
-    "error_force",
-    "iterations",
-    "fallbacks",
-    "rebuilds",
-    "drift_max",
-    "updates",
-    "step_p50_ms",
-];
+const COLUMNS: &str = "steps converged error_displacement error_force iterations fallbacks rebuilds \
+                       drift_max updates step_p50_ms";
 
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md;
 /// what is printed.
-///
-/// # Errors
-/// Those of [`Folder::open`]; [`BenchError::Io`]. A point that fails is a row.
 pub(super) fn run(
     name: &str,
     points: &[Point],
@@ -86,7 +73,7 @@ fn measured(
     let name = format!("reference-{number:03}");
     let reference = match Reference::of(&scene, limits, folder, &name) {
         // Whether a value can be run is not for its reference to say.
-        Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
+        Err(ended @ BenchError::TimeIsUp(..)) => Err(ended.to_string()),
         other => Ok(other?),
     };
     let stages = Stages::by_name(&scene.stages)?;

@@ -32,9 +32,6 @@ pub(super) struct Row {
 }
 
 /// Bends the beam of the iteration counts from rest by each angle at once.
-///
-/// # Errors
-/// [`BenchError::Corot`], [`BenchError::Inverse`]: a defect of the constants here.
 pub(super) fn rows(quick: bool) -> Result<Vec<Row>, BenchError> {
     let angles: &[u32] =
         if quick { &[1, 3, 9, 30, 90] } else { &[1, 2, 3, 5, 7, 9, 12, 16, 22, 30, 45, 65, 90] };

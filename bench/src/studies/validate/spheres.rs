@@ -3,8 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{isotropic, strain_from_gradient};
 
-use super::row::Row;
-use super::solve::solve_linear;
+use super::figure::{Row, solve_linear};
 use crate::bodies::solid::Solid;
 use crate::bodies::statics::Statics;
 use crate::error::BenchError;
@@ -56,11 +55,9 @@ pub(super) fn lame(n: usize) -> Result<Row, BenchError> {
     solve_with("lame", &mut statics, &load, |x| x * exact(1.0))?;
     let inside: Vec<usize> =
         (0..solid.points.len()).filter(|&v| solid.points[v].norm() < inner + 1e-9).collect();
-    let moved =
-        |&v: &usize| (statics.positions[v] - solid.points[v]).dot(&solid.points[v].normalize());
+    let moved = |&v: &usize| statics.displacement(v).dot(&solid.points[v].normalize());
     let computed = inside.iter().map(moved).sum::<f64>() / inside.len() as f64;
-    let size = (n, solid.points.len());
-    Ok(Row::new("lame", size, "u at the inside (m)", computed, exact(inner), 0.0))
+    Ok(Row::new("lame", (n, &solid), "u at the inside (m)", computed, exact(inner)))
 }
 
 /// E 30 in E 3, both ν .45, pulled evenly: the bulk modulus of the whole by Hashin's assemblage,
@@ -78,9 +75,8 @@ pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
         trace += element.geometry.volume * (stress[0] + stress[1] + stress[2]);
         volume += element.geometry.volume;
     }
-    let size = (n, solid.points.len());
     let computed = trace / volume / (9.0 * strain);
-    Ok(Row::new("coated", size, "bulk modulus (Pa)", computed, 11.42037, 0.0))
+    Ok(Row::new("coated", (n, &solid), "bulk modulus (Pa)", computed, 11.42037))
 }
 
 /// A sphere ten times as stiff in an endless matrix under a shear at infinity. The matrix is cut at
@@ -113,7 +109,6 @@ pub(super) fn eshelby(n: usize) -> Result<Row, BenchError> {
             volume += element.geometry.volume;
         }
     }
-    let size = (n, solid.points.len());
-    let computed = sum / volume / strain;
-    Ok(Row::new("eshelby", size, "strain inside over that at infinity", computed, beta, 0.0))
+    let quantity = "strain inside over that at infinity";
+    Ok(Row::new("eshelby", (n, &solid), quantity, sum / volume / strain, beta))
 }
