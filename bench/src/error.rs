@@ -9,6 +9,9 @@ use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
 use yawara_mesh::{BisectionError, ImageError};
 
+/// What the benches and studies return.
+pub type Result<T, E = BenchError> = std::result::Result<T, E>;
+
 /// Everything that the benches and studies refuse.
 #[derive(Debug, Error)]
 #[non_exhaustive]

@@ -19,7 +19,7 @@ pub use bodies::beams::{BEAM_LOADS, Beam, BeamLoad, StepCount, mean_iterations};
 pub use bodies::organ::{Organ, Size};
 pub use bodies::solid::Solid;
 pub use bodies::statics::Statics;
-pub use error::BenchError;
+pub use error::{BenchError, Result};
 pub use harness::machine::Machine;
 pub use harness::statistics::{median, percentile, ratios};
 pub use harness::{cases, ranks};

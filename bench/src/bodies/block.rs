@@ -12,7 +12,7 @@ use yawara_mesh::{BisectionForest, CellGrid, LabelTree, VertexId};
 
 use crate::bodies::cube_mesh::CubeMesh;
 use crate::bodies::solid::places;
-use crate::error::BenchError;
+use crate::error::Result;
 
 /// Voxels along the cube.
 const VOXELS: usize = 16;
@@ -71,11 +71,7 @@ enum Pressure {
 
 impl Block {
     /// The cube with one Poisson's ratio throughout, homogenised by a scene name.
-    pub fn new(
-        filling: Filling,
-        poisson_ratio: f64,
-        homogenisation: &str,
-    ) -> Result<Self, BenchError> {
+    pub fn new(filling: Filling, poisson_ratio: f64, homogenisation: &str) -> Result<Self> {
         let (tree, ratio) = match filling {
             Filling::Homogeneous => (LabelTree::homogeneous([1; 3], 1), 1.0),
             Filling::Sphere(ratio) => (sphere()?, ratio),
@@ -89,11 +85,7 @@ impl Block {
     }
 
     /// The fields under tension and shear on the uniform mesh of a level.
-    pub fn solve(
-        &self,
-        level: u8,
-        element: &dyn ElementFormulation,
-    ) -> Result<[Field; 2], BenchError> {
+    pub fn solve(&self, level: u8, element: &dyn ElementFormulation) -> Result<[Field; 2]> {
         let mesh = CubeMesh::new(&self.tree, level, FINEST_LEVEL)?;
         let (slots, k) = mesh.assembled(element, &self.embedding)?;
         let inverse = Sparse::new(k)?;
@@ -136,12 +128,9 @@ impl Block {
                 std::array::from_fn(|i| (coarse.forest().point(tet.vertices[i]), u[i], p[i]));
             descend(&corners, tet.level, level, fine, &mut sums);
         }
-        let relative = |[error, whole]: [f64; 2]| (error / whole).sqrt();
-        Difference {
-            displacement: relative(sums.displacement),
-            pressure: relative(sums.pressure),
-            pressure_above: relative(sums.pressure_above),
-        }
+        let [displacement, pressure, pressure_above] =
+            sums.map(|[error, whole]| (error / whole).sqrt());
+        Difference { displacement, pressure, pressure_above }
     }
 }
 
@@ -192,13 +181,9 @@ impl Field {
 /// A lattice point with displacement and pressure there.
 type Corner = (Point, Vector3<f64>, f64);
 
-/// Σ over tetrahedra of equal volume: of the square of a difference, and of what it is from.
-#[derive(Default)]
-struct Sums {
-    displacement: [f64; 2],
-    pressure: [f64; 2],
-    pressure_above: [f64; 2],
-}
+/// Of displacements, pressures and those above the clamp: Σ over tetrahedra of equal volume of the
+/// square of a difference, and of what it is from.
+type Sums = [[f64; 2]; 3];
 
 /// Follows the linear fields of a tetrahedron down to the level of `fine` and compares.
 fn descend(corners: &[Corner; 4], level: u8, finest: u8, fine: &Field, sums: &mut Sums) {
@@ -220,15 +205,14 @@ fn descend(corners: &[Corner; 4], level: u8, finest: u8, fine: &Field, sums: &mu
     for axis in 0..3 {
         let exact = reference.map(|r| r.0[axis]);
         let error = std::array::from_fn(|i| corners[i].1[axis] - exact[i]);
-        sums.displacement[0] += square(&error);
-        sums.displacement[1] += square(&exact);
+        sums[0][0] += square(&error);
+        sums[0][1] += square(&exact);
     }
     let exact = reference.map(|r| r.1);
     let error = std::array::from_fn(|i| corners[i].2 - exact[i]);
     let edge = f64::from(fine.forest().domain().lattice().units) * ABOVE_CLAMP;
     let is_above = corners.iter().all(|(point, ..)| f64::from(point[2]) >= edge);
-    let above = is_above.then_some(&mut sums.pressure_above);
-    for sum in std::iter::once(&mut sums.pressure).chain(above) {
+    for sum in &mut sums[1..if is_above { 3 } else { 2 }] {
         sum[0] += square(&error);
         sum[1] += square(&exact);
     }
@@ -240,7 +224,7 @@ fn square(values: &[f64; 4]) -> f64 {
 }
 
 /// Label 2 where a voxel's centre lies in the ball.
-fn sphere() -> Result<LabelTree, BenchError> {
+fn sphere() -> Result<LabelTree> {
     let labels = places([VOXELS; 3]).map(|voxel| {
         let centre = voxel.map(|c| (c as f64 + 0.5) / VOXELS as f64);
         let off = Vector3::from(centre) - Vector3::new(0.53, 0.47, 0.51);

@@ -10,7 +10,7 @@ use yawara_inverse_update::{SparseStiffness, elimination_order};
 use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, Placement, VertexId};
 
 use crate::bodies::organ::elements_of;
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::solvers::direct::lower_half;
 
 /// Tractions on the face z = 1: tension and shear.
@@ -31,7 +31,7 @@ pub(crate) struct CubeMesh {
 
 impl CubeMesh {
     /// The mesh of a level, on a lattice down to the level `finest`.
-    pub fn new(tree: &Arc<LabelTree>, level: u8, finest: u8) -> Result<Self, BenchError> {
+    pub fn new(tree: &Arc<LabelTree>, level: u8, finest: u8) -> Result<Self> {
         let lattice = Lattice::new(tree.grid().cells, finest);
         let unit = 1.0 / (lattice.cells[2] as f64 * f64::from(lattice.units));
         let forest = BisectionForest::new(Domain::full(lattice), Arc::clone(tree), level, finest)?;
@@ -48,7 +48,7 @@ impl CubeMesh {
         &self,
         element: &dyn ElementFormulation,
         embedding: &Embedding,
-    ) -> Result<(SlotMap, SparseStiffness), BenchError> {
+    ) -> Result<(SlotMap, SparseStiffness)> {
         let is_fixed = |v| self.forest.point(v)[2] == 0;
         let order_key = |v| Lattice::key(self.forest.point(v));
         let assembly = Assembly::new(element, &is_fixed, &order_key);
@@ -59,7 +59,7 @@ impl CubeMesh {
     }
 
     /// Solves for linear tetrahedra with the materials that `embedding` gives them.
-    pub fn solve(&self, embedding: &Embedding) -> Result<Solution, BenchError> {
+    pub fn solve(&self, embedding: &Embedding) -> Result<Solution> {
         let (slots, k) = self.assembled(&P1, embedding)?;
         let rows = k.dofs();
         let factor = SparseCholesky::new(&lower_half(&k), Some(&elimination_order(&k)), 3);
@@ -105,7 +105,7 @@ impl CubeMesh {
         detail: &DetailMesh,
         coarse: &Self,
         solution: &Solution,
-    ) -> Result<[Vec<Vector3<f64>>; 2], BenchError> {
+    ) -> Result<[Vec<Vector3<f64>>; 2]> {
         let mut carried = [Vec::new(), Vec::new()];
         for (carried, u) in carried.iter_mut().zip(&solution.displacements) {
             let mut x = u.clone();

@@ -10,3 +10,8 @@ pub(crate) mod cube_mesh;
 pub(crate) mod organ;
 pub(crate) mod solid;
 pub(crate) mod statics;
+
+pub(crate) use cube_mesh::CubeMesh;
+pub(crate) use organ::organ_materials;
+pub(crate) use solid::Solid;
+pub(crate) use statics::Statics;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::folder::Folder;
 
 /// Where a study writes, and how much of it is run.
@@ -23,10 +23,9 @@ pub struct Common {
 
 impl Common {
     /// The folder, checked before anything is measured.
-    ///
     /// # Errors
     /// Those of [`Folder::create`].
-    pub fn folder(&self) -> Result<Folder, BenchError> {
+    pub fn folder(&self) -> Result<Folder> {
         Folder::create(&self.out, self.force)
     }
 }
@@ -36,7 +35,7 @@ impl Common {
 const VERTICES: (usize, usize) = (8, 32_768);
 
 /// Numbers of free vertices, ascending, each once; `otherwise` if none is given.
-pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, BenchError> {
+pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>> {
     let mut vertices = if given.is_empty() { otherwise } else { given }.to_vec();
     vertices.iter().try_for_each(|&n| in_range("--vertices", n, VERTICES))?;
     vertices.sort_unstable();
@@ -45,11 +44,7 @@ pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, 
 }
 
 /// Refuses a number that makes no sense.
-pub(crate) fn in_range(
-    option: &'static str,
-    value: usize,
-    limits: (usize, usize),
-) -> Result<(), BenchError> {
+pub(crate) fn in_range(option: &'static str, value: usize, limits: (usize, usize)) -> Result<()> {
     let is_in = (limits.0..=limits.1).contains(&value);
     if is_in { Ok(()) } else { Err(BenchError::OutOfRange { option, value, limits }) }
 }

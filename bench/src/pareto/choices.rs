@@ -16,16 +16,15 @@ const ENERGY_FACTORS: [f64; 4] = [1.0 / 16.0, 0.25, 4.0, 16.0];
 const VOLUME_MERGE: &str = "refinement.merge_fraction=0.2";
 
 /// What is said of a scene before its candidates are listed.
-pub struct Choices<'a> {
+pub(crate) struct Choices<'a> {
     /// The scene as the default runs it.
     pub scene: &'a Scene,
-    /// The plan of the default.
+    /// Of the default.
     pub plan: &'a [PlanRow],
     /// The level of the converged reference: uniform levels stay below it.
     pub reference_level: u8,
     /// Vertices of the reference: what a uniform mesh may have.
     pub reference_vertices: usize,
-    /// Fewer of them.
     pub quick: bool,
 }
 

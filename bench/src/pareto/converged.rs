@@ -9,11 +9,11 @@ use yawara_mesh::lattice::MAX_LEVEL;
 use super::deadline::Deadline;
 use super::measure::{choice, run_steps};
 use super::path::Path;
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::{Folder, Progress};
 
 /// The relative residual of its steps.
-pub const RESIDUAL: f64 = 1e-10;
+const RESIDUAL: f64 = 1e-10;
 
 /// Iterations that each method may take for them, and how often a step may be halved: where that is
 /// not enough the last digits are rounding, and more would take for ever.
@@ -25,7 +25,7 @@ const MAGIC: &str = "yawara-reference-1";
 
 /// A converged run of a scene.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub(crate) struct Reference {
     /// What every other run is compared with.
     pub path: Path,
     /// How it was made.
@@ -34,24 +34,19 @@ pub struct Reference {
 
 /// How a reference was made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ReferenceSummary {
-    /// Its uniform level.
+pub(crate) struct ReferenceSummary {
     pub level: u8,
     /// Level of the points that are compared: finer than its own where the scene may refine more.
     pub points_level: u8,
-    /// Vertices of its mesh.
     pub vertices: usize,
     /// Points that are compared: its vertices at something else than void.
     pub points: usize,
-    /// Its steps.
     pub steps: usize,
     /// How many of them converged to [`RESIDUAL`].
     pub converged: usize,
     /// The largest relative residual at a step's end.
     pub residual_max: f64,
-    /// Its element.
     pub element: String,
-    /// Wall-clock time of all of it, s.
     pub total_s: f64,
 }
 
@@ -61,14 +56,12 @@ impl Reference {
     ///
     /// `laminate` down to voxels, element co-rotation, the element by plan, [`RESIDUAL`].
     /// Cost: what a run on such a mesh costs.
-    /// # Errors
-    /// [`BenchError::TimeIsUp`]; [`BenchError::Sim`]; [`BenchError::Damaged`], [`BenchError::Io`].
     pub fn of(
         scene: &Scene,
         (limit, cap_s): (usize, f64),
         folder: &Folder,
         name: &str,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let name = format!("cases/{name}.bin");
         if let Some(bytes) = folder.read(&name)? {
             let damaged = |reason: &str| BenchError::Damaged(folder.at(&name), reason.into());
@@ -79,7 +72,7 @@ impl Reference {
         Ok(reference)
     }
 
-    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self, BenchError> {
+    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self> {
         let begin = std::time::Instant::now();
         let level = finest_level(scene, limit)?;
         let mut fine = uniform(scene, level, limit);
@@ -128,7 +121,7 @@ fn uniform(scene: &Scene, level: u8, limit: usize) -> Scene {
 }
 
 /// The finest uniform level within `limit` vertices.
-pub(crate) fn finest_level(scene: &Scene, limit: usize) -> Result<u8, BenchError> {
+pub(crate) fn finest_level(scene: &Scene, limit: usize) -> Result<u8> {
     let coarse = uniform(scene, 0, limit);
     let simulation = Simulation::new(&coarse, Stages::by_name(&coarse.stages)?)?;
     let mut level = 0;
@@ -175,8 +168,7 @@ fn decode(bytes: &[u8]) -> Result<Reference, &'static str> {
     let mut next = || numbers.next().unwrap_or(f64::NAN);
     let mut vectors =
         |n: usize| (0..n).map(|_| Vector3::from_fn(|_, _| next())).collect::<Vec<_>>();
-    let (rest, displacements, forces) =
-        (vectors(points), vectors(points * steps), vectors(steps));
+    let (rest, displacements, forces) = (vectors(points), vectors(points * steps), vectors(steps));
     let (level, volumes) = (summary.points_level, numbers.collect());
     Ok(Reference { path: Path { level, rest, displacements, forces, volumes }, summary })
 }
@@ -208,7 +200,7 @@ mod tests {
         let folder = Folder::open(root.path(), &serde_json::json!({}), false).unwrap();
         let scene = beam(&["mesh.max_level=0", "time.steps=2", "tools.0.path.1.time_s=0.3"]);
         let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
-        assert_eq!((made.summary.converged, made.path.steps()), (2, 2));
+        assert_eq!((made.summary.converged, made.path.forces.len()), (2, 2));
         assert!(made.summary.residual_max <= RESIDUAL);
         let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
         assert_eq!((&kept.path, &kept.summary), (&made.path, &made.summary));

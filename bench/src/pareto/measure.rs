@@ -8,7 +8,7 @@ use yawara::{Probe, SimError, Simulation, Stages};
 
 use super::deadline::Deadline;
 use super::path::{Distance, Path};
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::cases::{Advance, Findings};
 use crate::harness::machine;
 use crate::harness::statistics::{milliseconds_since, percentile};
@@ -21,17 +21,14 @@ const MEMORY_FLOOR_MB: f64 = 4.0;
 
 /// Runs `scene` with `stages` for at most `cap_s` seconds and compares it with `reference`, if there
 /// is one; `watch` sees the simulation after every step, outside of what is timed.
-///
-/// # Errors
-/// [`BenchError::TimeIsUp`]; [`BenchError::OtherPoints`]; what the simulation refuses.
-pub fn measure<'a>(
+pub(crate) fn measure<'a>(
     scene: &Scene,
     mut stages: Stages,
     reference: Option<&'a Path>,
     cap_s: f64,
     advance: Advance<'_>,
-    watch: &mut dyn FnMut(&Simulation) -> Result<(), BenchError>,
-) -> Result<Findings, BenchError> {
+    watch: &mut dyn FnMut(&Simulation) -> Result<()>,
+) -> Result<Findings> {
     let before = machine::resident_bytes().filter(|_| machine::reset_peak());
     let begin = Instant::now();
     let deadline = Deadline::after(cap_s);
@@ -42,7 +39,7 @@ pub fn measure<'a>(
     let mut simulation = simulation.map_err(|error| ended(error, cap_s, 0, steps))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();
-    let compare = |path: &'a Path| -> Result<(Probe, Distance<'a>), BenchError> {
+    let compare = |path: &'a Path| -> Result<(Probe, Distance<'a>)> {
         let probe = simulation.probe(path.level)?;
         let distance = Distance::from(path, &probe)?;
         Ok((probe, distance))
@@ -69,9 +66,10 @@ pub fn measure<'a>(
     let mut found = Findings::default();
     let figures = &mut found.figures;
     if let Some((_, distance)) = &compared {
-        figures.put("error_displacement", distance.displacement());
-        figures.put("error_force", distance.force());
-        figures.put("error_volume", distance.volume());
+        let [displacement, force, volume] = distance.errors();
+        figures.put("error_displacement", displacement);
+        figures.put("error_force", force);
+        figures.put("error_volume", volume);
     }
     figures.put("steps", summary.steps.count);
     figures.put("converged", summary.steps.converged);
@@ -108,18 +106,15 @@ pub(crate) fn choice(simulation: &Simulation, stage: &str) -> String {
 
 /// What an error in a step says: that the time was up, or itself.
 fn ended(error: SimError, cap_s: f64, step: usize, steps: usize) -> BenchError {
-    match Deadline::ended(&error) {
-        true => BenchError::TimeIsUp(cap_s, step, steps),
-        false => error.into(),
-    }
+    if Deadline::ended(&error) { BenchError::TimeIsUp(cap_s, step, steps) } else { error.into() }
 }
 
 /// Makes all steps; `visit` sees each with its time in ms, outside of what is timed.
 pub(crate) fn run_steps(
     simulation: &mut Simulation,
     cap_s: f64,
-    mut visit: impl FnMut(&Simulation, &StepReport, f64) -> Result<(), BenchError>,
-) -> Result<(), BenchError> {
+    mut visit: impl FnMut(&Simulation, &StepReport, f64) -> Result<()>,
+) -> Result<()> {
     let begin = Instant::now();
     let steps = simulation.steps_left();
     while simulation.steps_left() > 0 {

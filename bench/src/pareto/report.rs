@@ -1,12 +1,40 @@
 //! One page with everything: plots, table, picture, and how they came about.
 
 use yawara::report::PlanRow;
+use yawara::scene::Scene;
 
-use super::results::{ERROR, Results, TIME, own_error};
+use super::choices::uniform_name;
+use super::converged::ReferenceSummary;
 use super::scatter::converged;
 use crate::harness::cases::{Row, rounded};
 use crate::harness::machine::{Machine, Place};
 use crate::harness::plot::escape;
+
+/// The x axis of the plots: a row's measurement.
+pub(crate) const TIME: &str = "step_mean_ms";
+
+/// The y axis of the plots: a row's figure.
+pub(crate) const ERROR: &str = "error_displacement";
+
+/// A finished study.
+pub(crate) struct Results<'a> {
+    pub scene: &'a Scene,
+    /// Of the default.
+    pub plan: &'a [PlanRow],
+    pub reference: ReferenceSummary,
+    /// One per candidate.
+    pub rows: Vec<Row>,
+}
+
+/// What the uniform levels say of the reference's own error: at half its elements' edge errors of
+/// linear elements fall to a quarter, so it is a third of the distance of the mesh three levels
+/// coarser; `None` without such a row.
+pub(crate) fn own_error(results: &Results<'_>) -> Option<f64> {
+    let coarser = results.reference.level.checked_sub(3)?;
+    let name = uniform_name(coarser);
+    let row = results.rows.iter().find(|row| row.case == name)?;
+    Some(row.number(ERROR)? / 3.0)
+}
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
@@ -36,9 +64,9 @@ const COLUMNS: &[(&str, &str, &str)] = &[
 /// names of the rows on the fronts by the errors of displacement and force; `plots` and `body` are
 /// SVG texts.
 pub(crate) fn page(
-    results: &Results,
+    results: &Results<'_>,
     machine: &Machine,
-    fronts: [&[&str]; 2],
+    fronts: &[Vec<&str>; 2],
     plots: &[String],
     body: Option<String>,
 ) -> String {
@@ -56,13 +84,16 @@ pub(crate) fn page(
          <h1>{name}: error against time</h1>\n{}{plots}{}{body}{}\
          <script>\n{SCRIPT}</script>\n</body>\n</html>\n",
         facts(results, machine, fronts),
-        table(&results.rows, fronts[0]),
-        left_out(&results.plan)
+        table(&results.rows, &fronts[0]),
+        left_out(results.plan)
     )
 }
 
-fn facts(results: &Results, machine: &Machine, fronts: [&[&str]; 2]) -> String {
-    let reference = &results.reference;
+fn facts(results: &Results<'_>, machine: &Machine, fronts: &[Vec<&str>; 2]) -> String {
+    let Machine { cpu, system, threads_available, .. } = machine;
+    let ReferenceSummary { level, vertices, element, converged: good, steps, .. } =
+        &results.reference;
+    let residual_max = results.reference.residual_max;
     let mut places: Vec<&Place> = results.rows.iter().map(|row| &row.on).collect();
     places.sort();
     places.dedup();
@@ -74,21 +105,12 @@ fn facts(results: &Results, machine: &Machine, fronts: [&[&str]; 2]) -> String {
     let lines = [
         ("Scene", results.scene.description.clone()),
         ("Measured on", places.join("; ")),
-        (
-            "Written on",
-            format!("{}, {}, {} threads", machine.cpu, machine.system, machine.threads_available),
-        ),
+        ("Written on", format!("{cpu}, {system}, {threads_available} threads")),
         (
             "Reference",
             format!(
-                "uniform level {}, {} vertices, element {}, {} of {} steps converged, largest \
-                 relative residual {:.1e}{own}",
-                reference.level,
-                reference.vertices,
-                reference.element,
-                reference.converged,
-                reference.steps,
-                reference.residual_max
+                "uniform level {level}, {vertices} vertices, element {element}, {good} of {steps} steps \
+                 converged, largest relative residual {residual_max:.1e}{own}"
             ),
         ),
         ("On the front of displacement", fronts[0].join("; ")),
@@ -103,7 +125,8 @@ fn facts(results: &Results, machine: &Machine, fronts: [&[&str]; 2]) -> String {
 
 fn table(rows: &[Row], front: &[&str]) -> String {
     let names = [("factor", String::new()), ("case", String::new())];
-    let figures = COLUMNS.iter().map(|(_, head, title)| (*head, format!(" title=\"{}\"", escape(title))));
+    let figures =
+        COLUMNS.iter().map(|(_, head, title)| (*head, format!(" title=\"{}\"", escape(title))));
     let head = |(number, (head, title)): (usize, (&str, String))| {
         format!(
             "<th scope=\"col\" aria-sort=\"none\"><button type=\"button\" \

@@ -1,6 +1,5 @@
 //! Error against time, with the front.
 
-use super::front::front;
 use crate::harness::cases::Row;
 use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape, key};
 use crate::harness::report::each_once;
@@ -8,11 +7,8 @@ use crate::harness::report::each_once;
 /// Height of a line of the smallest text.
 const LINE: f64 = 13.0;
 
-/// What is on the axes: a row's figure or measurement, and what to call it.
-pub(crate) struct Axis<'a> {
-    pub name: &'a str,
-    pub title: &'a str,
-}
+/// What is on an axis: a row's figure or measurement, and what to call it.
+pub(crate) type Axis = (&'static str, &'static str);
 
 /// A scatter plot with logarithmic axes, the front as a line with its rows named; `None` where no
 /// row has both values.
@@ -21,17 +17,17 @@ pub(crate) struct Axis<'a> {
 /// rows have their names beside them wherever they are.
 pub(crate) fn scatter(
     title: &str,
-    x: &Axis<'_>,
-    y: &Axis<'_>,
+    x: Axis,
+    y: Axis,
     rows: &[Row],
     named: &[&str],
 ) -> Option<Picture> {
-    let point = |row: &Row| (number(row, x.name), number(row, y.name));
+    let point = |row: &Row| (number(row, x.0), number(row, y.0));
     let points: Vec<(f64, f64)> = rows.iter().map(point).collect();
     let axes = Axes::around(points.iter().copied())?;
     let place = |point| axes.place(point);
-    let mut shapes = axes.shapes(title, [x.title, y.title]);
-    let on_front = front_of(rows, x.name, y.name);
+    let mut shapes = axes.shapes(title, [x.1, y.1]);
+    let on_front = front_of(rows, x.0, y.0);
     let corners: Vec<(f64, f64)> = on_front.iter().map(|&i| place(points[i])).collect();
     shapes.push(Shape::Line { points: stairs(&corners), width: 1.5, role: Role::Ink });
     let groups = each_once(rows.iter().map(|row| &row.group[..]));
@@ -57,11 +53,28 @@ pub(crate) fn scatter(
 
 /// The rows that converged in every step and that no other such row beats in both values.
 pub(crate) fn front_of(rows: &[Row], x: &str, y: &str) -> Vec<usize> {
-    let point = |row: &Row| match converged(row) {
-        true => (number(row, x), number(row, y)),
-        false => (f64::NAN, f64::NAN),
-    };
-    front(&rows.iter().map(point).collect::<Vec<_>>())
+    let value = |row: &Row, name| if converged(row) { number(row, name) } else { f64::NAN };
+    front(&rows.iter().map(|row| (value(row, x), value(row, y))).collect::<Vec<_>>())
+}
+
+/// Who is beaten by no one: the points (x, y) for which no other is at most as large in both and
+/// smaller in one, as positions in `points`, by ascending x. What is not positive and finite takes
+/// no part. Of equal points the first counts. Cost: O(n log n).
+fn front(points: &[(f64, f64)]) -> Vec<usize> {
+    let valid = |value: f64| value > 0.0 && value.is_finite();
+    let mut order: Vec<usize> =
+        (0..points.len()).filter(|&i| valid(points[i].0) && valid(points[i].1)).collect();
+    order.sort_by(|&i, &j| {
+        let (a, b) = (points[i], points[j]);
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(i.cmp(&j))
+    });
+    let mut lowest = f64::INFINITY;
+    order.retain(|&i| {
+        let better = points[i].1 < lowest;
+        lowest = lowest.min(points[i].1);
+        better
+    });
+    order
 }
 
 /// Whether every step converged.
@@ -115,10 +128,7 @@ impl Labels<'_> {
             // A letter of this size is about so wide.
             let width = 6.2 * text.chars().count() as f64;
             let fits = x + 9.0 + width < FRAME[2];
-            let (from, anchor) = match fits {
-                true => (x + 9.0, Anchor::Start),
-                false => (x - 9.0 - width, Anchor::End),
-            };
+            let from = if fits { x + 9.0 } else { x - 9.0 - width };
             let box_at = |y: f64| [from, y - 0.5 * LINE, from + width, y + 0.5 * LINE];
             let free = |y: &f64| {
                 let a = box_at(*y);
@@ -129,8 +139,9 @@ impl Labels<'_> {
                 (0..14).map(|n| f64::from((n + 1) / 2) * if n % 2 == 0 { 8.0 } else { -8.0 });
             let height = shifts.map(|shift| y + shift).find(free).unwrap_or(y);
             self.taken.push(box_at(height));
-            let at = (if fits { from } else { from + width }, height);
-            shapes.push(Shape::text(at, 12.0, anchor, text));
+            let (x, anchor) =
+                if fits { (from, Anchor::Start) } else { (from + width, Anchor::End) };
+            shapes.push(Shape::text((x, height), 12.0, anchor, text));
         }
         shapes
     }
@@ -149,8 +160,19 @@ mod tests {
         row
     }
 
-    const X: Axis<'static> = Axis { name: "ms", title: "ms per step" };
-    const Y: Axis<'static> = Axis { name: "error", title: "error" };
+    const X: Axis = ("ms", "ms per step");
+    const Y: Axis = ("error", "error");
+
+    #[test]
+    fn a_point_is_on_the_front_if_none_beats_it() {
+        let points = [(3.0, 1.0), (1.0, 3.0), (2.0, 2.0), (2.0, 2.5), (3.0, 3.0), (2.0, 2.0)];
+        assert_eq!(front(&points), [1, 2, 0]);
+        assert_eq!(front(&[(1.0, 1.0), (2.0, 1.0)]), [0], "slower and no better");
+        // What is no point takes no part.
+        let points = [(f64::NAN, 0.1), (0.5, f64::INFINITY), (0.0, 1.0), (2.0, 2.0)];
+        assert_eq!(front(&points), [3]);
+        assert!(front(&[]).is_empty());
+    }
 
     #[test]
     fn marks_lie_where_their_values_are_and_the_front_is_named() {
@@ -162,7 +184,7 @@ mod tests {
         ];
         rows.push(Row { failure: Some("no".into()), ..Row::new("g", "failed") });
         assert_eq!(front_of(&rows, "ms", "error"), [0, 1]);
-        let picture = scatter("t", &X, &Y, &rows, &[]).unwrap();
+        let picture = scatter("t", X, Y, &rows, &[]).unwrap();
         let discs = picture.shapes.iter().filter_map(|shape| match shape {
             Shape::Disc { at, hollow, title, .. } if title.contains(':') => Some((*at, *hollow)),
             _ => None,
@@ -192,6 +214,6 @@ mod tests {
         for (i, a) in heights.iter().enumerate() {
             assert!(heights[..i].iter().all(|b| (a - b).abs() >= LINE), "{heights:?}");
         }
-        assert!(scatter("t", &X, &Y, &[], &[]).is_none(), "nothing positive is no plot");
+        assert!(scatter("t", X, Y, &[], &[]).is_none(), "nothing positive is no plot");
     }
 }

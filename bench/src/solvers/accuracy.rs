@@ -3,7 +3,7 @@
 use faer::Mat;
 use yawara_inverse_update::InverseMaintainer;
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::solvers::reference::{Reference, relative_error};
 use crate::workloads::random::SplitMix64;
 
@@ -11,13 +11,9 @@ use crate::workloads::random::SplitMix64;
 ///
 /// The reference is itself rounded: about ε · cond(K) is the least that can be seen. Infinite if
 /// the shapes differ or anything is not finite. Cost: O(n²).
-///
 /// # Errors
-/// [`BenchError::Inverse`] if the maintainer refuses to hand out its columns.
-pub fn inverse_error(
-    maintainer: &dyn InverseMaintainer,
-    reference: &Mat<f64>,
-) -> Result<f64, BenchError> {
+/// `BenchError::Inverse` if the maintainer refuses to hand out its columns.
+pub fn inverse_error(maintainer: &dyn InverseMaintainer, reference: &Mat<f64>) -> Result<f64> {
     let slots: Vec<usize> = (0..maintainer.vertices()).collect();
     let kept = maintainer.columns(&slots)?;
     if (kept.nrows(), kept.ncols()) != (reference.nrows(), reference.ncols()) {
@@ -38,7 +34,7 @@ pub(crate) struct Trial {
 
 impl Trial {
     /// A tool of three random slots and a random load.
-    pub fn new(reference: &Reference, mut random: SplitMix64) -> Result<Self, BenchError> {
+    pub fn new(reference: &Reference, mut random: SplitMix64) -> Result<Self> {
         let rows = reference.rows();
         let tool = random.three_below(rows / 3);
         let unit = |row: usize| (0..rows).map(|i| f64::from(i == row)).collect::<Vec<f64>>();
@@ -53,8 +49,8 @@ impl Trial {
     pub fn errors(
         &self,
         columns: &Mat<f64>,
-        solve: impl Fn(&[f64]) -> Result<Vec<f64>, BenchError>,
-    ) -> Result<[f64; 2], BenchError> {
+        solve: impl Fn(&[f64]) -> Result<Vec<f64>>,
+    ) -> Result<[f64; 2]> {
         let mut errors = [0.0f64; 2];
         for (j, (load, want)) in self.loads.iter().zip(&self.solutions).enumerate() {
             errors[0] = errors[0].max(relative_error(&solve(load)?, want));

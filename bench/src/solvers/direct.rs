@@ -8,7 +8,7 @@ use faer::{Mat, Par, Side, get_global_parallelism, set_global_parallelism};
 use yawara_embed::SparseCholesky;
 use yawara_inverse_update::{SparseStiffness, elimination_order};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::statistics::milliseconds_since;
 
 /// A direct method of faer, in one thread.
@@ -56,7 +56,7 @@ impl Direct {
 
     /// Starts from K alone. Returns the solver and the time in ms, which the copy of K into the
     /// library's own format is no part of.
-    pub(crate) fn rebuild(self, k: &SparseStiffness) -> Result<(Solver, f64), BenchError> {
+    pub(crate) fn rebuild(self, k: &SparseStiffness) -> Result<(Solver, f64)> {
         let (method, rows) = (self.name(), k.dofs());
         let not_factored = || BenchError::NotFactored(method, rows);
         if self.is_dense() {

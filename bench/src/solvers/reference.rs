@@ -2,7 +2,7 @@
 
 use yawara_inverse_update::SparseStiffness;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::solvers::direct::{Direct, Solver};
 
 /// Up to so many rows the factor is dense LU, above it is sparse LLᵀ: LU would take longer than
@@ -24,7 +24,7 @@ pub(crate) struct Reference {
 
 impl Reference {
     /// Factors `k`.
-    pub fn new(k: SparseStiffness) -> Result<Self, BenchError> {
+    pub fn new(k: SparseStiffness) -> Result<Self> {
         let (method, factor) = if k.dofs() <= DENSE_ROWS {
             (Direct::Lu, Solver::Lu(k.to_dense().partial_piv_lu()))
         } else {
@@ -44,10 +44,9 @@ impl Reference {
     }
 
     /// u = K⁻¹ f, refined with residuals of twice the precision until it does not change any more.
-    ///
     /// # Source
     /// Demmel et al., Error bounds from extra-precise iterative refinement, ACM TOMS 32(2), 2006.
-    pub fn solve(&self, f: &[f64]) -> Result<Vec<f64>, BenchError> {
+    pub fn solve(&self, f: &[f64]) -> Result<Vec<f64>> {
         let mut u = vec![0.0; f.len()];
         let mut change = f64::INFINITY;
         for _ in 0..CORRECTIONS {
@@ -77,7 +76,6 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 /// f − K u as if computed in twice the precision and then rounded.
-///
 /// # Source
 /// Ogita, Rump, Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26(6), 2005: Dot2.
 fn residual(k: &SparseStiffness, f: &[f64], u: &[f64]) -> Vec<f64> {

@@ -7,7 +7,7 @@ use serde_json::json;
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
 use crate::harness::statistics::{median, milliseconds_since, ratios};
 use crate::harness::{Folder, machine};
@@ -68,7 +68,7 @@ const COLUMNS: &str = "steps converged converged_with disagreement tolerance ste
                        time_ratio memory_mb memory_with_mb";
 
 /// Runs the study.
-pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
+pub fn run(arguments: &CaseArguments) -> Result<String> {
     let (selection, quick) = (&arguments.selection, arguments.quick);
     let version = env!("CARGO_PKG_VERSION");
     let options = json!({ "study": "ablation", "version": version, "quick": quick });
@@ -86,7 +86,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
 }
 
 /// A scene as the plan has it, and with `part` switched on, step by step in turns.
-fn both(name: &str, part: Part, quick: bool, advance: Advance<'_>) -> Result<Findings, BenchError> {
+fn both(name: &str, part: Part, quick: bool, advance: Advance<'_>) -> Result<Findings> {
     let steps = if quick { vec!["time.steps=4".to_owned()] } else { Vec::new() };
     let (mut planned, _) = scene_file::load(name, &steps)?;
     let finest = planned.mesh.finest_level();
@@ -135,7 +135,7 @@ struct Run {
 }
 
 impl Run {
-    fn new(scene: &Scene, level: u8) -> Result<Self, BenchError> {
+    fn new(scene: &Scene, level: u8) -> Result<Self> {
         let before = machine::resident_bytes();
         let simulation = Simulation::new(scene, Stages::by_name(&scene.stages)?)?;
         let grown = machine::resident_bytes().zip(before);
@@ -146,7 +146,7 @@ impl Run {
     }
 
     /// One step, and the frame that shows it if there is a surface to show.
-    fn step(&mut self) -> Result<(), BenchError> {
+    fn step(&mut self) -> Result<()> {
         let begin = Instant::now();
         self.simulation.step()?;
         if self.has_surface {
@@ -156,7 +156,7 @@ impl Run {
         Ok(())
     }
 
-    fn moved(&mut self) -> Result<Vec<Vector3<f64>>, BenchError> {
+    fn moved(&mut self) -> Result<Vec<Vector3<f64>>> {
         let now = self.simulation.probe_positions(&mut self.probe)?;
         Ok(now.iter().zip(self.probe.rest()).map(|(x, rest)| x - rest).collect())
     }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine::Machine;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
@@ -44,7 +44,7 @@ struct Fit {
 }
 
 /// Runs the study.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments) -> Result<String> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
     let folder = arguments.common.folder()?;

@@ -7,7 +7,7 @@ use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
 
 use crate::bodies::organ::{Organ, elements_of};
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::workloads::random::SplitMix64;
 
 /// One vertex in or out, ready for any maintainer.
@@ -31,11 +31,10 @@ impl Update {
     }
 
     /// Hands the update to a maintainer.
-    ///
     /// # Errors
     /// [`BenchError::Inverse`] if it refuses; [`BenchError::WrongSlot`] if it breaks the
     /// contract on slots.
-    pub fn apply(&self, maintainer: &mut dyn InverseMaintainer) -> Result<(), BenchError> {
+    pub fn apply(&self, maintainer: &mut dyn InverseMaintainer) -> Result<()> {
         match self.kind {
             Change::Merge => {
                 maintainer.merge(self.slot, &self.ring)?;
@@ -70,15 +69,9 @@ pub struct History {
 
 impl History {
     /// Begins at the organ's start mesh; at most `growth` vertices come in on top of it.
-    ///
     /// # Errors
     /// [`BenchError::Embed`] from the homogenisation.
-    pub fn new(
-        organ: &Organ,
-        homogenisation: &str,
-        growth: usize,
-        seed: u64,
-    ) -> Result<Self, BenchError> {
+    pub fn new(organ: &Organ, homogenisation: &str, growth: usize, seed: u64) -> Result<Self> {
         let slots = SlotMap::new(organ.free_vertices());
         Ok(Self {
             forest: organ.forest.clone(),
@@ -96,7 +89,6 @@ impl History {
     /// Refines the organ's start mesh, coarsest rings first and in random order among equals, until
     /// it has exactly `vertices` free vertices; from there [`step`](Self::step) goes `wander` up or
     /// down. The mesh depends on the seed, not on the homogenisation.
-    ///
     /// # Errors
     /// [`BenchError::TooFewVertices`] if the start mesh has more; [`BenchError::NoRing`] if its
     /// finest level has fewer; [`BenchError::Embed`] from the homogenisation.
@@ -106,7 +98,7 @@ impl History {
         vertices: usize,
         wander: usize,
         seed: u64,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let mut history = Self::new(organ, homogenisation, 0, seed)?;
         let start = history.slots.len();
         if vertices < start {
@@ -121,7 +113,7 @@ impl History {
     }
 
     /// Splits the rings of the lowest generation, up to `vertices` free vertices.
-    fn refine_coarsest(&mut self, vertices: usize) -> Result<(), BenchError> {
+    fn refine_coarsest(&mut self, vertices: usize) -> Result<()> {
         let mut points = self.candidates();
         let generation = |p: Point| self.forest.domain().lattice().generation(p);
         let lowest = points.iter().map(|&p| generation(p)).min().ok_or_else(|| self.no_ring())?;
@@ -148,10 +140,9 @@ impl History {
     }
 
     /// The stiffness of the present mesh on its free vertices, assembled from its elements.
-    ///
     /// # Errors
     /// [`BenchError::Inverse`] if an element's stiffness is not finite.
-    pub fn stiffness(&self) -> Result<SparseStiffness, BenchError> {
+    pub fn stiffness(&self) -> Result<SparseStiffness> {
         let is_fixed = |v| self.slots.get(v).is_none();
         let order_key = |v| Lattice::key(self.forest.point(v));
         let elements = elements_of(&self.forest, &self.placement, &self.embedding);
@@ -159,27 +150,25 @@ impl History {
     }
 
     /// Splits or merges at a random place, as likely one as the other where both are possible.
-    ///
     /// # Errors
     /// [`BenchError::NoRing`] if neither is possible.
-    pub fn step(&mut self) -> Result<Update, BenchError> {
+    pub fn step(&mut self) -> Result<Update> {
         let free = self.slots.len();
         let merging = free > self.least && (free >= self.most || self.random.below(2) == 0);
         if merging { self.merge() } else { self.split() }
     }
 
     /// Splits a random ring.
-    ///
     /// # Errors
     /// As [`step`](Self::step).
-    pub fn split(&mut self) -> Result<Update, BenchError> {
+    pub fn split(&mut self) -> Result<Update> {
         let candidates = self.candidates();
         let pick = self.random.below(candidates.len());
         self.split_at(*candidates.get(pick).ok_or_else(|| self.no_ring())?)
     }
 
     /// Splits a random ring and merges it again.
-    pub(crate) fn split_and_merge(&mut self) -> Result<[Update; 2], BenchError> {
+    pub(crate) fn split_and_merge(&mut self) -> Result<[Update; 2]> {
         let split = self.split()?;
         let merge = self.merge_at(split.point)?;
         Ok([split, merge])
@@ -191,7 +180,7 @@ impl History {
     }
 
     /// Splits the ring at `point`; an error if there is none.
-    pub(crate) fn split_at(&mut self, point: Point) -> Result<Update, BenchError> {
+    pub(crate) fn split_at(&mut self, point: Point) -> Result<Update> {
         let vertex = self.forest.split(point, &mut self.delta)?;
         let ring = self.hand_over();
         let slot = self.slots.push(vertex);
@@ -199,7 +188,7 @@ impl History {
     }
 
     /// Merges a random vertex that a split brought in.
-    pub(crate) fn merge(&mut self) -> Result<Update, BenchError> {
+    pub(crate) fn merge(&mut self) -> Result<Update> {
         let young: Vec<VertexId> =
             self.forest.vertices().filter(|&v| self.forest.is_mergeable(v)).collect();
         let vertex = young.get(self.random.below(young.len())).ok_or_else(|| self.no_ring())?;
@@ -208,7 +197,7 @@ impl History {
 
     /// Merges the vertex at `point`; an error if there is none that a split brought in, or its ring
     /// has been refined.
-    pub(crate) fn merge_at(&mut self, point: Point) -> Result<Update, BenchError> {
+    pub(crate) fn merge_at(&mut self, point: Point) -> Result<Update> {
         let vertex = self.forest.vertex_at(point).ok_or_else(|| self.no_ring())?;
         let slot = self.slots.get(vertex).ok_or_else(|| self.no_ring())?;
         self.forest.merge(vertex, &mut self.delta)?;

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::case::{Case, Measured, run};
 use super::row::Row;
 use super::selection::Shard;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::folder::Folder;
 use crate::harness::machine::Machine;
 use crate::harness::report::{self, Summary, each_once, markdown};
@@ -18,7 +18,7 @@ pub(crate) fn write(
     (cases, shard): (&[Case<'_>], Shard),
     remark: &str,
     names: &str,
-) -> Result<String, BenchError> {
+) -> Result<String> {
     let rows = match run(folder, cases, shard)? {
         Measured::All(rows) => rows,
         Measured::Waiting(message) => return Ok(message),

@@ -2,13 +2,12 @@
 
 mod result;
 
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::Value;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::report::markdown::{self, Column};
 use crate::harness::statistics::median;
 use result::Entry;
@@ -62,11 +61,10 @@ const LESS: &str =
 const MORE: &str = "converged holds";
 
 /// Compares two results.
-///
 /// # Errors
 /// [`BenchError::NoResult`] if a file holds no rows, [`BenchError::Io`];
 /// [`BenchError::Tolerance`].
-pub fn compare(arguments: &Arguments) -> Result<Comparison, BenchError> {
+pub fn compare(arguments: &Arguments) -> Result<Comparison> {
     let tolerance = arguments.tolerance;
     if !(tolerance >= 0.0 && tolerance.is_finite()) {
         return Err(BenchError::Tolerance(tolerance));
@@ -137,13 +135,11 @@ impl Comparison {
             (None, None) if a == b => (false, false),
             (None, None) => return self.other.push(change),
         };
-        match (larger, smaller) {
-            (false, false) => {}
+        match larger == more {
+            _ if !larger && !smaller => {}
             _ if !more && !less => self.other.push(change),
-            (true, _) if more => self.better.push(change),
-            (_, true) if more => self.worse.push(change),
-            (true, _) => self.worse.push(change),
-            (_, true) => self.better.push(change),
+            true => self.better.push(change),
+            false => self.worse.push(change),
         }
     }
 
@@ -161,24 +157,19 @@ impl Comparison {
             ];
             text += &markdown::rows(changes, &columns);
         }
-        let heads = ["median B/A", "smallest", "largest", "rows"].map(str::to_owned);
-        let line = |(name, ratios): &(String, Vec<f64>)| {
-            let low = ratios.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = ratios.iter().copied().fold(0.0, f64::max);
-            let cells = [median(ratios), low, high].map(|ratio| format!("{ratio:.3}"));
-            (name.clone(), [&cells[..], &[ratios.len().to_string()]].concat())
-        };
-        let lines: Vec<_> = self.times.iter().map(line).collect();
-        text += &markdown::table("not judged", &heads, &lines);
-        _ = writeln!(
-            text,
-            "{} figures compared: {} worse, {} better, {} other.",
-            self.compared,
-            self.worse.len(),
-            self.better.len(),
-            self.other.len()
-        );
-        text
+        let columns: [Column<(String, Vec<f64>)>; 5] = [
+            ("not judged", |(name, _)| name.clone()),
+            ("median B/A", |(_, of)| format!("{:.3}", median(of))),
+            ("smallest", |(_, of)| format!("{:.3}", of.iter().copied().fold(f64::MAX, f64::min))),
+            ("largest", |(_, of)| format!("{:.3}", of.iter().copied().fold(0.0, f64::max))),
+            ("rows", |(_, of)| of.len().to_string()),
+        ];
+        text += &markdown::rows(&self.times, &columns);
+        let [worse, better, other] = [&self.worse, &self.better, &self.other].map(Vec::len);
+        let compared = self.compared;
+        text + &format!(
+            "{compared} figures compared: {worse} worse, {better} better, {other} other.\n"
+        )
     }
 }
 

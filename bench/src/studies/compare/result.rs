@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// A row: what tells it from others, and everything else by its path within it.
 pub(super) struct Entry {
@@ -28,7 +28,7 @@ pub(super) fn is_measured(name: &str) -> bool {
 }
 
 /// The rows of a file, or of the one file in a folder that has rows.
-pub(super) fn read(path: &Path) -> Result<Vec<Entry>, BenchError> {
+pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
     if !path.is_dir() {
         let rows = rows(path)?;
         let reason = "it has no list `rows`".to_owned();
@@ -52,7 +52,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, BenchError> {
     Err(BenchError::NoResult(path.into(), reason))
 }
 
-fn rows(path: &Path) -> Result<Option<Vec<Entry>>, BenchError> {
+fn rows(path: &Path) -> Result<Option<Vec<Entry>>> {
     let text = fs::read_to_string(path).map_err(BenchError::at(path))?;
     let value: Value = serde_json::from_str(&text)
         .map_err(|error| BenchError::NoResult(path.into(), error.to_string()))?;
@@ -64,10 +64,8 @@ fn rows(path: &Path) -> Result<Option<Vec<Entry>>, BenchError> {
         rows.iter().zip(&by_words).map(|(row, words)| words.clone() + &numbers(row)).collect();
     let mut entries = Vec::new();
     for (i, row) in rows.iter().enumerate() {
-        let mut key = match unique(&by_words, &by_words[i]) {
-            true => by_words[i].clone(),
-            false => by_numbers[i].clone(),
-        };
+        let keys = if unique(&by_words, &by_words[i]) { &by_words } else { &by_numbers };
+        let mut key = keys[i].clone();
         let before = by_numbers[..i].iter().filter(|one| **one == by_numbers[i]).count();
         if before > 0 {
             key += &format!(", {} of that name", before + 1);

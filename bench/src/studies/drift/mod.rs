@@ -5,21 +5,16 @@ mod report;
 
 use clap::Args;
 use yawara_embed::Material;
-use yawara_inverse_update::{InverseMaintainer, StiffnessChange, build, drift};
+use yawara_inverse_update::{InverseMaintainer, build, drift};
 
 use crate::bodies::organ::Organ;
-use crate::error::BenchError;
-use crate::harness::Progress;
+use crate::error::Result;
 use crate::harness::arguments::{Common, in_range, sizes};
-use crate::harness::machine::Machine;
 use crate::harness::report::write;
-use crate::solvers::accuracy::Trial;
-use crate::solvers::direct::in_one_thread;
-use crate::solvers::reference::Reference;
+use crate::harness::{Machine, Progress};
+use crate::solvers::{Reference, Trial, in_one_thread};
 use crate::studies::race::maintainers;
-use crate::workloads::history::{History, Update};
-use crate::workloads::material_edits::MaterialEdits;
-use crate::workloads::random::SplitMix64;
+use crate::workloads::{History, MaterialEdits, SplitMix64};
 use report::{MONITORED, Row, summary};
 
 /// What is asked for on the command line.
@@ -63,7 +58,7 @@ const UPDATES: (usize, usize) = (1, 10_000_000);
 const CHANGES: usize = 3;
 
 /// Runs the study.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments) -> Result<String> {
     let quick = arguments.common.quick;
     let vertices = sizes(&arguments.vertices, if quick { &[192] } else { &[512] })?;
     let updates = arguments.updates.unwrap_or(if quick { 300 } else { 10_000 });
@@ -92,7 +87,7 @@ fn cases(quick: bool) -> Vec<Case> {
 
 impl Case {
     /// The materials of `count` labels.
-    fn materials(&self, count: usize) -> Result<Vec<Material>, BenchError> {
+    fn materials(&self, count: usize) -> Result<Vec<Material>> {
         let [low, high] = self.poisson;
         let material = |label: usize| {
             let at = label as f64 / (count - 1).max(1) as f64;
@@ -110,43 +105,33 @@ struct Run {
     seed: u64,
 }
 
-enum Step {
-    Ring(Box<Update>),
-    Material(StiffnessChange),
-}
-
-/// A maintainer, and whether it has refused an update.
-struct Kept {
-    maintainer: Box<dyn InverseMaintainer>,
-    lost: bool,
-}
+/// What is done to all maintainers.
+type Step = Box<dyn Fn(&mut dyn InverseMaintainer) -> Result<()>>;
 
 impl Run {
-    fn rows(&self, progress: &mut Progress) -> Result<Vec<Row>, BenchError> {
+    fn rows(&self, progress: &mut Progress) -> Result<Vec<Row>> {
         let mut organ = Organ::with_at_most(self.vertices)?;
         organ.materials = self.case.materials(organ.materials.len())?;
         let mut history = History::refined(&organ, "laminate", self.vertices, WANDER, self.seed)?;
         let mut edits = MaterialEdits::new(&organ, "laminate")?;
         let mut random = SplitMix64(!self.seed);
         let stiffness = history.stiffness()?;
-        let start = |name| -> Result<Kept, BenchError> {
-            Ok(Kept { maintainer: build(name, stiffness.clone())?, lost: false })
-        };
-        let mut kept = maintainers().map(start).collect::<Result<Vec<_>, _>>()?;
+        let mut kept = maintainers()
+            .map(|name| build(name, stiffness.clone()))
+            .collect::<Result<Vec<_>, _>>()?;
         let mut rows = Vec::new();
         let what = format!("E ratio {:e}, ν {:?}", self.case.e_ratio, self.case.poisson);
         for number in 1..=self.updates {
-            let change = match random.below(CHANGES) {
-                0 => edits.step(history.slots(), &mut random)?,
-                _ => None,
+            let changes = random.below(CHANGES) == 0;
+            let change = if changes { edits.step(history.slots(), &mut random)? } else { None };
+            let step: Step = if let Some(change) = change {
+                Box::new(move |maintainer| Ok(maintainer.change(&change)?))
+            } else {
+                let update = history.step()?;
+                Box::new(move |maintainer| update.apply(maintainer))
             };
-            let step = match change {
-                Some(change) => Step::Material(change),
-                None => Step::Ring(Box::new(history.step()?)),
-            };
-            for kept in &mut kept {
-                kept.apply(&step);
-            }
+            // Who refuses a valid step is out of the race.
+            kept.retain_mut(|maintainer| step(maintainer.as_mut()).is_ok());
             if is_looked_at(number, self.updates) {
                 let mut k = history.stiffness()?;
                 edits.add_to(&mut k, history.slots())?;
@@ -162,11 +147,11 @@ impl Run {
         &self,
         updates: usize,
         reference: &Reference,
-        kept: &[Kept],
+        kept: &[Box<dyn InverseMaintainer>],
         rows: &mut Vec<Row>,
-    ) -> Result<(), BenchError> {
+    ) -> Result<()> {
         let trial = Trial::new(reference, SplitMix64(self.seed ^ updates as u64))?;
-        for Kept { maintainer, .. } in kept.iter().filter(|kept| !kept.lost) {
+        for maintainer in kept {
             // A maintainer that can't solve any more has lost everything.
             let solved = |load: &[f64]| {
                 let mut u = vec![0.0; load.len()];
@@ -191,20 +176,6 @@ impl Run {
             });
         }
         Ok(())
-    }
-}
-
-impl Kept {
-    /// Applies a step; a maintainer that refuses a valid one is out of the race.
-    fn apply(&mut self, step: &Step) {
-        if self.lost {
-            return;
-        }
-        let done = match step {
-            Step::Ring(update) => update.apply(self.maintainer.as_mut()),
-            Step::Material(change) => self.maintainer.change(change).map_err(BenchError::from),
-        };
-        self.lost = done.is_err();
     }
 }
 

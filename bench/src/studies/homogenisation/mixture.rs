@@ -9,7 +9,7 @@ use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{CellGrid, LabelTree};
 
 use crate::bodies::solid::places;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::workloads::random::SplitMix64;
 
 /// Finest cubes along an edge.
@@ -115,7 +115,7 @@ fn normal(random: &mut SplitMix64) -> f64 {
 }
 
 impl Block {
-    pub fn new(inside: Inside) -> Result<Self, BenchError> {
+    pub fn new(inside: Inside) -> Result<Self> {
         let young_moduli = inside.young_moduli();
         let two = !matches!(inside, Inside::Homogeneous | Inside::LogNormal(_));
         let labels = young_moduli.iter().map(|&e| 1 + u16::from(two && e > 1.0)).collect();
@@ -139,7 +139,7 @@ impl Block {
     }
 
     /// Materials by label and by voxel with this Poisson's ratio.
-    pub fn materials(&self, poisson_ratio: f64) -> Result<Materials, BenchError> {
+    pub fn materials(&self, poisson_ratio: f64) -> Result<Materials> {
         let material = move |e: f64| Material::new(e, poisson_ratio, 0.0).map(FineMaterial::from);
         // Void does not occur.
         let by_label = [1.0, 1.0, self.ratio()].map(material);

@@ -13,17 +13,15 @@ use yawara_embed::{CHOICES, DetailMesh, Embedding, by_name};
 use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::{BisectionForest, CellGrid, LabelTree};
 
-use crate::bodies::cube_mesh::CubeMesh;
-use crate::bodies::organ::organ_materials;
-use crate::error::BenchError;
-use crate::harness::Progress;
-use crate::harness::arguments::Common;
+use crate::bodies::{CubeMesh, organ_materials};
+use crate::error::Result;
 use crate::harness::report::{Summary, write};
+use crate::harness::{Common, Progress};
 use mixture::{Block, CASES, Inside};
 use report::{PhantomCost, Row};
 
 /// Runs the study.
-pub fn run(arguments: &Common) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String> {
     let quick = arguments.quick;
     let folder = arguments.folder()?;
     let (ratios, levels): (&[f64], &[u8]) =
@@ -46,7 +44,7 @@ pub fn run(arguments: &Common) -> Result<String, BenchError> {
 }
 
 /// The local choices on the liver phantom, all levels: the better of two runs.
-fn phantom_costs() -> Result<Vec<PhantomCost>, BenchError> {
+fn phantom_costs() -> Result<Vec<PhantomCost>> {
     let volume = liver(LiverPhantom { length_mm: 196.0, voxel_mm: 196.0 / 128.0, seed: 1 })?;
     let tree = Arc::new(LabelTree::new(&volume, CellGrid::around(&volume, 8)?)?);
     let mut costs = Vec::new();
@@ -69,12 +67,7 @@ fn phantom_costs() -> Result<Vec<PhantomCost>, BenchError> {
 }
 
 /// All choices on one body.
-fn case_rows(
-    block: &Block,
-    nu: f64,
-    levels: &[u8],
-    progress: &mut Progress,
-) -> Result<Vec<Row>, BenchError> {
+fn case_rows(block: &Block, nu: f64, levels: &[u8], progress: &mut Progress) -> Result<Vec<Row>> {
     let finest = block.tree.grid().embed_level();
     let mesh = |levels: u8| CubeMesh::new(&block.tree, finest - levels, finest - levels);
     let fine = mesh(0)?;
@@ -129,7 +122,7 @@ fn case_rows(
 }
 
 /// The block's materials on all levels.
-fn embedded(block: &Block, nu: f64, choice: &str) -> Result<Embedding, BenchError> {
+fn embedded(block: &Block, nu: f64, choice: &str) -> Result<Embedding> {
     let (tree, materials) = (Arc::clone(&block.tree), block.materials(nu)?);
     let mut go_on = |_| ControlFlow::Continue(());
     Ok(Embedding::with_materials(tree, materials, by_name(choice)?, &mut go_on)?)

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use yawara_embed::CHOICES;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::plot::log_log;
 use crate::harness::report::markdown::{self, Column, Line, milliseconds, table};
 use crate::harness::report::{curves, each_once, spread};
@@ -49,7 +49,7 @@ pub(super) struct PhantomCost {
 
 impl Row {
     /// Refuses a figure that nobody can read.
-    pub(super) fn checked(self) -> Result<Self, BenchError> {
+    pub(super) fn checked(self) -> Result<Self> {
         let figures = [
             ("error_coarse", self.error_coarse),
             ("error_fine", self.error_fine),
@@ -71,7 +71,8 @@ fn column(row: &Row) -> String {
 pub(super) fn tables(rows: &[Row]) -> String {
     let heads = each_once(rows.iter().map(column));
     let mut text = String::new();
-    let values: [(&str, fn(&Row) -> f64); 3] = [
+    type Figure = fn(&Row) -> f64;
+    let values: [(&str, Figure); 3] = [
         ("L2 error, %", |r| r.error_coarse),
         ("L2 error of the embedded mesh, %", |r| r.error_fine),
         ("error of the compliance, %", |r| r.compliance_error),

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::arguments::Common;
 use crate::harness::plot::{Curve, log_log, slope};
 use crate::harness::report::markdown::{self, Column};
@@ -64,7 +64,7 @@ fn line(table: &str, key: impl ToString, values: &[f64]) -> Map<String, Value> {
 }
 
 /// Runs the study.
-pub fn run(arguments: &Common) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String> {
     let folder = arguments.folder()?;
     let (cells, sizes): (&[usize], &[usize]) = match arguments.quick {
         true => (&[3, 6, 13], &[64, 96, 128]),
@@ -90,13 +90,13 @@ struct Found {
     volumes: Vec<VolumeRow>,
 }
 
-fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest, BenchError> {
+fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest> {
     let cells = [cells; 3];
     let tree = Arc::new(LabelTree::homogeneous(cells, 1));
     Ok(BisectionForest::new(Domain::full(Lattice::new(cells, max)), tree, start, max)?)
 }
 
-fn shapes() -> Result<Vec<ShapeRow>, BenchError> {
+fn shapes() -> Result<Vec<ShapeRow>> {
     let placement = Placement { origin: Vector3::zeros(), unit: 1.0 };
     (0..3)
         .map(|level| {
@@ -114,7 +114,7 @@ fn shapes() -> Result<Vec<ShapeRow>, BenchError> {
 }
 
 /// Random refinement from 27 to a few thousand vertices.
-fn closures() -> Result<Vec<ClosureRow>, BenchError> {
+fn closures() -> Result<Vec<ClosureRow>> {
     const MAX_LEVEL: u8 = 18;
     let mut f = forest(2, 0, MAX_LEVEL)?;
     let mut random = SplitMix64(1);
@@ -242,7 +242,8 @@ impl Found {
     }
 
     fn update_chart(&self) -> Option<String> {
-        let values: [(&str, fn(&UpdateRow) -> f64); 4] = [
+        type Figure = fn(&UpdateRow) -> f64;
+        let values: [(&str, Figure); 4] = [
             ("random places", |r| r.random.split_and_merge_ns),
             ("a sweep", |r| r.local.split_and_merge_ns),
             ("one pass over the rings' memory, random", |r| r.random.ring_pass_ns),

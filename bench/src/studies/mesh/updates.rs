@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 use yawara_mesh::{BisectionForest, MeshDelta, Point};
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::statistics::{median, percentile, ratios};
 use crate::workloads::random::SplitMix64;
 
@@ -46,7 +46,7 @@ const BYTES_PER_TET: usize = 40;
 const CHILDREN: usize = 16;
 
 /// Times splits with their merges in `forest`, which is as before afterwards.
-pub(super) fn row(forest: &mut BisectionForest) -> Result<UpdateRow, BenchError> {
+pub(super) fn row(forest: &mut BisectionForest) -> Result<UpdateRow> {
     let units = forest.domain().lattice().units;
     let mut places = forest.candidates();
     // Root cube by root cube.
@@ -69,10 +69,7 @@ pub(super) fn row(forest: &mut BisectionForest) -> Result<UpdateRow, BenchError>
     })
 }
 
-fn cost(
-    forest: &mut BisectionForest,
-    batch: &mut dyn FnMut() -> Vec<Point>,
-) -> Result<UpdateCost, BenchError> {
+fn cost(forest: &mut BisectionForest, batch: &mut dyn FnMut() -> Vec<Point>) -> Result<UpdateCost> {
     let mut delta = MeshDelta::empty();
     let children = forest.tet_capacity();
     let mut memory = vec![[1u8; BYTES_PER_TET]; children + CHILDREN];

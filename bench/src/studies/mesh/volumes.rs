@@ -9,7 +9,7 @@ use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Region};
 
 use crate::bodies::solid::places;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine;
 use crate::harness::report::markdown::{self, Column};
 
@@ -39,7 +39,7 @@ pub(super) struct VolumeRow {
 }
 
 /// Measures a cube of `size`³ voxels.
-pub(super) fn row(size: usize) -> Result<VolumeRow, BenchError> {
+pub(super) fn row(size: usize) -> Result<VolumeRow> {
     let volume = cube(size)?;
     let voxels = volume.labels().len();
     let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
@@ -75,7 +75,7 @@ pub(super) fn row(size: usize) -> Result<VolumeRow, BenchError> {
 }
 
 /// The liver phantom, scaled to fill a cube of voxels along its longest side.
-fn cube(size: usize) -> Result<LabelVolume, BenchError> {
+fn cube(size: usize) -> Result<LabelVolume> {
     let length_mm = 200.0;
     // The organ with its margin of background fills the cube along its longest side.
     let voxel_mm = length_mm / (size as f64 - 4.0);

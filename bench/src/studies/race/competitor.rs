@@ -10,11 +10,9 @@ use yawara_mesh::Change;
 use super::samples::{Samples, timed};
 use super::settings::{BURST, Settings, is_sparse};
 use super::workload::Burst;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::statistics::milliseconds_since;
-use crate::solvers::accuracy::Trial;
-use crate::solvers::direct::{Direct, Solver};
-use crate::solvers::reference::Reference;
+use crate::solvers::{Direct, Reference, Solver, Trial};
 use crate::workloads::random::SplitMix64;
 
 /// Columns that the drift is measured on.
@@ -78,7 +76,7 @@ impl Competitor {
         name: &'static str,
         workload: usize,
         stiffness: SparseStiffness,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let begin = Instant::now();
         let kept = build(name, stiffness)?;
         let build_ms = Some(milliseconds_since(begin));
@@ -137,8 +135,8 @@ impl Competitor {
         &mut self,
         number: usize,
         burst: &Burst,
-        stiffness: impl FnOnce() -> Result<SparseStiffness, BenchError>,
-    ) -> Result<(), BenchError> {
+        stiffness: impl FnOnce() -> Result<SparseStiffness>,
+    ) -> Result<()> {
         let begin = Instant::now();
         match &mut self.runner {
             Runner::Kept(_) => self.replay(number, burst)?,
@@ -156,7 +154,7 @@ impl Competitor {
 
     /// The updates of a burst; the first pair, a split and its merge, finds its numbers outside of
     /// the caches and counts apart.
-    fn replay(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
+    fn replay(&mut self, number: usize, burst: &Burst) -> Result<()> {
         let Runner::Kept(kept) = &mut self.runner else { return Ok(()) };
         for (at, pair) in burst.pairs.iter().enumerate() {
             let old = pair[0].kind == Change::Merge;
@@ -180,7 +178,7 @@ impl Competitor {
     }
 
     /// Solves and columns.
-    fn use_it(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
+    fn use_it(&mut self, number: usize, burst: &Burst) -> Result<()> {
         let mut u = vec![0.0; burst.load.len()];
         for at in 0..=BURST {
             let (solve, columns) = match &self.runner {
@@ -206,7 +204,7 @@ impl Competitor {
     }
 
     /// Takes the errors and lets go of the memory: there are no more bursts.
-    pub fn judge(&mut self, reference: &Reference, seed: u64) -> Result<(), BenchError> {
+    pub fn judge(&mut self, reference: &Reference, seed: u64) -> Result<()> {
         let trial = Trial::new(reference, SplitMix64(seed ^ 0x5bf0_3635))?;
         let [solve, columns] =
             trial.errors(&self.columns_of(&trial.tool)?, |load| self.solved(load))?;
@@ -222,7 +220,7 @@ impl Competitor {
     }
 
     /// Columns of C; none where nothing is held.
-    fn columns_of(&self, slots: &[usize]) -> Result<Mat<f64>, BenchError> {
+    fn columns_of(&self, slots: &[usize]) -> Result<Mat<f64>> {
         match &self.runner {
             Runner::Kept(kept) => Ok(kept.columns(slots)?),
             Runner::Direct { solver: Some(solver), .. } => Ok(solver.columns(slots)),
@@ -231,7 +229,7 @@ impl Competitor {
     }
 
     /// C f; empty where nothing is held.
-    fn solved(&self, load: &[f64]) -> Result<Vec<f64>, BenchError> {
+    fn solved(&self, load: &[f64]) -> Result<Vec<f64>> {
         match &self.runner {
             Runner::Kept(kept) => {
                 let mut u = vec![0.0; load.len()];

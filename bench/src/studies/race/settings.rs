@@ -4,7 +4,7 @@ use clap::Args;
 use serde::Serialize;
 use yawara_inverse_update::CHOICES;
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::arguments::{Common, in_range, sizes};
 use crate::harness::machine::Machine;
 use crate::solvers::direct::{DIRECT, Direct};
@@ -92,11 +92,7 @@ const MEMORY: u64 = 8 << 30;
 
 impl Arguments {
     /// Checks all numbers and fills in the defaults.
-    pub(crate) fn settings(
-        &self,
-        defaults: &Defaults,
-        machine: &Machine,
-    ) -> Result<Settings, BenchError> {
+    pub(crate) fn settings(&self, defaults: &Defaults, machine: &Machine) -> Result<Settings> {
         let quick = usize::from(self.common.quick);
         let vertices = sizes(&self.vertices, defaults.vertices[quick])?;
         let pairs = self.pairs.unwrap_or(defaults.pairs[quick]);

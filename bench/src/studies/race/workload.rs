@@ -1,10 +1,9 @@
 //! One family's mesh, and the updates and loads that all methods of that family get.
 
 use super::settings::{BURST, Family};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::solvers::reference::Reference;
-use crate::workloads::history::{History, Update};
-use crate::workloads::random::SplitMix64;
+use crate::workloads::{History, SplitMix64, Update};
 
 /// Two updates, of which the second undoes the first.
 pub(crate) type Pair = [Update; 2];
@@ -32,7 +31,7 @@ impl Workload {
 
     /// Pairs that leave the size as it is, alternately a split with its merge and a merge with its
     /// split.
-    pub fn burst(&mut self, mut random: SplitMix64) -> Result<Burst, BenchError> {
+    pub fn burst(&mut self, mut random: SplitMix64) -> Result<Burst> {
         let mut pairs = Vec::with_capacity(BURST + 1);
         for at in 0..=BURST {
             let pair = if at % 2 == 1 && self.history.can_merge() {

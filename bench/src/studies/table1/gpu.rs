@@ -12,15 +12,14 @@ use yawara_gpu::{
 use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, build, drift};
 
 use crate::bodies::organ::Organ;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine::Machine;
 use crate::harness::report::markdown::{self, Column};
 use crate::harness::report::{self, Summary};
 use crate::harness::statistics::{median, milliseconds_since};
 use crate::solvers::direct::DIRECT;
 use crate::studies::race::{Arguments, Defaults};
-use crate::workloads::history::{History, Update};
-use crate::workloads::random::SplitMix64;
+use crate::workloads::{History, SplitMix64, Update};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-table1-gpu-1";
@@ -55,12 +54,12 @@ trait Competitor {
     fn kept(&mut self) -> &mut dyn InverseMaintainer;
 
     /// Folds what is put off, if it is to be, and waits until the device is done.
-    fn finish(&mut self, _is_folded: bool) -> Result<(), BenchError> {
+    fn finish(&mut self, _is_folded: bool) -> Result<()> {
         Ok(())
     }
 
     /// The way of a C of so many rows to the device, ms; C is lost by it.
-    fn upload(&mut self, _rows: usize) -> Result<Option<f64>, BenchError> {
+    fn upload(&mut self, _rows: usize) -> Result<Option<f64>> {
         Ok(None)
     }
 }
@@ -76,14 +75,14 @@ impl<E: DeviceScalar> Competitor for DeviceInverse<E> {
         self
     }
 
-    fn finish(&mut self, is_folded: bool) -> Result<(), BenchError> {
+    fn finish(&mut self, is_folded: bool) -> Result<()> {
         if is_folded {
             self.fold()?;
         }
         Ok(self.store().finish()?)
     }
 
-    fn upload(&mut self, rows: usize) -> Result<Option<f64>, BenchError> {
+    fn upload(&mut self, rows: usize) -> Result<Option<f64>> {
         let other = Mat::<f64>::identity(rows, rows);
         let start = Instant::now();
         self.store().load(other.as_ref())?;
@@ -97,7 +96,7 @@ fn start(
     most: usize,
     k: SparseStiffness,
     device: &Arc<Device>,
-) -> Result<Box<dyn Competitor>, BenchError> {
+) -> Result<Box<dyn Competitor>> {
     Ok(match name {
         "gpu" => Box::new(on_device::<f64>(k, device)?.with_most_delayed(most)),
         "gpu_f32" => Box::new(on_device::<f32>(k, device)?.with_most_delayed(most)),
@@ -106,7 +105,7 @@ fn start(
 }
 
 /// An update, until all of it is done; ms.
-fn timed(competitor: &mut dyn Competitor, update: &Update) -> Result<f64, BenchError> {
+fn timed(competitor: &mut dyn Competitor, update: &Update) -> Result<f64> {
     let start = Instant::now();
     update.apply(competitor.kept())?;
     competitor.finish(false)?;
@@ -118,15 +117,16 @@ const METHODS: [&str; 4] = ["woodbury", "woodbury_f32", "gpu", "gpu_f32"];
 
 /// Runs the study on the first device, or on the one of that number or part of a name; writes its
 /// files and returns its table.
-///
 /// # Errors
-/// [`BenchError`] for bad arguments or without a device (nothing is written then), or a method that
+/// `BenchError` for bad arguments or without a device (nothing is written then), or a method that
 /// fails.
-pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
     let adapter = adapter.map(|adapter| {
-        adapter.parse().map_or_else(|_| AdapterChoice::Name(adapter.to_owned()), AdapterChoice::Index)
+        adapter
+            .parse()
+            .map_or_else(|_| AdapterChoice::Name(adapter.to_owned()), AdapterChoice::Index)
     });
     let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
     let folder = arguments.common.folder()?;
@@ -183,7 +183,7 @@ fn row(
     copy: f64,
     device: &Arc<Device>,
     pairs: usize,
-) -> Result<Row, BenchError> {
+) -> Result<Row> {
     let stiffness = history.stiffness()?;
     let (vertices, dofs) = (stiffness.vertices(), stiffness.dofs());
     let begin = Instant::now();
@@ -223,7 +223,7 @@ fn row(
 }
 
 /// Medians of a solve and of columns, ms.
-fn use_it(competitor: &mut dyn Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
+fn use_it(competitor: &mut dyn Competitor, repeats: usize) -> Result<(f64, f64)> {
     let dofs = competitor.kept().stiffness().dofs();
     let tool = SplitMix64(7).three_below(dofs / 3);
     let load: Vec<f64> = (0..dofs).map(|i| (0.3 * i as f64).sin()).collect();
@@ -243,17 +243,13 @@ fn use_it(competitor: &mut dyn Competitor, repeats: usize) -> Result<(f64, f64),
 }
 
 /// One of many updates, the last of which folds in all that were put off; on the host one of a run.
-fn put_off(
-    method: &str,
-    history: &mut History,
-    device: &Arc<Device>,
-    pairs: usize,
-) -> Result<f64, BenchError> {
+fn put_off(method: &str, history: &mut History, device: &Arc<Device>, pairs: usize) -> Result<f64> {
     let most = yawara_inverse_update::MOST_DELAYED;
     let mut competitor = start(method, most, history.stiffness()?, device)?;
     let mut times = Vec::new();
     for at in 0..3 {
-        let updates = (0..pairs).map(|_| history.split_and_merge()).collect::<Result<Vec<_>, _>>()?;
+        let updates =
+            (0..pairs).map(|_| history.split_and_merge()).collect::<Result<Vec<_>, _>>()?;
         let begin = Instant::now();
         for update in updates.iter().flatten() {
             update.apply(competitor.kept())?;

@@ -7,12 +7,12 @@ pub mod gpu;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine::Machine;
 use crate::harness::plot::{Curve, log_log};
 use crate::harness::report::{self, Summary};
 use crate::solvers::direct::{DIRECT, in_one_thread};
-use crate::studies::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
+use crate::studies::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row, Speed};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-table1-1";
@@ -44,24 +44,20 @@ const PUBLISHED: [Published; 8] = [
     published(3456, 54.7, 37.0, 2881.1),
 ];
 
+/// A line of that table.
+type Figure = fn(&Published) -> f64;
+
+const FIGURES: [(&str, Figure); 3] =
+    [("split", |p| p.split_ms), ("merge", |p| p.merge_ms), ("direct", |p| p.direct_ms)];
+
 const PUBLISHED_ON: &str = "Intel Core i7 920 2.67 GHz, NVIDIA Quadro 5000 (CUBLAS, CULA), 8 GB";
 
 const fn published(vertices: usize, split_ms: f64, merge_ms: f64, direct_ms: f64) -> Published {
     Published { vertices, split_ms, merge_ms, direct_ms }
 }
 
-/// The memory bound at one size, 10⁹ bytes per second read and written.
-#[derive(Clone, Debug, Serialize)]
-struct Speed {
-    vertices: usize,
-    bytes: usize,
-    cold_pass_gb_s: f64,
-    pass_gb_s: f64,
-    memcpy_gb_s: f64,
-}
-
 /// Runs the study.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments) -> Result<String> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
     let folder = arguments.common.folder()?;
@@ -72,14 +68,11 @@ pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
 }
 
 fn summary(rows: &[Row], found: &[AtSize], sizes: &[usize], machine: &Machine) -> Summary {
+    let speed = |size: &AtSize| size.memory.speed(size.vertices);
     let memory: Vec<Speed> = found.iter().filter_map(speed).collect();
     let mut text = race::head(machine);
     text += &format!("The paper's figures, as printed: {PUBLISHED_ON}.\n\n");
-    let paper = [
-        printed("split", sizes, |p| p.split_ms),
-        printed("merge", sizes, |p| p.merge_ms),
-        printed("direct", sizes, |p| p.direct_ms),
-    ];
+    let paper = FIGURES.map(|(name, value)| printed(name, sizes, value));
     text += &race::families(rows, sizes, &paper, |_| String::new());
     let (ratios, left_out) = race::beside(found);
     text += &race::ratio_table(&ratios, sizes);
@@ -106,21 +99,13 @@ fn summary(rows: &[Row], found: &[AtSize], sizes: &[usize], machine: &Machine) -
     })
 }
 
-fn speed(size: &AtSize) -> Option<Speed> {
-    let [cold_pass_gb_s, pass_gb_s, memcpy_gb_s] = size.memory.speeds()?;
-    let (vertices, bytes) = (size.vertices, size.memory.bytes());
-    Some(Speed { vertices, bytes, cold_pass_gb_s, pass_gb_s, memcpy_gb_s })
-}
-
 /// The rows with the paper's figures of the same size.
 fn table(rows: &[Row]) -> Vec<Map<String, Value>> {
     let mut lines = report::objects(rows);
     for (line, row) in lines.iter_mut().zip(rows) {
         let paper = PUBLISHED.iter().find(|p| p.vertices == row.vertices);
-        let of = |figure: fn(&Published) -> f64| json!(paper.map(figure));
-        line.insert("paper_split_ms".into(), of(|p| p.split_ms));
-        line.insert("paper_merge_ms".into(), of(|p| p.merge_ms));
-        line.insert("paper_direct_ms".into(), of(|p| p.direct_ms));
+        let figure = |(name, value)| (format!("paper_{name}_ms"), json!(paper.map(value)));
+        line.extend(FIGURES.map(figure));
     }
     lines
 }

@@ -5,9 +5,8 @@ use yawara_corot::{ElementCorotation, equilibrium_by_name};
 use yawara_embed::isotropic;
 
 use super::figure::{Row, solve, solve_linear};
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use crate::bodies::{Solid, Statics};
+use crate::error::Result;
 
 /// Coordinates are products of few rounded numbers.
 fn near(x: f64, to: f64) -> bool {
@@ -25,7 +24,7 @@ fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
 
 /// A linear field on the boundary is one inside, whatever the mesh: inner vertices are shifted by
 /// up to a tenth of an edge.
-pub(super) fn patch() -> Result<Vec<Row>, BenchError> {
+pub(super) fn patch() -> Result<Vec<Row>> {
     let field = Matrix3::new(0.3, -0.2, 0.1, 0.5, 0.2, -0.4, 0.1, 0.6, -0.1) * 1e-2;
     let mut rows = Vec::new();
     for (n, poisson_ratio) in [(3, 0.3), (6, 0.3), (6, 0.49)] {
@@ -51,7 +50,7 @@ pub(super) fn patch() -> Result<Vec<Row>, BenchError> {
 
 /// 5 × 1 × 1 m, ν = 0 so that the clamp strains nothing, a shear force on the end face:
 /// w = P L³/(3 E I) + P L/(k G A), k = 5/6.
-pub(super) fn timoshenko(n: usize) -> Result<Row, BenchError> {
+pub(super) fn timoshenko(n: usize) -> Result<Row> {
     let (length, young, force) = (5.0, 1e4, 1.0);
     let solid = Solid::block([5 * n, n, n], [length, 1.0, 1.0], isotropic(young, 0.0));
     let mut statics = Statics::new(&solid, |x| near(x.x, 0.0))?;
@@ -65,7 +64,7 @@ pub(super) fn timoshenko(n: usize) -> Result<Row, BenchError> {
 
 /// A bar of 4 × 1 × 1 m turned by tractions on its end: J = T Δx / (G Δφ) between the sections at
 /// 1.5 and 2.5 m, far from the ends' warping.
-pub(super) fn torsion(n: usize) -> Result<Row, BenchError> {
+pub(super) fn torsion(n: usize) -> Result<Row> {
     let (length, young, poisson_ratio) = (4.0, 1e4, 0.3);
     let solid = Solid::block([4 * n, n, n], [length, 1.0, 1.0], isotropic(young, poisson_ratio));
     let mut statics = Statics::new(&solid, |x| near(x.x, 0.0))?;
@@ -96,7 +95,7 @@ const ELASTICA: [(usize, f64, f64); 4] = [
 /// A cantilever twenty times as long as high and wide, one element across, ν = 0, under a dead
 /// force at its end. (A narrow one would buckle sideways. The elastica neither shears nor
 /// stretches: at this slenderness that is worth 2·10⁻³.)
-pub(super) fn elastica(n: usize) -> Result<Vec<Row>, BenchError> {
+pub(super) fn elastica(n: usize) -> Result<Vec<Row>> {
     let (length, young) = (20.0, 1e4);
     let solid = Solid::block([20 * n, 1, n], [length, 1.0, 1.0], isotropic(young, 0.0));
     let mut statics = Statics::new(&solid, |x| near(x.x, 0.0))?;
@@ -113,8 +112,7 @@ pub(super) fn elastica(n: usize) -> Result<Vec<Row>, BenchError> {
         }
         reached = k;
         let end = section(&solid, length);
-        let moved =
-            |axis: usize| mean(end.clone().map(|v| statics.displacement(v)[axis])) / length;
+        let moved = |axis: usize| mean(end.clone().map(|v| statics.displacement(v)[axis])) / length;
         let size = (n, &solid);
         rows.push(Row::new("elastica", size, format!("w/L at k = {k:2}"), moved(2), w));
         rows.push(Row::new("elastica", size, format!("u/L at k = {k:2}"), -moved(0), u));

@@ -5,13 +5,12 @@ use yawara_corot::{Anderson, ElementCorotation, equilibrium_by_name};
 use yawara_embed::isotropic;
 
 use super::figure::{Row, solve};
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use crate::bodies::{Solid, Statics};
+use crate::error::Result;
 
 /// A block under dead traction s along its axis, turned by some angle: it gets 1 + s/E longer and
 /// 1 − ν s/E thinner, exactly, however large s is.
-pub(super) fn stretch() -> Result<Vec<Row>, BenchError> {
+pub(super) fn stretch() -> Result<Vec<Row>> {
     let (young, poisson_ratio, length) = (1e4, 0.3, 2.0);
     let mut rows = Vec::new();
     for (degrees, part) in [(0u32, 0.1f64), (40, 0.3), (170, 0.3), (170, -0.3)] {
@@ -59,14 +58,10 @@ pub(super) fn stretch() -> Result<Vec<Row>, BenchError> {
 /// A body of mixed, anisotropic tissue under a load that turns its end by some 40°: solved, and
 /// solved again after the mesh, its material and its loads were turned, moved by ten times its
 /// length, or written in other units.
-pub(super) fn invariance() -> Result<Vec<Row>, BenchError> {
+pub(super) fn invariance() -> Result<Vec<Row>> {
     let turn = Rotation3::from_scaled_axis(Vector3::new(0.7, -1.3, 0.4)).into_inner();
-    let same = Change {
-        turn: Matrix3::identity(),
-        shift: Vector3::zeros(),
-        length: 1.0,
-        modulus: 1.0,
-    };
+    let same =
+        Change { turn: Matrix3::identity(), shift: Vector3::zeros(), length: 1.0, modulus: 1.0 };
     let changes = [
         ("rotated", Change { turn, ..same }),
         ("moved", Change { shift: Vector3::new(30.0, -20.0, 25.0), ..same }),
@@ -97,7 +92,7 @@ struct Change {
 }
 
 /// The body after a change, at rest, and its positions when it is deformed.
-fn deformed(change: &Change) -> Result<(Solid, Vec<Vector3<f64>>), BenchError> {
+fn deformed(change: &Change) -> Result<(Solid, Vec<Vector3<f64>>)> {
     let mut solid = Solid::block([12, 4, 4], [3.0, 1.0, 1.0], isotropic(1e4, 0.3));
     let ends: Vec<bool> = solid.points.iter().map(|x| x.x < 1e-9).collect();
     let load = solid.traction(|x| x.x > 3.0 - 1e-9, |_| Vector3::new(0.0, 60.0, 40.0));

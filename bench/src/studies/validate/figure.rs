@@ -4,9 +4,8 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_corot::{Direct, Equilibrium, InternalForces, NoCorotation, Tolerance};
 
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use crate::bodies::{Solid, Statics};
+use crate::error::{BenchError, Result};
 
 /// One figure against what it should be.
 #[derive(Clone, Debug, Serialize)]
@@ -61,7 +60,7 @@ pub(super) fn solve_linear(
     case: &'static str,
     statics: &mut Statics,
     load: &[Vector3<f64>],
-) -> Result<(), BenchError> {
+) -> Result<()> {
     match solve(case, statics, &NoCorotation, &mut Direct, load, 1e-10) {
         // A hundred thousand tetrahedra round their forces to about that; no error here is near it.
         Err(BenchError::NotConverged { reached, .. }) if reached <= 1e-9 => Ok(()),
@@ -77,7 +76,7 @@ pub(super) fn solve(
     equilibrium: &mut dyn Equilibrium,
     load: &[Vector3<f64>],
     residual: f64,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     let tolerance = Tolerance { residual, max_iterations: 300 };
     let outcome = statics.solve(corotation, equilibrium, load, &tolerance, &|| ());
     if outcome.converged {

@@ -11,10 +11,10 @@ mod spheres;
 
 use serde::Serialize;
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::arguments::Common;
-use crate::harness::plot::{Curve, log_log};
-use crate::harness::report::{self, Summary};
+use crate::harness::plot::log_log;
+use crate::harness::report::{self, Summary, curves};
 
 pub use figure::Row;
 
@@ -27,11 +27,10 @@ pub struct Report {
 
 impl Report {
     /// Runs all cases.
-    ///
     /// # Errors
-    /// [`BenchError::NotConverged`] if a solve does not reach its tolerance;
-    /// [`BenchError::Inverse`].
-    pub fn new(quick: bool) -> Result<Self, BenchError> {
+    /// `BenchError::NotConverged` if a solve does not reach its tolerance;
+    /// `BenchError::Inverse`.
+    pub fn new(quick: bool) -> Result<Self> {
         let sizes: &[usize] = if quick { &[4, 8] } else { &[4, 8, 16] };
         let mut rows = Vec::new();
         rows.extend(beams::patch()?);
@@ -70,7 +69,7 @@ impl Report {
 }
 
 /// Runs the study.
-pub fn run(arguments: &Common) -> Result<String, BenchError> {
+pub fn run(arguments: &Common) -> Result<String> {
     let folder = arguments.folder()?;
     let report = Report::new(arguments.quick)?;
     let failure = paper_failure::rows(arguments.quick)?;
@@ -109,24 +108,13 @@ impl Report {
 
     /// Errors over refinement, a line per case with more than one mesh.
     fn plot(&self) -> Option<String> {
-        let mut lines: Vec<Curve> = Vec::new();
-        for (number, row) in self.rows.iter().enumerate() {
+        let mut curves = curves(&self.rows, |row| {
             let name = format!("{}: {}", row.case, row.quantity);
-            let point = (row.refinement as f64, row.relative_error);
-            if self.slope(number).is_some()
-                && let Some(line) = lines.iter_mut().find(|line| line.name == name)
-            {
-                line.points.push(point);
-            } else {
-                lines.push(Curve { name, points: vec![point] });
-            }
-        }
-        lines.retain(|line| line.points.len() > 1 && line.points.iter().all(|p| p.1 > 1e-9));
-        log_log(
-            "Errors under refinement",
-            ["elements along the case's length", "relative error"],
-            &lines,
-        )
+            Some((name, (row.refinement as f64, row.relative_error)))
+        });
+        curves.retain(|curve| curve.points.len() > 1 && curve.points.iter().all(|p| p.1 > 1e-9));
+        let titles = ["elements along the case's length", "relative error"];
+        log_log("Errors under refinement", titles, &curves)
     }
 }
 

@@ -4,9 +4,8 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{isotropic, strain_from_gradient};
 
 use super::figure::{Row, solve_linear};
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use crate::bodies::{Solid, Statics};
+use crate::error::Result;
 
 /// Radii of `layers` layers from `outer` down to `inner`, both included.
 fn radii(outer: f64, inner: f64, layers: usize) -> Vec<f64> {
@@ -32,7 +31,7 @@ fn solve_with(
     statics: &mut Statics,
     load: &[Vector3<f64>],
     field: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     for v in (0..statics.rest.len()).filter(|&v| !statics.free[v]) {
         statics.positions[v] = statics.rest[v] + field(&statics.rest[v]);
     }
@@ -41,7 +40,7 @@ fn solve_with(
 
 /// Pressure in a shell from ½ to 1 m whose outside is held where Lamé has it:
 /// u = p a³/(E (b³ − a³)) ((1 − 2ν) r + (1 + ν) b³/(2 r²)).
-pub(super) fn lame(n: usize) -> Result<Row, BenchError> {
+pub(super) fn lame(n: usize) -> Result<Row> {
     let (young, poisson_ratio, pressure, inner) = (1e4, 0.3, 100.0, 0.5f64);
     let exact = |r: f64| {
         let a3 = inner.powi(3);
@@ -62,7 +61,7 @@ pub(super) fn lame(n: usize) -> Result<Row, BenchError> {
 
 /// E 30 in E 3, both ν .45, pulled evenly: the bulk modulus of the whole by Hashin's assemblage,
 /// exact for this one sphere.
-pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
+pub(super) fn coated(n: usize) -> Result<Row> {
     let solid = in_a_coat(n, isotropic(30.0, 0.45), isotropic(3.0, 0.45));
     let mut statics = Statics::new(&solid, on_the_surface)?;
     let strain = 1e-3;
@@ -84,7 +83,7 @@ pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
 /// infinity, β = 1/(1 + s(μ₁/μ₀ − 1)), s = 2(4 − 5ν)/(15(1 − ν)); outside
 /// u = E x + A ∇(xᵀE x/r⁵) + B (4(1−ν) E x/r³ − ∇(xᵀE x/r³)), A = 3 B a²/5,
 /// B = (β − 1) a³/(16/5 − 4ν), which joins both at r = a.
-pub(super) fn eshelby(n: usize) -> Result<Row, BenchError> {
+pub(super) fn eshelby(n: usize) -> Result<Row> {
     let (nu, ratio, a, strain) = (0.3, 10.0, 0.5f64, 1e-3);
     let solid = in_a_coat(n, isotropic(ratio * 1e4, nu), isotropic(1e4, nu));
     let mut statics = Statics::new(&solid, on_the_surface)?;
