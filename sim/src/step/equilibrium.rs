@@ -152,7 +152,7 @@ impl StepSolver {
                 self.reached_s = span.to;
                 continue;
             }
-            acting.state.return_to(before);
+            acting.state.put(before);
             if span.to - span.from > 1.5 * smallest {
                 total.work.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
@@ -242,8 +242,7 @@ impl StepSolver {
                 timing.1 = Some(error);
             }
         };
-        state.positions = moved.positions;
-        state.body.set_pressures(&moved.pressures);
+        state.put(moved);
         let tolerance =
             Tolerance { residual: self.rules.residual, max_iterations: self.rules.max_iterations };
         let around =
