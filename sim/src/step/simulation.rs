@@ -7,7 +7,7 @@ use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
 use super::contact::ContactState;
-use super::equilibrium::{Acting, StepSolver};
+use super::equilibrium::{Acting, StepOutcome, StepSolver};
 use super::refinement::{Refiner, Remeshed, Round};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -81,18 +81,17 @@ impl Simulation {
         let begin = Instant::now();
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
-        let mut times = StageTimes::default();
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, tools);
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
-        let outcome = solver.advance(span, &mut acting, &mut times)?;
+        let StepOutcome { mut report, work } = solver.advance(span, &mut acting)?;
         let felt = self.felt();
         let (support, reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
-        let remeshed = match outcome.converged {
-            true => self.remesh(step, begin, &mut times)?,
+        let remeshed = match report.converged {
+            true => self.remesh(step, begin, &mut report.times)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &self.body;
@@ -104,16 +103,11 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
-            iterations: outcome.iterations,
-            substeps: outcome.substeps,
-            fallbacks: outcome.fallbacks,
-            residual: outcome.residual,
-            converged: outcome.converged,
             force_n,
             tools: reports,
-            times,
+            ..report
         };
-        self.recorder.statistics.add(&report, &outcome.work, state, milliseconds(begin));
+        self.recorder.statistics.add(&report, &work, state, milliseconds(begin));
         Ok(report)
     }
 
