@@ -81,22 +81,21 @@ impl Simulation {
         let begin = Instant::now();
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
-        let mut times = StageTimes::default();
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, tools);
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
-        let outcome = solver.advance(span, &mut acting, &mut times)?;
+        let mut outcome = solver.advance(span, &mut acting)?;
         let felt = self.felt();
         let (support, reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
-        let remeshed = match outcome.converged {
-            true => self.remesh(step, begin, &mut times)?,
+        let remeshed = match outcome.report.converged {
+            true => self.remesh(step, begin, &mut outcome.report.times)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &self.body;
-        let report = StepReport {
+        outcome.report = StepReport {
             step,
             time_s: span.to,
             vertices: state.vertex_count(),
@@ -104,17 +103,12 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
-            iterations: outcome.iterations,
-            substeps: outcome.substeps,
-            fallbacks: outcome.fallbacks,
-            residual: outcome.residual,
-            converged: outcome.converged,
             force_n,
             tools: reports,
-            times,
+            ..outcome.report
         };
-        self.recorder.statistics.add(&report, &outcome.work, state, milliseconds(begin));
-        Ok(report)
+        self.recorder.statistics.add(&outcome, state, milliseconds(begin));
+        Ok(outcome.report)
     }
 
     /// The splits and merges of a step that began at `begin`.
@@ -212,7 +206,8 @@ impl Simulation {
     /// # Errors
     /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
-        self.recorder.fields(&self.body.state)
+        let volume = self.recorder.volume.as_ref();
+        volume.map(|volume| Fields::of(&self.body.state, volume)).transpose()
     }
 
     /// Everything that happened so far.
