@@ -67,7 +67,7 @@ impl Start {
     }
 
     fn of_file(mesh: FileMesh) -> Self {
-        let rest = mesh.points().to_vec();
+        let rest = mesh.mesh.points().to_vec();
         Self {
             name: mesh.name.clone(),
             axes: ScannerAxes::identity(),
