@@ -1,44 +1,37 @@
 //! What can be wrong with images and volumes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[cfg(feature = "dicom")]
 use super::dicom::DicomError;
 
 /// Why an image or what should be made of it was refused.
+///
+/// Whatever is wrong with a file is told by [`ImageError::InFile`]; [`ImageError::problem`] looks
+/// inside.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// A file could not be read.
+    /// A file or a directory, and what is wrong with it.
     #[error("{}: {source}", path.display())]
-    Io {
+    InFile {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What is wrong, no other `InFile`.
+        source: Box<Self>,
     },
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
     /// A path names a directory, a device or a pipe.
-    #[error(
-        "{}: is {found}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)",
-        path.display()
-    )]
-    NotAFile {
-        /// The path.
-        path: PathBuf,
-        /// What stands there instead.
-        found: &'static str,
-    },
+    #[error("is {0}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)")]
+    NotAFile(&'static str),
     /// A file of zero bytes.
-    #[error("{}: the file is empty, want an image", path.display())]
-    EmptyFile {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("the file is empty, want an image")]
+    EmptyFile,
     /// The first bytes are not those of a single-file NIfTI-1 image.
-    #[error("{}: not a NIfTI-1 image: {field} is {value}, want {want}", path.display())]
+    #[error("not a NIfTI-1 image: {field} is {value}, want {want}")]
     NotNifti {
-        /// The file.
-        path: PathBuf,
         /// The header field that says so.
         field: &'static str,
         /// What it holds.
@@ -48,30 +41,18 @@ pub enum ImageError {
     },
     /// A header of a .hdr/.img pair.
     #[error(
-        "{}: magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file",
-        path.display()
+        "magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file"
     )]
-    HeaderPair {
-        /// The file.
-        path: PathBuf,
-    },
+    HeaderPair,
     /// A gzip or zlib stream that does not inflate.
-    #[error("{}: damaged compressed stream: {source}", path.display())]
-    Inflate {
-        /// The file.
-        path: PathBuf,
-        /// What the inflater said.
-        source: std::io::Error,
-    },
+    #[error("damaged compressed stream: {0}")]
+    Inflate(#[source] std::io::Error),
     /// Fewer bytes than the header announces.
     #[error(
-        "{}: {part} takes {want} bytes by the header, the file holds {found}; \
-         it is cut short or its header is damaged",
-        path.display()
+        "{part} takes {want} bytes by the header, the file holds {found}; it is cut short or its \
+         header is damaged"
     )]
     Length {
-        /// The file.
-        path: PathBuf,
         /// What is cut short: `header`, `voxel data` or what is skipped before it.
         part: &'static str,
         /// Bytes that are there (inflated, where the file is compressed).
@@ -79,33 +60,23 @@ pub enum ImageError {
         /// Bytes that should be there.
         want: u64,
     },
-    /// A file that looks like none of the image formats.
+    /// A file that looks like none of the image formats, by its first bytes.
     #[error(
-        "{}: starts with {start}: no NIfTI-1, NRRD, MetaImage or DICOM image, \
-         and the name ends in none of their extensions",
-        path.display()
+        "starts with {0}: no NIfTI-1, NRRD, MetaImage or DICOM image, and the name ends in none \
+         of their extensions"
     )]
-    UnknownFormat {
-        /// The file.
-        path: PathBuf,
-        /// Its first bytes, escaped.
-        start: String,
-    },
+    UnknownFormat(String),
     /// An image whose reader was left out when the program was built.
-    #[error("{}: is a {format} image; build with the feature {feature:?} to read it", path.display())]
+    #[error("is a {format} image; build with the feature {feature:?} to read it")]
     FormatNotBuilt {
-        /// The file.
-        path: PathBuf,
         /// The format's name.
         format: &'static str,
         /// The cargo feature that brings its reader.
         feature: &'static str,
     },
     /// A line of a text header (NRRD, MetaImage) that can't be followed.
-    #[error("{}: header line {line}: {field} is {value:?}, want {want}", path.display())]
+    #[error("header line {line}: {field} is {value:?}, want {want}")]
     TextHeader {
-        /// The file.
-        path: PathBuf,
         /// The line, counted from 1.
         line: usize,
         /// The field as the file spells it.
@@ -115,27 +86,15 @@ pub enum ImageError {
         /// What would do.
         want: &'static str,
     },
-    /// A field that a text header must have and has not.
-    #[error("{}: the header has no field {field}", path.display())]
-    MissingField {
-        /// The file.
-        path: PathBuf,
-        /// The field's name, and its alternatives.
-        field: &'static str,
-    },
-    /// A text header that does not end.
-    #[error("{}: the header does not end within {limit} bytes", path.display())]
-    HeaderTooLong {
-        /// The file.
-        path: PathBuf,
-        /// The most that is accepted.
-        limit: u64,
-    },
+    /// A field, or its alternatives, that a text header must have and has not.
+    #[error("the header has no field {0}")]
+    MissingField(&'static str),
+    /// A text header that does not end within as many bytes as are read.
+    #[error("the header does not end within {0} bytes")]
+    HeaderTooLong(u64),
     /// A voxel written as text that is no number of the type the header announces.
-    #[error("{}: voxel {index} of the text data is {value:?}, want {want}", path.display())]
+    #[error("voxel {index} of the text data is {value:?}, want {want}")]
     TextVoxel {
-        /// The file.
-        path: PathBuf,
         /// Position in the file, from 0.
         index: usize,
         /// The word, at most 80 characters of it; empty where the data ends.
@@ -145,13 +104,11 @@ pub enum ImageError {
     },
     /// Isotropic voxels so small that they would not fit in memory.
     #[error(
-        "{}: voxels of {} × {} × {} mm resampled to {to_mm} mm make {voxels:.3e} of them, \
-         the limit is {limit}; ask for a larger spacing or check the header's",
-        path.display(), from_mm[0], from_mm[1], from_mm[2]
+        "voxels of {} × {} × {} mm resampled to {to_mm} mm make {voxels:.3e} of them, the limit \
+         is {limit}; ask for a larger spacing or check the header's",
+        from_mm[0], from_mm[1], from_mm[2]
     )]
     ResampledVoxels {
-        /// The file.
-        path: PathBuf,
         /// Stored spacings along right, anterior and superior, mm.
         from_mm: [f64; 3],
         /// The isotropic spacing, mm.
@@ -161,21 +118,9 @@ pub enum ImageError {
         /// The most that is accepted.
         limit: u64,
     },
-    /// A length, given by the caller, out of its range.
-    #[error("{field} is {value} mm, want {want}")]
-    LengthValue {
-        /// Which length.
-        field: &'static str,
-        /// What was given, mm.
-        value: f64,
-        /// What is accepted.
-        want: &'static str,
-    },
     /// An image that the format of the written file can't hold.
-    #[error("{}: can't write NIfTI-1: {field} is {value}, want {want}", path.display())]
+    #[error("can't write NIfTI-1: {field} is {value}, want {want}")]
     Unwritable {
-        /// The file.
-        path: PathBuf,
         /// What does not fit.
         field: &'static str,
         /// Its value.
@@ -184,10 +129,8 @@ pub enum ImageError {
         want: &'static str,
     },
     /// A header field out of its range.
-    #[error("{}: header field {field} is {value}, want {want}", path.display())]
+    #[error("header field {field} is {value}, want {want}")]
     Header {
-        /// The file.
-        path: PathBuf,
         /// The field's name in the NIfTI-1 standard.
         field: &'static str,
         /// What it holds.
@@ -197,13 +140,10 @@ pub enum ImageError {
     },
     /// A voxel type that is no real number.
     #[error(
-        "{}: datatype {code} ({name}) is not supported; want a real integer or float type \
-         of 8 to 64 bits",
-        path.display()
+        "datatype {code} ({name}) is not supported; want a real integer or float type of 8 to 64 \
+         bits"
     )]
     Datatype {
-        /// The file.
-        path: PathBuf,
         /// The NIfTI code.
         code: i16,
         /// The standard's name of the code.
@@ -211,12 +151,10 @@ pub enum ImageError {
     },
     /// A time series or a multi-channel image.
     #[error(
-        "{}: holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D volume first",
-        path.display()
+        "holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D \
+         volume first"
     )]
     NotThreeDimensional {
-        /// The file.
-        path: PathBuf,
         /// Number of dimensions.
         rank: i16,
         /// Number of volumes: the product of all dimensions but the three of space.
@@ -224,12 +162,10 @@ pub enum ImageError {
     },
     /// More voxels than can be handled.
     #[error(
-        "{}: the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",
-        path.display(), dims[0], dims[1], dims[2]
+        "the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",
+        dims[0], dims[1], dims[2]
     )]
     TooManyVoxels {
-        /// The file.
-        path: PathBuf,
         /// Voxels along each axis.
         dims: [u64; 3],
         /// Their product.
@@ -238,10 +174,8 @@ pub enum ImageError {
         limit: u64,
     },
     /// A voxel-to-scanner matrix that can't be inverted.
-    #[error("{}: the {form} is singular: unit columns span {determinant:.3e}, want ±1", path.display())]
+    #[error("the {form} is singular: unit columns span {determinant:.3e}, want ±1")]
     SingularAffine {
-        /// The file.
-        path: PathBuf,
         /// The field that holds it, e.g. `sform` or `space directions`.
         form: &'static str,
         /// Determinant of the matrix with its columns normalised.
@@ -249,13 +183,11 @@ pub enum ImageError {
     },
     /// A voxel-to-scanner matrix whose axes are not at right angles.
     #[error(
-        "{}: the {form} is sheared: axes {} and {} have cosine {cosine:.3e}, \
-         limit {limit:.0e}; resample to a rectangular grid",
-        path.display(), axes[0], axes[1]
+        "the {form} is sheared: axes {} and {} have cosine {cosine:.3e}, limit {limit:.0e}; \
+         resample to a rectangular grid",
+        axes[0], axes[1]
     )]
     ShearedAffine {
-        /// The file.
-        path: PathBuf,
         /// The field that holds it, e.g. `sform` or `space directions`.
         form: &'static str,
         /// The two voxel axes, 0 to 2.
@@ -265,32 +197,15 @@ pub enum ImageError {
         /// Largest accepted absolute cosine.
         limit: f64,
     },
-    /// A voxel of a label map whose value is no label.
-    #[error(
-        "{}: voxel ({}, {}, {}) has the value {value}, but a label must be an integer \
-         (of at most 2^53 where it is a float or scaled, 2^63 - 1 else)",
-        path.display(), voxel[0], voxel[1], voxel[2]
-    )]
-    LabelValue {
-        /// The file.
-        path: PathBuf,
+    /// A voxel of a label map whose value is no label, or one of an image that is no finite f32.
+    #[error("voxel ({}, {}, {}) has the value {value}, {want}", voxel[0], voxel[1], voxel[2])]
+    VoxelValue {
         /// The voxel, counted from 0 along the file's axes.
         voxel: [usize; 3],
         /// Its value, scaled.
         value: f64,
-    },
-    /// A voxel of an intensity image that is no finite f32.
-    #[error(
-        "{}: voxel ({}, {}, {}) has the value {value}, want a finite number of magnitude below 3.4e38",
-        path.display(), voxel[0], voxel[1], voxel[2]
-    )]
-    IntensityValue {
-        /// The file.
-        path: PathBuf,
-        /// The voxel, counted from 0 along the file's axes.
-        voxel: [usize; 3],
-        /// Its value, scaled.
-        value: f64,
+        /// What its value must be.
+        want: &'static str,
     },
     /// More labels than a dense u16 id can tell apart.
     #[error("the volume has at least {found} different labels besides 0, the limit is {limit}")]
@@ -339,22 +254,13 @@ pub enum ImageError {
         /// Its value.
         value: f32,
     },
-    /// A grid that places no voxels in space.
-    #[error("grid: {field} is {value}, want {want}")]
-    Grid {
-        /// The field.
+    /// A number given by the caller that is out of its range: of a grid, of a procedural organ, a
+    /// length.
+    #[error("{field} is {value}, want {want}")]
+    Parameter {
+        /// What it is, e.g. `grid: spacing_mm`.
         field: &'static str,
-        /// What it holds, or its deviation.
-        value: f64,
-        /// What it should hold.
-        want: &'static str,
-    },
-    /// A parameter of a procedural organ out of its range.
-    #[error("phantom: {field} is {value}, want {want}")]
-    Phantom {
-        /// The parameter.
-        field: &'static str,
-        /// What was given.
+        /// What was given, or its deviation.
         value: f64,
         /// What is accepted.
         want: &'static str,
@@ -390,6 +296,24 @@ pub enum ImageError {
     #[cfg(feature = "dicom")]
     #[error(transparent)]
     Dicom(Box<DicomError>),
+}
+
+impl ImageError {
+    /// Names the file that an error is about, unless it names one already.
+    pub(crate) fn in_file<E: Into<Self>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| match error.into() {
+            named @ Self::InFile { .. } => named,
+            problem => Self::InFile { path: path.into(), source: Box::new(problem) },
+        }
+    }
+
+    /// What is wrong, without the file that it is wrong with.
+    pub fn problem(&self) -> &Self {
+        match self {
+            Self::InFile { source, .. } => source,
+            _ => self,
+        }
+    }
 }
 
 #[cfg(feature = "dicom")]

@@ -3,7 +3,6 @@
 //! The bisection's bounds on the shape of tetrahedra hold for cubes alone.
 
 use std::fmt;
-use std::path::Path;
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -105,13 +104,13 @@ pub(crate) struct Sampling {
 impl Sampling {
     /// The stored grid where its voxels are cubes (of `asked_mm`), else the grid of cubes that
     /// has the same middle and along each axis the closest length.
-    pub fn new(path: &Path, from: &Placement, asked_mm: Option<f64>) -> Result<Self, ImageError> {
+    pub fn new(from: &Placement, asked_mm: Option<f64>) -> Result<Self, ImageError> {
         let smallest = from.spacing_mm.iter().copied().fold(f64::MAX, f64::min);
         let largest = from.spacing_mm.iter().copied().fold(f64::MIN, f64::max);
         let (to_mm, kept) = match asked_mm {
             Some(asked) if !(asked > 0.0 && asked.is_finite()) => {
-                let (field, want) = ("the spacing asked for", "finite and > 0");
-                return Err(ImageError::LengthValue { field, value: asked, want });
+                let (field, want) = ("the spacing asked for", "finite and > 0 mm");
+                return Err(ImageError::Parameter { field, value: asked, want });
             }
             Some(asked) => {
                 (asked, from.spacing_mm.iter().all(|s| (s / asked - 1.0).abs() <= SAME_SPACING))
@@ -122,7 +121,7 @@ impl Sampling {
             }
             None => (smallest, false),
         };
-        let dims = if kept { from.dims } else { cubes(path, from, to_mm)? };
+        let dims = if kept { from.dims } else { cubes(from, to_mm)? };
         let axes = [0, 1, 2].map(|axis| {
             let ratio = if kept { 1.0 } else { to_mm / from.spacing_mm[axis] };
             let shift = 0.5 * (from.dims[axis] as f64 - dims[axis] as f64 * ratio);
@@ -198,15 +197,15 @@ impl Sampling {
 }
 
 /// How many cubes come closest to the stored lengths, at least one along each axis.
-fn cubes(path: &Path, from: &Placement, to_mm: f64) -> Result<[usize; 3], ImageError> {
+fn cubes(from: &Placement, to_mm: f64) -> Result<[usize; 3], ImageError> {
     let counts =
         [0, 1, 2].map(|axis| (from.dims[axis] as f64 * from.spacing_mm[axis] / to_mm).round());
     let voxels: f64 = counts.iter().map(|count| count.max(1.0)).product();
     let stored: u64 = from.dims.iter().map(|&d| d as u64).product();
     let limit = MAX_VOXELS.min(stored.saturating_mul(MAX_GROWTH));
     if voxels.is_nan() || voxels > limit as f64 {
-        let (path, from_mm) = (path.into(), from.spacing_mm);
-        return Err(ImageError::ResampledVoxels { path, from_mm, to_mm, voxels, limit });
+        let from_mm = from.spacing_mm;
+        return Err(ImageError::ResampledVoxels { from_mm, to_mm, voxels, limit });
     }
     Ok(counts.map(|count| (count as usize).max(1)))
 }

@@ -30,11 +30,7 @@ pub(super) fn lists(
         let (found, want) = (tags.len(), tets.len());
         return Err(TetMeshError::ListLength { what: "tags".into(), found, want });
     }
-    for (index, point) in points.iter().enumerate() {
-        if let Some(&value) = point.iter().find(|c| !c.is_finite()) {
-            return Err(TetMeshError::NotFinite { what: "point".into(), index, value });
-        }
-    }
+    finite(points)?;
     for (tet, corners) in tets.iter().enumerate() {
         if let Some(&corner) = corners.iter().find(|&&c| c as usize >= points.len()) {
             return Err(TetMeshError::CornerOutOfRange { tet, corner, count: points.len() });
@@ -43,6 +39,15 @@ pub(super) fn lists(
             if corners[..i].contains(&corners[i]) {
                 return Err(TetMeshError::RepeatedCorner { tet, corner: corners[i] });
             }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn finite(points: &[Vector3<f64>]) -> Result<(), TetMeshError> {
+    for (index, point) in points.iter().enumerate() {
+        if let Some(&value) = point.iter().find(|c| !c.is_finite()) {
+            return Err(TetMeshError::NotFinite { what: "point".into(), index, value });
         }
     }
     Ok(())

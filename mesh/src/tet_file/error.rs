@@ -1,19 +1,14 @@
 //! What can be wrong with lists of tetrahedra and their files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a tetrahedral mesh or its file was refused.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TetMeshError {
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
     /// A mesh of no tetrahedra.
     #[error("the mesh has no tetrahedra, want at least one")]
     NoTets,
@@ -99,25 +94,20 @@ pub enum TetMeshError {
         /// Corners of the face, ascending.
         face: [u32; 3],
     },
-    /// A length of a file unit that is no length.
-    #[error("unit is {value} m, want a finite length > 0")]
-    LengthUnit {
-        /// What was given, m.
-        value: f64,
-    },
-    /// A mesh file holds a mesh that is refused.
+    /// A length of a file unit, m, that is no length.
+    #[error("unit is {0} m, want a finite length > 0")]
+    LengthUnit(f64),
+    /// A file, and what is wrong with it or with its mesh.
     #[error("{}: {source}", path.display())]
     InFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the mesh.
+        /// What is wrong.
         source: Box<Self>,
     },
     /// A place of a mesh file that does not follow its format.
-    #[error("{}: {place}: found {found}, want {want}", path.display())]
+    #[error("{place}: found {found}, want {want}")]
     Syntax {
-        /// The file.
-        path: PathBuf,
         /// Section and line or byte.
         place: String,
         /// What stands there.
@@ -127,12 +117,9 @@ pub enum TetMeshError {
     },
     /// A count of a mesh file for which the file is too short.
     #[error(
-        "{}: {place}: announces {claimed} {what}, but the bytes that are left hold {limit} at most",
-        path.display()
+        "{place}: announces {claimed} {what}, but the bytes that are left hold {limit} at most"
     )]
     Claim {
-        /// The file.
-        path: PathBuf,
         /// Section and line or byte.
         place: String,
         /// What is counted.
@@ -143,10 +130,8 @@ pub enum TetMeshError {
         limit: u64,
     },
     /// Content of a mesh file that is not handled.
-    #[error("{}: {place}: {found} is not supported; {advice}", path.display())]
+    #[error("{place}: {found} is not supported; {advice}")]
     Unsupported {
-        /// The file.
-        path: PathBuf,
         /// Section and line or byte.
         place: String,
         /// What is not supported.
@@ -164,4 +149,33 @@ pub enum TetMeshError {
         /// Its name, if any.
         name: String,
     },
+}
+
+impl TetMeshError {
+    /// Names the file that an error is about.
+    pub(super) fn in_file<E: Into<Self>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| Self::InFile { path: path.into(), source: Box::new(error.into()) }
+    }
+
+    pub(super) fn syntax(
+        place: impl AsRef<str>,
+        found: impl AsRef<str>,
+        want: impl Into<String>,
+    ) -> Self {
+        let (place, found) = (shortened(place.as_ref()), shortened(found.as_ref()));
+        Self::Syntax { place, found, want: want.into() }
+    }
+
+    pub(super) fn unsupported(place: &str, found: &str, advice: &'static str) -> Self {
+        Self::Unsupported { place: shortened(place), found: shortened(found), advice }
+    }
+}
+
+/// The start of a text from a file: damaged ones have words of megabytes.
+fn shortened(text: &str) -> String {
+    const LONGEST: usize = 80;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into(),
+    }
 }

@@ -2,35 +2,28 @@
 
 use std::path::PathBuf;
 
-/// Why a DICOM file or series was refused.
+/// Why a DICOM file or series was refused; [`ImageError::InFile`](crate::ImageError::InFile) names
+/// it, or the message where it is about slices.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DicomError {
-    /// No DICOM file by its start.
-    #[error("{}: not a DICOM file: bytes 128 to 131 are {found}, want \"DICM\"", path.display())]
-    NotDicom {
-        /// The file.
-        path: PathBuf,
-        /// What stands there.
-        found: String,
-    },
+    /// No DICOM file by its start, which is this.
+    #[error("not a DICOM file: bytes 128 to 131 are {0}, want \"DICM\"")]
+    NotDicom(String),
     /// A stored form that is not decoded here.
-    #[error("{}: transfer syntax {uid} ({name}) is not read; {advice}", path.display())]
+    #[error(
+        "transfer syntax {uid} ({name}) is not read; decompress the series first (gdcmconv --raw \
+         IN OUT)"
+    )]
     TransferSyntax {
-        /// The file.
-        path: PathBuf,
         /// The unique identifier of the transfer syntax.
         uid: String,
         /// Its name.
         name: &'static str,
-        /// What would do.
-        advice: &'static str,
     },
     /// Bytes that break the structure of a data set, or end too early.
-    #[error("{}: byte {offset}, {place}: {found}, want {want}", path.display())]
+    #[error("byte {offset}, {place}: {found}, want {want}")]
     Structure {
-        /// The file.
-        path: PathBuf,
         /// Offset in the file, or in the inflated data set of a deflated file.
         offset: usize,
         /// The element.
@@ -41,28 +34,19 @@ pub enum DicomError {
         want: &'static str,
     },
     /// A data set that does not inflate, or to too much.
-    #[error("{}: the deflated data set has {found}, want {want}", path.display())]
+    #[error("the deflated data set has {found}, want {want}")]
     Deflated {
-        /// The file.
-        path: PathBuf,
         /// What is wrong.
         found: String,
         /// What would do.
         want: &'static str,
     },
-    /// An element that the reader needs is not there.
-    #[error("{}: the image has no {tag}", path.display())]
-    MissingTag {
-        /// The file.
-        path: PathBuf,
-        /// Its name and number.
-        tag: String,
-    },
+    /// An element that the reader needs, by name and number, is not there.
+    #[error("the image has no {0}")]
+    MissingTag(String),
     /// An element with a value out of range.
-    #[error("{}: {tag} is {value}, want {want}", path.display())]
+    #[error("{tag} is {value}, want {want}")]
     Tag {
-        /// The file.
-        path: PathBuf,
         /// Its name and number.
         tag: String,
         /// What it holds.
@@ -72,13 +56,10 @@ pub enum DicomError {
     },
     /// Two images of a series that do not fit together.
     #[error(
-        "{}: {tag} is {value}, but {other_value} in {}; want one for the whole series",
-        path.display(),
+        "{tag} is {value}, but {other_value} in {}; want one for the whole series",
         other.display()
     )]
     Differs {
-        /// One file.
-        path: PathBuf,
         /// Name and number of the element that differs.
         tag: String,
         /// What this file holds.
@@ -89,10 +70,8 @@ pub enum DicomError {
         other_value: String,
     },
     /// Uncompressed pixel data of another length than rows, columns, bits and frames make.
-    #[error("{}: PixelData (7FE0,0010) has {found} bytes, want {want}", path.display())]
+    #[error("PixelData (7FE0,0010) has {found} bytes, want {want}")]
     PixelLength {
-        /// The file.
-        path: PathBuf,
         /// Bytes that are there.
         found: u64,
         /// Rows × columns × bytes of a voxel × frames.
@@ -100,13 +79,10 @@ pub enum DicomError {
     },
     /// More pixels than so few compressed bytes make.
     #[error(
-        "{}: Rows × Columns (0028,0010), (0028,0011) announce {pixels} pixels in a frame of \
-         {bytes} compressed bytes, the limit is {limit}",
-        path.display()
+        "Rows × Columns (0028,0010), (0028,0011) announce {pixels} pixels in a frame of \
+         {bytes} compressed bytes, the limit is {limit}"
     )]
     FrameClaim {
-        /// The file.
-        path: PathBuf,
         /// Rows × columns.
         pixels: u64,
         /// Compressed bytes of the frame.
@@ -115,10 +91,8 @@ pub enum DicomError {
         limit: u64,
     },
     /// A compressed frame that does not decode to the image that the header announces.
-    #[error("{}: frame {frame}, {codec}: {found}, want {want}", path.display())]
+    #[error("frame {frame}, {codec}: {found}, want {want}")]
     Frame {
-        /// The file.
-        path: PathBuf,
         /// Counted from 1.
         frame: usize,
         /// The compression.
@@ -130,45 +104,29 @@ pub enum DicomError {
     },
     /// A directory without any image.
     #[error(
-        "{}: no DICOM image in this directory ({files} files, {other} of them DICOM but no image), \
-         want the files of one series",
-        path.display()
+        "no DICOM image in this directory ({files} files, {other} of them DICOM but no image), \
+         want the files of one series"
     )]
     NoImages {
-        /// The directory.
-        path: PathBuf,
         /// Files in it.
         files: usize,
         /// Files that are DICOM without being images.
         other: usize,
     },
     /// A directory with images of several series.
-    #[error(
-        "{}: {count} series in this directory: {list}; give one file of the wanted series instead",
-        path.display()
-    )]
+    #[error("{count} series in this directory: {list}; give one file of the wanted series instead")]
     SeveralSeries {
-        /// The directory.
-        path: PathBuf,
         /// How many.
         count: usize,
         /// Of each: SeriesInstanceUID, modality, description, files, one file's name.
         list: String,
     },
     /// A file that is another one than when its header was read.
-    #[error("{}: the file changed while the series was read", path.display())]
-    Changed {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("the file changed while the series was read")]
+    Changed,
     /// A series of one slice, which has no third dimension.
-    #[error(
-        "{}: SeriesInstanceUID (0020,000E) {series} has {slices} slice, want at least 2",
-        path.display()
-    )]
+    #[error("SeriesInstanceUID (0020,000E) {series} has {slices} slice, want at least 2")]
     TooFewSlices {
-        /// The file.
-        path: PathBuf,
         /// The series.
         series: String,
         /// Slices found.
@@ -236,13 +194,10 @@ pub enum DicomError {
     },
     /// Slices stacked along a line that is not their normal.
     #[error(
-        "{}: the slices are stacked at {degrees:.3}° from their normal (gantry tilt), the limit \
-         is {limit_degrees:.3}°: resample the series to a right-angled grid first",
-        path.display()
+        "the slices are stacked at {degrees:.3}° from their normal (gantry tilt), the limit \
+         is {limit_degrees:.3}°: resample the series to a right-angled grid first"
     )]
     GantryTilt {
-        /// The file of the first slice.
-        path: PathBuf,
         /// Angle between the line of the positions and the normal.
         degrees: f64,
         /// The limit.
