@@ -102,8 +102,8 @@ impl BisectionForest {
     }
 
     /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
-    pub fn leaves(&self) -> impl ExactSizeIterator<Item = Tet> + '_ {
-        Leaves { forest: self, open: self.open.iter(), id: NONE, members: 0, left: self.leaf_count }
+    pub fn leaves(&self) -> impl Iterator<Item = Tet> + '_ {
+        self.open.iter().flat_map(|&id| self.members(id))
     }
 
     /// The faces of leaves that lie on the domain's hull, corners ascending, in the order of
@@ -166,9 +166,13 @@ impl BisectionForest {
 
     /// Fills `ring` with the members of a diamond, in the order of their slots.
     fn parents_of(&self, id: u32, ring: &mut Vec<Tet>) {
-        let Diamond { members, ref tets, .. } = self.diamonds[id as usize];
         ring.clear();
-        ring.extend(occupied(members).map(|slot| tets[slot].tet(tet_number(id, slot))));
+        ring.extend(self.members(id));
+    }
+
+    fn members(&self, id: u32) -> impl Iterator<Item = Tet> + '_ {
+        let Diamond { members, tets, .. } = &self.diamonds[id as usize];
+        occupied(*members).map(move |slot| tets[slot].tet(tet_number(id, slot)))
     }
 
     fn record(&self, tet: TetId) -> &TetRecord {
@@ -195,33 +199,3 @@ impl BisectionForest {
         points
     }
 }
-
-/// The leaves, diamond by diamond.
-struct Leaves<'a> {
-    forest: &'a BisectionForest,
-    open: std::slice::Iter<'a, u32>,
-    id: u32,
-    members: u8,
-    left: usize,
-}
-
-impl Iterator for Leaves<'_> {
-    type Item = Tet;
-
-    fn next(&mut self) -> Option<Tet> {
-        while self.members == 0 {
-            self.id = *self.open.next()?;
-            self.members = self.forest.diamonds[self.id as usize].members;
-        }
-        let slot = self.members.trailing_zeros() as usize;
-        self.members &= self.members - 1;
-        self.left -= 1;
-        Some(self.forest.diamonds[self.id as usize].tets[slot].tet(tet_number(self.id, slot)))
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        (self.left, Some(self.left))
-    }
-}
-
-impl ExactSizeIterator for Leaves<'_> {}

@@ -69,26 +69,26 @@ struct AxisSamples {
     low: Vec<usize>,
     high: Vec<usize>,
     weight: Vec<f64>,
+    /// The closer of the two.
+    nearest: Vec<usize>,
 }
 
 impl AxisSamples {
     /// Sample t lies at (t + ½)·step − ½ + shift in units of stored voxels, clamped to centres.
     fn new(placement: &Placement, axis: usize, count: usize, step: f64, shift: f64) -> Self {
         let last = placement.dims[axis] - 1;
-        let mut samples = Self { low: vec![], high: vec![], weight: vec![] };
+        let mut samples = Self { low: vec![], high: vec![], weight: vec![], nearest: vec![] };
         for t in 0..count {
             let at = ((t as f64 + 0.5) * step - 0.5 + shift).clamp(0.0, last as f64);
             let low = at.floor() as usize;
-            samples.low.push(placement.file_offset(axis, low));
-            samples.high.push(placement.file_offset(axis, (low + 1).min(last)));
-            samples.weight.push(at - low as f64);
+            let weight = at - low as f64;
+            let ends = [low, (low + 1).min(last)].map(|i| placement.file_offset(axis, i));
+            samples.low.push(ends[0]);
+            samples.high.push(ends[1]);
+            samples.nearest.push(ends[usize::from(weight >= 0.5)]);
+            samples.weight.push(weight);
         }
         samples
-    }
-
-    fn nearest(&self) -> Vec<usize> {
-        let pick = |i: usize| if self.weight[i] < 0.5 { self.low[i] } else { self.high[i] };
-        (0..self.weight.len()).map(pick).collect()
     }
 }
 
@@ -96,7 +96,6 @@ impl AxisSamples {
 pub(crate) struct Sampling {
     pub grid: Grid,
     axes: [AxisSamples; 3],
-    nearest: [Vec<usize>; 3],
     in_file_order: bool,
     resampled: Option<([usize; 3], [f64; 3])>,
 }
@@ -138,15 +137,14 @@ impl Sampling {
         };
         let origin_mm = from.first_centre - from.rotation * half_mm;
         let grid = Grid { dims, spacing_mm: to_mm, rotation: from.rotation, origin_mm };
-        let nearest = [axes[0].nearest(), axes[1].nearest(), axes[2].nearest()];
         let in_file_order = kept && from.in_file_order();
         let resampled = (!kept).then_some((from.dims, from.spacing_mm));
-        Ok(Self { grid, axes, nearest, in_file_order, resampled })
+        Ok(Self { grid, axes, in_file_order, resampled })
     }
 
     /// File offset of the closest stored voxel, for all voxels of the grid, x fastest.
     pub fn nearest_offsets(&self) -> impl Iterator<Item = usize> + Clone {
-        let [x, y, z] = &self.nearest;
+        let [x, y, z] = self.axes.each_ref().map(|axis| &axis.nearest);
         z.iter().flat_map(move |k| {
             y.iter().flat_map(move |j| {
                 let row = j + k;

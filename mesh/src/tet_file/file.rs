@@ -64,3 +64,32 @@ pub(crate) fn in_units(mesh: &PlainMesh, unit_m: f64) -> Result<Vec<Vector3<f64>
     check::finite(&points)?;
     Ok(points)
 }
+
+impl TetMeshError {
+    /// Names the file that an error is about.
+    pub(crate) fn in_file<E: Into<Self>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| Self::InFile { path: path.into(), source: Box::new(error.into()) }
+    }
+
+    pub(crate) fn syntax(
+        place: impl AsRef<str>,
+        found: impl AsRef<str>,
+        want: impl Into<String>,
+    ) -> Self {
+        let (place, found) = (shortened(place.as_ref()), shortened(found.as_ref()));
+        Self::Syntax { place, found, want: want.into() }
+    }
+
+    pub(crate) fn unsupported(place: &str, found: &str, advice: &'static str) -> Self {
+        Self::Unsupported { place: shortened(place), found: shortened(found), advice }
+    }
+}
+
+/// The start of a text from a file: damaged ones have words of megabytes.
+fn shortened(text: &str) -> String {
+    const LONGEST: usize = 80;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into(),
+    }
+}

@@ -191,25 +191,21 @@ fn plane<'a>(
 ) -> Result<Plane, DicomError> {
     const WANT: &str = "three numbers, mm, up to 1e6";
     // The frame's own group, the one of all frames, or the image itself.
-    let group = |sequence| -> Result<Option<DataSet<'a>>, DicomError> {
+    let group = |sequence| -> Result<DataSet<'a>, DicomError> {
         for groups in [own, shared].into_iter().flatten() {
             if let Some(group) = groups.items(sequence)?.into_iter().next() {
-                return Ok(Some(group));
+                return Ok(group);
             }
         }
-        Ok(None)
+        Ok(data.clone())
     };
-    let position = group(PLANE_POSITION)?;
-    let position = Vector3::from(position.as_ref().unwrap_or(data).required(POSITION, WANT)?);
+    let position = Vector3::from(group(PLANE_POSITION)?.required(POSITION, WANT)?);
     if position.amax() > MAX_MM {
         return Err(POSITION.refuse(position.amax(), WANT));
     }
-    let directions = group(PLANE_ORIENTATION)?;
-    let [along_row, along_column] = orientation(directions.as_ref().unwrap_or(data))?;
-    let measures = group(PIXEL_MEASURES)?;
-    let spacing = spacing(measures.as_ref().unwrap_or(data))?;
-    let values = group(VALUE_TRANSFORMATION)?;
-    let scale = scale(values.as_ref().unwrap_or(data))?;
+    let [along_row, along_column] = orientation(&group(PLANE_ORIENTATION)?)?;
+    let spacing = spacing(&group(PIXEL_MEASURES)?)?;
+    let scale = scale(&group(VALUE_TRANSFORMATION)?)?;
     Ok(Plane { frame, position, along_row, along_column, spacing, scale })
 }
 
