@@ -20,10 +20,8 @@ impl BisectionForest {
 
     /// The direct dependencies of `p` that are inside the domain and not active.
     pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
-        let dependencies = self.domain.lattice().dependencies(p);
-        (0..dependencies.as_slice().len())
-            .map(move |i| dependencies.as_slice()[i])
-            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
+        let dependencies = self.domain.lattice().dependencies(p).into_iter();
+        dependencies.filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
     }
 
     /// True where `vertex` may be merged: active, above the start mesh and not of the floor that

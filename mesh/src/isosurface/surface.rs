@@ -176,11 +176,8 @@ impl<'a> Cut<'a> {
     fn new(field: &'a [f64], options: SurfaceOptions) -> Result<Self, SurfaceError> {
         let value = options.level;
         if !value.is_finite() {
-            return Err(SurfaceError::IsoSurface {
-                field: "level",
-                value,
-                want: "a finite number",
-            });
+            let (field, want) = ("level", "a finite number");
+            return Err(SurfaceError::IsoSurface { field, value, want });
         }
         Ok(Self { field, options })
     }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::error::TetMeshError;
-use crate::bisection::geometry::signed_volume;
+use crate::bisection::geometry::{edge_lengths, signed_volume};
 
 /// A tetrahedron is degenerate if |V| is at most this part of its longest edge cubed.
 ///
@@ -62,7 +62,7 @@ pub(super) fn rewind(
     for (tet, corners) in tets.iter_mut().enumerate() {
         let x = corners.map(|i| points[i as usize]);
         let volume = signed_volume(&x);
-        let limit = FLATNESS * longest_edge(&x).powi(3);
+        let limit = FLATNESS * edge_lengths(&x).fold(0.0, f64::max).powi(3);
         // NaN, of coordinates so large that they overflow, is refused too.
         if !(volume.abs() > limit) {
             return Err(TetMeshError::DegenerateTet { tet, volume, limit });
@@ -73,16 +73,6 @@ pub(super) fn rewind(
         }
     }
     Ok(rewound)
-}
-
-fn longest_edge(x: &[Vector3<f64>; 4]) -> f64 {
-    let mut longest: f64 = 0.0;
-    for i in 0..4 {
-        for j in i + 1..4 {
-            longest = longest.max((x[i] - x[j]).norm());
-        }
-    }
-    longest
 }
 
 /// Takes out the points that no tetrahedron uses and renumbers the corners.

@@ -203,21 +203,13 @@ impl Source<'_> {
             return Ok(bytes.to_vec());
         }
         let characters = count.div_ceil(3).checked_mul(4).ok_or_else(|| short(self))?;
-        let mut group = Vec::new();
-        let mut used = 0;
-        for &b in self.left {
-            if group.len() == characters {
-                break;
-            }
-            used += 1;
-            if !b.is_ascii_whitespace() {
-                group.push(b);
-            }
-        }
+        let mut rest = self.left.iter();
+        let written = rest.by_ref().copied().filter(|byte| !byte.is_ascii_whitespace());
+        let group: Vec<u8> = written.take(characters).collect();
         if group.len() < characters {
             return Err(short(self));
         }
-        self.left = &self.left[used..];
+        self.left = rest.as_slice();
         let mut bytes =
             STANDARD.decode(&group).map_err(|e| self.array.wrong(e.to_string(), "base64"))?;
         if bytes.len() < count {
