@@ -61,12 +61,12 @@ impl TextHeader {
     }
 
     pub fn get(&self, name: &str) -> Option<&TextField> {
-        self.fields.get(&key(name))
+        self.first(&[name])
     }
 
     /// The first of these fields that is there: they mean the same.
     pub fn first(&self, names: &[&str]) -> Option<&TextField> {
-        names.iter().find_map(|name| self.get(name))
+        names.iter().find_map(|name| self.fields.get(&key(name)))
     }
 
     pub fn require(&self, name: &'static str) -> Result<&TextField, ImageError> {
