@@ -27,13 +27,13 @@ pub use equilibrium::{
 pub use error::CorotError;
 pub use forces::{
     ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
-    PaperCorotation, RowCorotation, element_tangent, forces_by_name,
+    PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
 };
 pub use kernels::element::StiffnessPacket;
 pub use law::{
     ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,
 };
 pub use time::{
-    INTEGRATORS, ImplicitEuler, Inertia, InertiaWeights, QuasiStatic, TimeIntegrator, TimeStep,
-    VertexMotion, forces_with_inertia, integrator_by_name,
+    INTEGRATORS, ImplicitEuler, Inertia, QuasiStatic, TimeIntegrator, TimeStep, VertexMotion,
+    forces_with_inertia, integrator_by_name,
 };

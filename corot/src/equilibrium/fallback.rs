@@ -50,12 +50,11 @@ impl Equilibrium for Fallback {
         let mut residual = vec![0.0; problem.rows()];
         let first = problem.evaluate(positions, internal, &mut residual, tolerance);
         let mut total = Outcome {
-            iterations: 0,
             evaluations: 1,
             residual: first,
             converged: first <= tolerance.residual,
             method: self.name,
-            fallbacks: 0,
+            ..Outcome::default()
         };
         let mixed = problem.body.is_mixed();
         let able = self.methods.iter_mut().filter(|method| !(mixed && method.needs_definite()));

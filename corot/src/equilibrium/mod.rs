@@ -22,11 +22,6 @@ pub use lbfgs::Lbfgs;
 pub use newton::Newton;
 pub use problem::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
 
-use nalgebra::Vector3;
-use yawara_embed::LinearTet;
-
-use crate::body::Body;
-use crate::element::Element;
 use crate::error::CorotError;
 use crate::forces::InternalForces;
 
@@ -68,23 +63,14 @@ pub fn check_pair(
     forces: &dyn InternalForces,
     equilibrium: &dyn Equilibrium,
 ) -> Result<(), CorotError> {
-    let mut body = Body::new();
-    body.insert(Element {
-        tet: yawara_mesh::TetId(0),
-        vertices: [0; 4],
-        geometry: LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 },
-        elasticity: nalgebra::Matrix6::zeros(),
-        rotation: nalgebra::Matrix3::identity(),
-    });
-    let has_tangent = forces.tangent(&body, 0, &[Vector3::zeros()]).is_some();
-    if equilibrium.needs_tangent() && !has_tangent {
+    if equilibrium.needs_tangent() && forces.tangent().is_none() {
         let (corotation, equilibrium) = (forces.name(), equilibrium.name());
         return Err(CorotError::NoTangent { corotation, equilibrium });
     }
     Ok(())
 }
 
-/// Whether these two work on a [mixed](Body::mixed) body.
+/// Whether these two work on a [mixed](crate::Body::mixed) body.
 ///
 /// # Errors
 /// [`CorotError::NoPressures`] naming the stage that does not.

@@ -3,16 +3,14 @@
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 
 use super::iterate::{Point, untouched};
 use super::line_search::search;
 use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
 use super::vectors::dot;
-use crate::element::Element;
 use crate::forces::ElementTangent;
 use crate::forces::tangent::convex_part;
-use crate::time::Inertia;
 
 /// x ← x + α K_t(x)⁻¹(f_ext − f_int(x)), K_t with the derivatives of the rotations, by sparse LU.
 /// The reference: quadratic near the solution, for anisotropic D too (K_t is not symmetric then).
@@ -100,11 +98,10 @@ fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
     step.iter().all(|v| v.is_finite()) && search(problem, point, &step) > 0.0
 }
 
-/// Adds c M, the same for each axis.
-fn add_inertia(tangent: &mut ElementTangent, inertia: &Inertia, element: &Element) {
-    let mass = inertia.matrix(element);
+/// Adds a matrix on the corners, the same for each axis.
+fn add_alike(tangent: &mut ElementTangent, corners: &Matrix4<f64>) {
     for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
-        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += mass[(i, j)]);
+        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += corners[(i, j)]);
     }
 }
 
@@ -132,13 +129,13 @@ impl Rows {
         positions: &[Vector3<f64>],
         convex: bool,
     ) -> Option<SparseColMat<usize, f64>> {
-        let n = 3 * self.vertices.len();
+        let (n, tangent_of) = (3 * self.vertices.len(), problem.forces.tangent()?);
         let mut triplets = Vec::with_capacity(144 * problem.body.elements().len());
         let mut touched = vec![false; n];
         for (number, element) in problem.body.elements().iter().enumerate() {
-            let mut tangent = problem.forces.tangent(problem.body, number, positions)?;
+            let mut tangent = tangent_of(problem.body, number, positions);
             if let Some(inertia) = problem.inertia {
-                add_inertia(&mut tangent, inertia, element);
+                add_alike(&mut tangent, &inertia.matrix(number));
             }
             if convex {
                 tangent = convex_part(&tangent);

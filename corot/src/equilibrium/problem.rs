@@ -43,7 +43,7 @@ pub struct Tolerance {
 }
 
 /// How a solve ended. Positions and rotations are those of the smallest residual seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Applications of the inverse (of a tangent's factor for `newton`), by all methods together.
     pub iterations: usize,

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::internal_forces::InternalForces;
-use super::tangent::{ElementTangent, element_tangent};
+use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
@@ -35,12 +35,7 @@ impl InternalForces for ElementCorotation {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        Some(element_tangent(body, number, positions))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(element_tangent))
     }
 }

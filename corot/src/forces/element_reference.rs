@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::internal_forces::InternalForces;
-use super::tangent::{ElementTangent, element_tangent};
+use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
@@ -22,21 +22,15 @@ impl InternalForces for ElementReference {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        body.renew_elements(positions);
-        body.renew_vertices();
-        body.forces_in(|element| element.rotation, positions, forces)
+        body.renew_rotations(positions);
+        body.forces_as_turned(positions, forces)
     }
 
     fn carries_pressures(&self) -> bool {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        Some(element_tangent(body, number, positions))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(element_tangent))
     }
 }

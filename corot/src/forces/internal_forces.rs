@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::tangent::ElementTangent;
+use super::tangent::TangentOf;
 use crate::body::Body;
 
 /// How internal forces follow from positions.
@@ -58,15 +58,8 @@ pub trait InternalForces: Send + Sync {
         forces: &mut [Vector3<f64>],
     ) -> f64;
 
-    /// ∂f_int/∂x of element `number` of `body` at its stored rotation under the body's law, if there
-    /// is such a thing. N/m.
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        let _ = (body, number, positions);
+    /// ∂f_int/∂x by element at its stored rotation under the body's law, if there is such a thing.
+    fn tangent(&self) -> Option<TangentOf<'_>> {
         None
     }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::internal_forces::InternalForces;
-use super::tangent::ElementTangent;
+use super::tangent::TangentOf;
 use crate::body::Body;
 
 /// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
@@ -22,21 +22,17 @@ impl InternalForces for NoCorotation {
         positions: &[Vector3<f64>],
         forces: &mut [Vector3<f64>],
     ) -> f64 {
-        body.unrotate(positions.len());
-        body.forces_in(|_| Matrix3::identity(), positions, forces)
+        body.forces_with_rotations(|_| Matrix3::identity(), positions, forces)
     }
 
     fn carries_pressures(&self) -> bool {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        let (_, modulus) = body.response(number, positions);
-        Some(body.elements()[number].geometry.stiffness(&modulus))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(|body, number, positions| {
+            let (_, modulus) = body.response(number, positions);
+            body.elements()[number].geometry.stiffness(&modulus)
+        }))
     }
 }
