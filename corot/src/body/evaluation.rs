@@ -8,6 +8,7 @@ use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::rotation::polar_warm;
 use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
 use crate::kernels::simd::{LANES, set_matrix};
@@ -24,7 +25,7 @@ const RUN_PACKETS: usize = 1024;
 
 impl Body {
     /// Renews the rotations of elements and vertices from `positions`.
-    pub(crate) fn renew_rotations(&mut self, positions: &[Vector3<f64>]) {
+    pub(crate) fn renew_rotations(&mut self, positions: &Field) {
         self.turn_elements(positions.len(), |element| {
             let f = element.deformation_gradient(positions);
             [polar_warm(&f, &element.rotation), f]
@@ -69,8 +70,8 @@ impl Body {
     pub fn forces_with_rotations(
         &mut self,
         rotation: impl Fn(&Element) -> Matrix3<f64>,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
     ) -> f64 {
         self.turn_elements(positions.len(), |element| [rotation(element); 2]);
         self.forces_as_turned(positions, forces)
@@ -91,8 +92,8 @@ impl Body {
     /// another.
     pub fn forces_and_stiffness(
         &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
         stiffness: &mut [StiffnessPacket],
     ) -> f64 {
         let (vertices, is_mixed) = (positions.len(), self.is_mixed());
@@ -153,11 +154,7 @@ impl Body {
     /// rotation; nothing under a linear law. Returns Σ_e ‖·‖² of what was added.
     ///
     /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself.
-    pub fn add_law_forces(
-        &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    pub fn add_law_forces(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         let Self { elements, pressures, states, .. } = self;
         let runs = states.runs(elements.len());
         runs.map(|run| run.add_to(elements, pressures.as_ref(), positions, forces)).sum()
@@ -168,8 +165,8 @@ impl Body {
     /// which comes what the law has beyond. Returns √Σ_e ‖f_e‖².
     pub(crate) fn forces_of_corners(
         &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
         corner_forces: impl Fn(&Element, &[Matrix3<f64>]) -> [Vector3<f64>; 4],
     ) -> f64 {
         forces.fill(Vector3::zeros());
@@ -187,11 +184,7 @@ impl Body {
 
     /// Σ_e of the elements' forces into `forces` (overwritten), each in the frame of its rotation,
     /// one element after the other; with pressures also their residuals. Returns √Σ_e ‖f_e‖².
-    pub(crate) fn forces_as_turned(
-        &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    pub(crate) fn forces_as_turned(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         forces.fill(Vector3::zeros());
         let Self { elements, pressures, states, .. } = self;
         let mut residuals = Vec::new();

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::gauss_seidel::projected_gauss_seidel;
 use super::surface_contact::{Contact, ContactOutcome};
 use crate::equilibrium::{Iterate, Outcome, Problem, Tolerance};
+use crate::field::Field;
 
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
@@ -16,7 +17,7 @@ pub(super) type Place = (f64, Iterate, Vec<f64>);
 pub(super) struct Run<'a, 'b, 'p> {
     pub(super) problem: &'a mut Problem<'p>,
     pub(super) contact: &'a Contact<'b>,
-    pub(super) internal: &'a mut [Vector3<f64>],
+    pub(super) internal: &'a mut Field,
     pub(super) tolerance: &'a Tolerance,
     pub(super) lambda: Vec<f64>,
     /// Which points push, where that is settled for now: with a force of either sign, and no other.
@@ -36,7 +37,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         problem: &'a mut Problem<'p>,
         contact: &'a Contact<'b>,
         multipliers: &[f64],
-        internal: &'a mut [Vector3<f64>],
+        internal: &'a mut Field,
         tolerance: &'a Tolerance,
     ) -> Self {
         let (n, k) = (problem.rows(), contact.points.len());
@@ -59,7 +60,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     }
 
     /// Renews gaps, normals, loads, forces and residual where the positions are.
-    pub(super) fn evaluate(&mut self, positions: &[Vector3<f64>]) {
+    pub(super) fn evaluate(&mut self, positions: &Field) {
         self.loads.copy_from_slice(self.problem.external);
         for (i, (point, obstacle)) in self.contact.points.iter().enumerate() {
             let at = point.position(positions);
@@ -94,11 +95,11 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     }
 
     /// Where it stands.
-    pub(super) fn place(&self, merit: f64, positions: &[Vector3<f64>]) -> Place {
+    pub(super) fn place(&self, merit: f64, positions: &Field) -> Place {
         (merit, self.problem.iterate(positions), self.lambda.clone())
     }
 
-    pub(super) fn return_to(&mut self, best: &Place, positions: &mut [Vector3<f64>]) {
+    pub(super) fn return_to(&mut self, best: &Place, positions: &mut Field) {
         self.problem.return_to(&best.1, positions);
         self.lambda.copy_from_slice(&best.2);
         self.evaluate(positions);

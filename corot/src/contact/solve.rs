@@ -1,11 +1,10 @@
 //! Equilibrium in the way of obstacles: they push, and never pull.
 
-use nalgebra::Vector3;
-
 use super::run::{Place, Run};
 use super::surface_contact::{Contact, ContactOutcome};
 use crate::equilibrium::anderson::MIN_DAMPING;
 use crate::equilibrium::{Equilibrium, Problem, Tolerance};
+use crate::field::Field;
 
 /// Solves under given contact forces at most.
 const TURNS: usize = 40;
@@ -37,8 +36,8 @@ pub fn solve_with_contact(
     equilibrium: &mut dyn Equilibrium,
     contact: &Contact<'_>,
     multipliers: &[f64],
-    positions: &mut [Vector3<f64>],
-    internal: &mut [Vector3<f64>],
+    positions: &mut Field,
+    internal: &mut Field,
     tolerance: &Tolerance,
 ) -> ContactOutcome {
     let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
@@ -53,7 +52,7 @@ pub fn solve_with_contact(
 
 impl Run<'_, '_, '_> {
     /// Positions under given forces, then forces by the gaps, in turn.
-    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut [Vector3<f64>]) {
+    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut Field) {
         self.outcome.fallbacks = 1;
         let mut best: Option<Place> = None;
         let mut damping = 1.0;

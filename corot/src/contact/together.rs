@@ -1,16 +1,15 @@
 //! Positions and contact forces in one iteration.
 
-use nalgebra::Vector3;
-
 use super::run::{Place, Run};
 use crate::equilibrium::anderson::{Anderson, MIN_DAMPING, Memory};
+use crate::field::Field;
 
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;
 
 impl Run<'_, '_, '_> {
     /// Positions and forces in one iteration; true if it has converged.
-    pub(super) fn together(&mut self, start: &Place, positions: &mut [Vector3<f64>]) -> bool {
+    pub(super) fn together(&mut self, start: &Place, positions: &mut Field) -> bool {
         let Anderson { depth, growth } = Anderson::default();
         let mut memory = Memory::new(depth);
         let mut damping = 1.0;
@@ -109,7 +108,7 @@ impl Run<'_, '_, '_> {
     }
 
     /// Takes a mixed step; what does not push stays so.
-    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut [Vector3<f64>]) {
+    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut Field) {
         let (n, k) = (self.residual.len(), self.lambda.len());
         self.problem.advance(positions, &step[..n], 1.0);
         for i in 0..k {

@@ -1,26 +1,28 @@
 //! How positions are found at which forces balance the loads: the swappable stage [`Equilibrium`].
 //!
-//! `problem.rs` holds the trait and the problem that every solver works on, `iterate.rs` where an
-//! iteration stands and the best place it has been at; one file per solver. Open `problem.rs`
-//! first. To add one: a file with a type that implements the trait, a line in
+//! `solver.rs` holds the trait, `problem.rs` what every solver works on, `iteration.rs` where an
+//! iteration stands and the best place it has been at; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait, a line in
 //! [`equilibrium_by_name`].
 
 pub(crate) mod anderson;
 mod direct;
 mod fallback;
-mod iterate;
+mod iteration;
 mod lbfgs;
 mod line_search;
 mod newton;
-pub(crate) mod problem;
+mod problem;
+mod solver;
 mod vectors;
 
 pub use anderson::Anderson;
 pub use direct::Direct;
 pub use fallback::Fallback;
+pub use iteration::Iteration;
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;
-pub use problem::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
+pub use problem::{Iterate, Outcome, Problem, Tolerance};
+pub use solver::Equilibrium;
 
 use crate::error::CorotError;
 use crate::forces::InternalForces;

@@ -1,10 +1,9 @@
 //! Element co-rotation, one element after the other.
 
-use nalgebra::Vector3;
-
 use super::internal_forces::InternalForces;
 use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
+use crate::field::Field;
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
 /// those are tested against. Cost: about ten times theirs.
@@ -16,12 +15,7 @@ impl InternalForces for ElementReference {
         "element_reference"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.renew_rotations(positions);
         body.forces_as_turned(positions, forces)
     }

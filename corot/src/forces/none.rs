@@ -1,10 +1,11 @@
 //! `none`: linear elasticity.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
 use super::tangent::TangentOf;
 use crate::body::Body;
+use crate::field::Field;
 
 /// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
 /// a body that turns by θ without strain is loaded as if strained by 1 − cos θ.
@@ -16,12 +17,7 @@ impl InternalForces for NoCorotation {
         "none"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.forces_with_rotations(|_| Matrix3::identity(), positions, forces)
     }
 

@@ -1,9 +1,10 @@
 //! `paper`: one rotation per vertex, applied to positions about the origin.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
 use crate::body::Body;
+use crate::field::Field;
 
 /// f = T K (T⁻¹x − X) literally, T the block diagonal of the vertices' rotations:
 /// f_i = R_i Σ_j K_ij (R_jᵀ x_j − X_j). Neighbours turn about the origin by different rotations, so
@@ -21,12 +22,7 @@ impl InternalForces for PaperCorotation {
         "paper"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.forces_of_corners(positions, forces, |element, rotations| {
             let corners = element.vertices.map(|v| rotations[v].transpose() * positions[v]);
             let gradient = element.geometry.gradient(&corners) - Matrix3::identity();

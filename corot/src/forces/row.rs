@@ -1,9 +1,10 @@
 //! `row`: one rotation per vertex, applied to the rows of K.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
 use crate::body::Body;
+use crate::field::Field;
 
 /// f_i = R_i Σ_j K_ij (R_iᵀ x_j − X_j), R_i the rotation of vertex i. Invariant to rotation and
 /// translation, but the two ends of an edge see different rotations: forces do not balance (ghost
@@ -20,12 +21,7 @@ impl InternalForces for RowCorotation {
         "row"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.forces_of_corners(positions, forces, |element, rotations| {
             let f = element.deformation_gradient(positions);
             std::array::from_fn(|i| {

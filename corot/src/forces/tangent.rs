@@ -5,12 +5,13 @@ use yawara_embed::strain_from_gradient;
 
 use crate::body::Body;
 use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 
 /// ∂f_a/∂x_b of the four corners, 12×12, corner-major x, y, z.
 pub type ElementTangent = SMatrix<f64, 12, 12>;
 
 /// The tangent, N/m, of the element with a number in a body at positions (m, by vertex number).
-pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &[Vector3<f64>]) -> ElementTangent + 'a>;
+pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &Field) -> ElementTangent + 'a>;
 
 /// Eigenvalues of tr(S)I − S are kept this far from zero, relative to the largest.
 const FLOOR: f64 = 1e-6;
@@ -24,7 +25,7 @@ const FLOOR: f64 = 1e-6;
 ///
 /// # Panics
 /// If `number` is not below the number of the body's elements.
-pub fn element_tangent(body: &Body, number: usize, positions: &[Vector3<f64>]) -> ElementTangent {
+pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> ElementTangent {
     let element = &body.elements()[number];
     let (stress, modulus) = body.response(number, positions);
     let (r, gradients) = (&element.rotation, &element.geometry.gradients);

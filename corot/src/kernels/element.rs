@@ -11,6 +11,7 @@ use super::simd::{
 };
 use crate::element::Element;
 use crate::element::pressures::Pressures;
+use crate::field::Field;
 
 /// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
 /// `[12 i + j][l]`, N/m.
@@ -19,7 +20,7 @@ pub type StiffnessPacket = [[f64; LANES]; 144];
 /// What a pass over a run of elements reads and writes.
 pub(crate) struct Pass<'a> {
     pub packets: &'a mut [Packet],
-    pub positions: &'a [Vector3<f64>],
+    pub positions: &'a Field,
     /// The elements of these packets, whose rotations are renewed, and the number of the first.
     pub elements: &'a mut [Element],
     pub first: usize,
@@ -106,7 +107,7 @@ fn corners(packet: &Packet, lane: usize) -> [usize; 4] {
 }
 
 #[inline(always)]
-fn gather(packet: &Packet, positions: &[Vector3<f64>], edges: &mut Rows) {
+fn gather(packet: &Packet, positions: &Field, edges: &mut Rows) {
     for lane in 0..LANES {
         let origin = positions[packet.vertices[0][lane] as usize];
         for corner in 0..3 {
@@ -184,7 +185,7 @@ fn stress_of<S: Simd>(
 }
 
 #[inline(always)]
-fn scatter(packet: &Packet, corner_forces: &Rows, lane: usize, forces: &mut [Vector3<f64>]) {
+fn scatter(packet: &Packet, corner_forces: &Rows, lane: usize, forces: &mut Field) {
     let mut first = Vector3::zeros();
     for corner in 0..3 {
         let [x, y, z] = &corner_forces[corner];

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use yawara_embed::Strain;
 
 use super::constitutive_law::{ConstitutiveLaw, MaterialPoint};
@@ -11,6 +11,7 @@ use super::linear::LinearElastic;
 use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 
 /// A law and its states, by element number; both lists are empty under a linear law.
 #[derive(Clone)]
@@ -43,8 +44,8 @@ impl StateRun<'_> {
         self,
         elements: &[Element],
         pressures: Option<&Pressures>,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
     ) -> f64 {
         let Self { law, step_s, first, committed, trial, beyond } = self;
         let n = law.state_len();

@@ -7,6 +7,7 @@ use yawara_mesh::TetId;
 use super::integrator::{TimeIntegrator, TimeStep, VertexMotion};
 use crate::body::Body;
 use crate::element::Element;
+use crate::field::Field;
 use crate::forces::InternalForces;
 
 /// The inertia of a body in a step: the forces c M (x − x̃).
@@ -42,7 +43,7 @@ impl Inertia {
     }
 
     /// x̃ by vertex number, m: where each vertex would go by itself.
-    pub fn predicted(&self) -> &[Vector3<f64>] {
+    pub fn predicted(&self) -> &Field {
         &self.predicted
     }
 
@@ -57,12 +58,7 @@ impl Inertia {
     }
 
     /// Adds c M (x − x̃) to `forces`; returns Σ_e ‖·‖² of the elements' shares.
-    pub fn add_to(
-        &self,
-        body: &Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    pub fn add_to(&self, body: &Body, positions: &Field, forces: &mut Field) -> f64 {
         let mut squares = 0.0;
         for (element, kilograms) in body.elements().iter().zip(&self.kilograms) {
             let corner = self.mass_per_s2 * kilograms;
@@ -87,8 +83,8 @@ pub fn forces_with_inertia(
     internal: &dyn InternalForces,
     inertia: Option<&Inertia>,
     body: &mut Body,
-    positions: &[Vector3<f64>],
-    forces: &mut [Vector3<f64>],
+    positions: &Field,
+    forces: &mut Field,
 ) -> f64 {
     let elastic = internal.internal_forces(body, positions, forces);
     match inertia {
