@@ -192,7 +192,7 @@ impl Body {
             pressures.begin(positions.len(), elements);
             residuals.resize(positions.len(), 0.0);
         }
-        let mut squares = 0.0;
+        let (mut squares, mut law) = (0.0, states.runs(elements.len()).next());
         for (number, element) in elements.iter().enumerate() {
             let Element { vertices, elasticity, rotation, .. } = element;
             let strain = element.corotated_strain(positions);
@@ -203,10 +203,10 @@ impl Body {
                 stress = pressures.moduli(number).deviatoric * strain;
                 pull = pressures.pull(number, *vertices);
             }
-            if !states.law().is_linear() {
+            if let Some(law) = &mut law {
                 let assumed = |p: &Pressures| p.assumed_strain(number, *vertices, &strain);
                 let strain = pressures.as_ref().map_or(strain, assumed);
-                (stress, pull) = (states.evaluate(number, elasticity, strain), 0.0);
+                (stress, pull) = (law.stress(number, elasticity, strain), 0.0);
             }
             let scaled = rotation * stress_matrix(&stress) * element.geometry.volume;
             squares += element.add_forces(&(scaled + rotation * pull), forces);

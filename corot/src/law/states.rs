@@ -38,29 +38,34 @@ pub(crate) struct StateRun<'a> {
 }
 
 impl StateRun<'_> {
+    /// σ of its element `i`, with the state that it leaves.
+    pub fn stress(&mut self, i: usize, elasticity: &Matrix6<f64>, strain: Strain) -> Strain {
+        let (n, step_s) = (self.law.state_len(), self.step_s);
+        let state = &self.committed[n * i..n * (i + 1)];
+        let point = MaterialPoint { elasticity, strain, state, step_s };
+        let stress = self.law.stress(&point, &mut self.trial[n * i..n * (i + 1)]);
+        self.beyond[i] = stress - elasticity * strain;
+        stress
+    }
+
     /// Adds what the law has beyond linear elasticity, V R (σ − D ε̃) ∇λ of each element with its
     /// rotation, to `forces`; returns Σ ‖·‖² of the elements' shares.
     pub fn add_to(
-        self,
+        mut self,
         elements: &[Element],
         pressures: Option<&Pressures>,
         positions: &Field,
         forces: &mut Field,
     ) -> f64 {
-        let Self { law, step_s, first, committed, trial, beyond } = self;
-        let n = law.state_len();
         let mut squares = 0.0;
         for (i, element) in elements.iter().enumerate() {
             let mut strain = element.corotated_strain(positions);
             if let Some(pressures) = pressures {
-                strain = pressures.assumed_strain(first + i, element.vertices, &strain);
+                strain = pressures.assumed_strain(self.first + i, element.vertices, &strain);
             }
-            let (elasticity, at) = (&element.elasticity, n * i..n * (i + 1));
-            let point = MaterialPoint { elasticity, strain, state: &committed[at.clone()], step_s };
-            let stress = law.stress(&point, &mut trial[at]);
-            beyond[i] = stress - elasticity * strain;
-            let scaled = element.rotation * stress_matrix(&beyond[i]) * element.geometry.volume;
-            squares += element.add_forces(&scaled, forces);
+            self.stress(i, &element.elasticity, strain);
+            let scaled = element.rotation * stress_matrix(&self.beyond[i]);
+            squares += element.add_forces(&(scaled * element.geometry.volume), forces);
         }
         squares
     }
@@ -154,17 +159,6 @@ impl States {
         self.committed[n * number..][..n].copy_from_slice(state);
         self.trial[n * number..][..n].copy_from_slice(state);
         self.beyond[number] = beyond;
-    }
-
-    /// σ of an element, with the state that it leaves.
-    pub fn evaluate(&mut self, number: usize, elasticity: &Matrix6<f64>, strain: Strain) -> Strain {
-        let n = self.len();
-        let (law, at) = (Arc::clone(&self.law), n * number..n * (number + 1));
-        let state = &self.committed[at.clone()];
-        let point = MaterialPoint { elasticity, strain, state, step_s: self.step_s };
-        let stress = law.stress(&point, &mut self.trial[at]);
-        self.beyond[number] = stress - elasticity * strain;
-        stress
     }
 
     /// The states of runs of `length` elements; none under a linear law.

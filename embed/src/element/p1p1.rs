@@ -48,8 +48,8 @@ impl MixedModuli {
         Err(EmbedError::MixedModuli { eigenvalue })
     }
 
-    /// The same, NaN where D is not positive definite.
-    fn split(elasticity: &Matrix6<f64>) -> Self {
+    /// The same of any matrix: NaN where it has no Cholesky factor.
+    pub fn split(elasticity: &Matrix6<f64>) -> Self {
         let dilation = Vector6::from(DILATION);
         let expansion = elasticity
             .cholesky()
