@@ -8,9 +8,9 @@ use nalgebra::{Matrix6, Vector3};
 use yawara::scene::{Image, Scene};
 use yawara::{BodyAtRest, Simulation, Stages, Tool, scene_file};
 use yawara_embed::{ElementFormulation, Halved, LinearTet, P1, RingPart};
+use yawara_mesh::VertexId;
 use yawara_mesh::phantom::block;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{MeshDelta, VertexId};
 
 fn beam() -> Scene {
     let settings = ["mesh.max_level=3".into(), "time.steps=2".into()];

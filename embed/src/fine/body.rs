@@ -11,6 +11,11 @@ use crate::material::Materials;
 /// Six displacements of a vertex, one per load: 3×6.
 pub type SixFields = SMatrix<f64, 3, 6>;
 
+/// Makes a value of a tetrahedron from its content, its corners, its level and, unless it is a finest
+/// one, the values of its halves.
+pub(crate) type Node<'a, T> =
+    dyn FnMut(NodeRef, &[Point; 4], u8, Option<[T; 2]>) -> Result<T, EmbedError> + 'a;
+
 /// A body as its finest tetrahedra, before anything is homogenised. Lengths are in voxels.
 pub struct FineBody<'a> {
     tree: &'a LabelTree,
@@ -93,14 +98,13 @@ impl<'a> FineBody<'a> {
         Ok(())
     }
 
-    /// Goes through a root tetrahedron and all inside it, halves before wholes. `node` makes a value
-    /// of each from its content, its corners, its level and, unless it is a finest one, the values
-    /// of its halves; that of the root is returned.
+    /// Goes through a root tetrahedron and all inside it, halves before wholes; what `node` makes of
+    /// the root is returned.
     pub(crate) fn fold<T>(
         &self,
         cell: usize,
         order: usize,
-        node: &mut dyn FnMut(NodeRef, &[Point; 4], u8, Option<[T; 2]>) -> Result<T, EmbedError>,
+        node: &mut Node<'_, T>,
     ) -> Result<T, EmbedError> {
         self.fold_at(self.tree.root(cell, order), &self.root_corners(cell, order), 0, node)
     }
@@ -110,13 +114,13 @@ impl<'a> FineBody<'a> {
         of: NodeRef,
         corners: &[Point; 4],
         level: u8,
-        node: &mut dyn FnMut(NodeRef, &[Point; 4], u8, Option<[T; 2]>) -> Result<T, EmbedError>,
+        node: &mut Node<'_, T>,
     ) -> Result<T, EmbedError> {
         if level == self.tree.grid().embed_level() {
             return node(of, corners, level, None);
         }
-        let ([first, second], halved) =
-            (self.tree.children(of), bisect(corners, level, midpoint(corners, level)));
+        let [first, second] = self.tree.children(of);
+        let halved = bisect(corners, level, midpoint(corners, level));
         let first = self.fold_at(first, &halved[0], level + 1, node)?;
         let second = self.fold_at(second, &halved[1], level + 1, node)?;
         node(of, corners, level, Some([first, second]))
