@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
+use yawara_corot::Element;
 use yawara_embed::{
-    ElementFormulation, Embedding, Homogenisation, Material, P1, RingStiffness, by_name,
+    ElementFormulation, Embedding, Homogenisation, LinearTet, Material, P1, RingStiffness, by_name,
 };
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
@@ -101,6 +102,21 @@ pub fn organs(
             }
             Organ { cells, labels: drawn, materials }
         })
+}
+
+/// The tetrahedra of a forest, unturned.
+pub fn elements(
+    forest: &BisectionForest,
+    placement: &Placement,
+    embedding: &Embedding,
+) -> impl Iterator<Item = Element> {
+    forest.leaves().map(|tet| Element {
+        tet: tet.id,
+        vertices: tet.vertices.map(VertexId::index),
+        geometry: LinearTet::new(&tet.vertices.map(|v| placement.position(forest.point(v)))),
+        elasticity: embedding.elasticity(tet.node),
+        rotation: Matrix3::identity(),
+    })
 }
 
 /// The hand-over of a split or merge of an organ's forest.

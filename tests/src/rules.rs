@@ -21,9 +21,6 @@ impl Homogenisation for Skewed {
 }
 
 /// `linear`, `laminate`, `paper` for 0, 1 and 2, and [`Skewed`] for the rest.
-///
-/// # Panics
-/// If a built-in choice is gone.
 pub fn rule(number: usize) -> Box<dyn Homogenisation> {
     match number {
         0 => by_name("linear").unwrap(),

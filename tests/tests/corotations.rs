@@ -4,24 +4,13 @@
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{Body, Element, ElementCorotation, FORCES, InternalForces, forces_by_name};
-use yawara_mesh::VertexId;
-use yawara_tests::organ::{Organ, organs};
+use yawara_tests::organ::{Organ, elements, organs};
 
 fn setting(organ: &Organ) -> (Body, Vec<Vector3<f64>>) {
     let (forest, placement) = (organ.forest(3, 4), organ.placement(4));
     let embedding = organ.embedding("laminate");
     let mut body = Body::new();
-    for tet in forest.leaves() {
-        body.insert(Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: yawara_embed::LinearTet::new(
-                &tet.vertices.map(|v| placement.position(forest.point(v))),
-            ),
-            elasticity: embedding.elasticity(tet.node),
-            rotation: Matrix3::identity(),
-        });
-    }
+    elements(&forest, &placement, &embedding).for_each(|element| body.insert(element));
     let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
     for v in forest.vertices() {
         rest[v.index()] = placement.position(forest.point(v));

@@ -6,17 +6,12 @@ use faer::Mat;
 use proptest::prelude::*;
 use yawara_gpu::{DeviceInverse, on_device};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
-use yawara_tests::inverse_suite::{Replay, device, is_available, ops};
+use yawara_tests::inverse_suite::{Op, Replay, device, is_available, ops};
 
 /// The largest scaled error of C in one history of a thousand steps.
-fn worst_error(name: &'static str, ops: &[yawara_tests::inverse_suite::Op]) -> f64 {
+fn worst_error(name: &'static str, ops: &[Op]) -> f64 {
     let mut replay = Replay::new(name, (3, 0), 4, 100);
-    for (at, op) in ops.iter().enumerate() {
-        replay.step(op);
-        if at % 100 == 99 {
-            replay.check();
-        }
-    }
+    replay.run(ops);
     replay.worst()
 }
 

@@ -1,31 +1,22 @@
 //! Co-rotation of mixed elements against their matrix, written out, and against linear statics.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{
     Anderson, Body, Element, Equilibrium, FORCES, Problem, Tolerance, check_mixed,
     equilibrium_by_name, forces_by_name,
 };
-use yawara_embed::{ElementFormulation, LinearTet, P1P1};
-use yawara_mesh::{BisectionForest, Placement, VertexId};
+use yawara_embed::{ElementFormulation, P1P1};
+use yawara_mesh::{BisectionForest, Placement};
 use yawara_tests::mixed_body::MixedBody;
-use yawara_tests::organ::{Organ, organs};
+use yawara_tests::organ::{Organ, elements, organs};
 
 const CARRYING: [&str; 3] = ["element", "element_reference", "none"];
 
 fn body(organ: &Organ, forest: &BisectionForest, placement: &Placement, alpha: f64) -> Body {
     let embedding = organ.embedding("laminate");
     let mut body = Body::mixed(P1P1::new(alpha).unwrap());
-    for tet in forest.leaves() {
-        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
-        body.insert(Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: LinearTet::new(&corners),
-            elasticity: embedding.elasticity(tet.node),
-            rotation: Matrix3::identity(),
-        });
-    }
+    elements(forest, placement, &embedding).for_each(|element| body.insert(element));
     body
 }
 
@@ -160,9 +151,9 @@ fn isotropic_forces_balance_in_sum_and_in_torque() {
 fn a_small_load_gives_what_linear_statics_gives() {
     for poisson_ratio in [0.3, 0.499] {
         let organ = Organ::homogeneous([3, 1, 1], 1e4, poisson_ratio);
-        let mut linear = MixedBody::new(&organ, "laminate", "sparse", 6).unwrap();
+        let mut linear = MixedBody::new(&organ, "laminate", "sparse", 6);
         for pick in 0..12 {
-            linear.split(|count| 7 * pick % count).unwrap();
+            linear.split(|count| 7 * pick % count);
         }
         let (forest, placement) = (&linear.forest, organ.placement(6));
         let n = forest.vertex_capacity();

@@ -2,17 +2,16 @@
 
 use faer::Mat;
 use faer::linalg::solvers::{DenseSolveCore, Solve};
-use nalgebra::Matrix3;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
 use yawara::{InverseFactory, InverseLink};
-use yawara_corot::{Body, Element};
-use yawara_embed::{Embedding, LinearTet, formulation_by_name};
+use yawara_corot::Body;
+use yawara_embed::{Embedding, formulation_by_name};
 use yawara_inverse_update::InverseMaintainer;
 use yawara_mesh::kuhn::Point;
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
-use yawara_tests::organ::{Organ, organs};
+use yawara_tests::organ::{Organ, elements, organs};
 
 const MAX_LEVEL: u8 = 8;
 
@@ -135,16 +134,7 @@ fn is_in_slab(forest: &BisectionForest, p: Point) -> bool {
 
 fn body(forest: &BisectionForest, placement: &Placement, embedding: &Embedding) -> Body {
     let mut body = Body::new();
-    for tet in forest.leaves() {
-        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
-        body.insert(Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: LinearTet::new(&corners),
-            elasticity: embedding.elasticity(tet.node),
-            rotation: Matrix3::identity(),
-        });
-    }
+    elements(forest, placement, embedding).for_each(|element| body.insert(element));
     body
 }
 

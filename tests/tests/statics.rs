@@ -8,23 +8,14 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara::scene_file;
 use yawara::{Simulation, Stages};
-use yawara_corot::{Body, Element, ElementCorotation, InternalForces};
+use yawara_corot::{Body, ElementCorotation, InternalForces};
 use yawara_embed::Embedding;
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
-use yawara_tests::organ::{Organ, organs};
+use yawara_mesh::{BisectionForest, MeshDelta, Placement};
+use yawara_tests::organ::{Organ, elements, organs};
 
 fn body(forest: &BisectionForest, placement: &Placement, embedding: &Embedding) -> Body {
     let mut body = Body::new();
-    for tet in forest.leaves() {
-        let corners = tet.vertices.map(|v| placement.position(forest.point(v)));
-        body.insert(Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: yawara_embed::LinearTet::new(&corners),
-            elasticity: embedding.elasticity(tet.node),
-            rotation: Matrix3::identity(),
-        });
-    }
+    elements(forest, placement, embedding).for_each(|element| body.insert(element));
     body
 }
 

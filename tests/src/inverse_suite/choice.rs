@@ -1,6 +1,7 @@
 //! The maintainers that the suite is instantiated for, by name.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use yawara_gpu::{Device, DeviceOptions, GpuError};
@@ -9,13 +10,12 @@ use yawara_inverse_update::{
 };
 
 /// The scene name: what stands before the variant, `delayed` of `delayed@1`.
-#[must_use]
 pub fn method(name: &str) -> &str {
     name.split('@').next().unwrap_or(name)
 }
 
 /// Devices opened so far, by tiles per chunk: shaders are translated once for all tests.
-static DEVICES: Mutex<Option<HashMap<Option<usize>, Arc<Device>>>> = Mutex::new(None);
+static DEVICES: Mutex<BTreeMap<Option<usize>, Arc<Device>>> = Mutex::new(BTreeMap::new());
 
 /// The first device of this machine, with that many tiles of C per buffer.
 ///
@@ -23,13 +23,11 @@ static DEVICES: Mutex<Option<HashMap<Option<usize>, Arc<Device>>>> = Mutex::new(
 /// As [`Device::open`].
 pub fn device(chunk_tiles: Option<usize>) -> Result<Arc<Device>, GpuError> {
     let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
-    let devices = devices.get_or_insert_default();
-    if let Some(device) = devices.get(&chunk_tiles) {
-        return Ok(Arc::clone(device));
-    }
-    let device = Device::open(DeviceOptions { chunk_tiles, ..Default::default() })?;
-    devices.insert(chunk_tiles, Arc::clone(&device));
-    Ok(device)
+    let options = DeviceOptions { chunk_tiles, ..Default::default() };
+    Ok(match devices.entry(chunk_tiles) {
+        Entry::Occupied(known) => Arc::clone(known.get()),
+        Entry::Vacant(unknown) => Arc::clone(unknown.insert(Device::open(options)?)),
+    })
 }
 
 /// Tiles per chunk of a name such as `gpu@2`; `None` for other maintainers.
@@ -42,7 +40,6 @@ fn chunk_tiles(name: &str) -> Option<Option<usize>> {
 ///
 /// # Panics
 /// If there is none and `REQUIRE_GPU=1` is set.
-#[must_use]
 pub fn is_available(name: &str) -> bool {
     let Some(tiles) = chunk_tiles(name) else { return true };
     match device(tiles) {
@@ -82,7 +79,6 @@ pub fn build(
 
 /// The scaled residual that a maintainer may leave on purpose, on top of rounding: 0 but where it
 /// stores less than f64 and refines.
-#[must_use]
 pub fn residual(name: &str) -> f64 {
     match method(name) {
         "woodbury_f32" | "gpu_f32" => REFINED_RESIDUAL,
@@ -92,14 +88,12 @@ pub fn residual(name: &str) -> f64 {
 
 /// Whether what a maintainer shows is a C that went through all updates, and not a solution with K
 /// or with its factors.
-#[must_use]
 pub fn updates_inverse(name: &str) -> bool {
     matches!(method(name), "woodbury" | "delayed" | "gpu" | "paper")
 }
 
 /// Whether `solve` multiplies by what `columns` shows; not where C is a sum of parts, which may
 /// cancel, or kept in factors.
-#[must_use]
 pub fn solves_by_columns(name: &str) -> bool {
     !matches!(method(name), "sparse" | "delayed" | "gpu")
 }

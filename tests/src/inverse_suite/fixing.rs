@@ -1,9 +1,9 @@
 //! Vertices that are fixed and freed, by hand.
 
 use faer::{Mat, mat};
-use yawara_inverse_update::{InverseError, RingChange, StiffnessChange};
+use yawara_inverse_update::{InverseError, RingChange};
 
-use super::springs::{close, inverse, maintain, maintain_mixed, refused};
+use super::springs::{Case, softer};
 
 /// Springs of stiffness 1, wall – 0 – 1 – 2.
 fn three_springs() -> Mat<f64> {
@@ -18,34 +18,34 @@ fn hanging(own: f64) -> RingChange {
 /// Compliances of what is left of a chain, whichever of its vertices are held, until none is free;
 /// then the other way.
 pub fn all_vertices_can_be_fixed_one_by_one(name: &str) {
-    let mut maintainer = maintain(name, 1, &three_springs()).unwrap();
-    let middle = RingChange::fixed(maintainer.stiffness(), 1).unwrap();
+    let mut case = Case::springs(name, &three_springs());
+    let middle = RingChange::fixed(case.stiffness(), 1).unwrap();
     assert_eq!((&middle.slots[..], &middle.a12), (&[0, 2][..], &mat![[-1.0], [-1.0]]));
     // The end takes the slot of the middle: two springs on vertex 0, one on the end.
-    assert_eq!(maintainer.fix(1), Ok(Some(2)));
-    assert_eq!(maintainer.stiffness().to_dense(), mat![[2.0, 0.0], [0.0, 1.0]]);
-    close(name, &inverse(&*maintainer), &mat![[0.5, 0.0], [0.0, 1.0]]);
+    assert_eq!(case.fix(1), Ok(Some(2)));
+    assert_eq!(case.stiffness().to_dense(), mat![[2.0, 0.0], [0.0, 1.0]]);
+    case.shows(&mat![[0.5, 0.0], [0.0, 1.0]]);
     // All but one.
-    assert_eq!(maintainer.fix(0), Ok(Some(1)));
+    assert_eq!(case.fix(0), Ok(Some(1)));
     let mut u = [0.0];
-    maintainer.solve(&[3.0], &mut u).unwrap();
-    close(name, &mat![[u[0]]], &mat![[3.0]]);
+    case.solve(&[3.0], &mut u).unwrap();
+    case.close(&mat![[u[0]]], &mat![[3.0]]);
     // All: an object of no rows, that works.
-    assert_eq!(maintainer.fix(0), Ok(None));
-    assert_eq!((maintainer.vertices(), inverse(&*maintainer).shape()), (0, (0, 0)));
-    maintainer.solve(&[], &mut []).unwrap();
-    let error = refused(&mut maintainer, |m| m.fix(0));
+    assert_eq!(case.fix(0), Ok(None));
+    assert_eq!((case.vertices(), case.inverse().shape()), (0, (0, 0)));
+    case.solve(&[], &mut []).unwrap();
+    let error = case.refuses(|m| m.fix(0));
     assert_eq!(error, InverseError::Slot { slot: 0, limit: 0 });
     // The end, the middle and vertex 0 are freed.
     let end = RingChange::freed(vec![], Mat::zeros(0, 1), mat![[1.0]], 0).unwrap();
-    assert_eq!(maintainer.split(&end), Ok(0));
-    close(name, &inverse(&*maintainer), &mat![[1.0]]);
-    assert_eq!(maintainer.split(&hanging(2.0)), Ok(1));
-    close(name, &inverse(&*maintainer), &mat![[2.0, 1.0], [1.0, 1.0]]);
+    assert_eq!(case.split(&end), Ok(0));
+    case.shows(&mat![[1.0]]);
+    assert_eq!(case.split(&hanging(2.0)), Ok(1));
+    case.shows(&mat![[2.0, 1.0], [1.0, 1.0]]);
     let first = RingChange::freed(vec![1], mat![[-1.0]], mat![[2.0]], 0).unwrap();
-    assert_eq!(maintainer.split(&first), Ok(2));
-    close(name, &inverse(&*maintainer), &mat![[3.0, 2.0, 1.0], [2.0, 2.0, 1.0], [1.0, 1.0, 1.0]]);
-    assert_eq!(maintainer.counts().rebuilds, 0);
+    assert_eq!(case.split(&first), Ok(2));
+    case.shows(&mat![[3.0, 2.0, 1.0], [2.0, 2.0, 1.0], [1.0, 1.0, 1.0]]);
+    assert_eq!(case.counts().rebuilds, 0);
 }
 
 /// The same for pairs of a displacement and a pressure: what is left is the block of the other.
@@ -56,55 +56,51 @@ pub fn a_quasi_definite_vertex_can_be_fixed_and_freed(name: &str) {
         [-1.0, 0.5, 2.0, 1.0],
         [0.5, 0.25, 1.0, -1.0]
     ];
-    let mut maintainer = maintain_mixed(name, &k).unwrap();
-    let whole = inverse(&*maintainer);
-    let change = RingChange::fixed(maintainer.stiffness(), 1).unwrap();
-    assert_eq!(maintainer.fix(1), Ok(None));
+    let mut case = Case::mixed(name, &k);
+    let whole = case.inverse();
+    let change = RingChange::fixed(case.stiffness(), 1).unwrap();
+    assert_eq!(case.fix(1), Ok(None));
     // [3, 1; 1, −2]⁻¹ = [2, 1; 1, −3] / 7
     let left = mat![[2.0 / 7.0, 1.0 / 7.0], [1.0 / 7.0, -3.0 / 7.0]];
-    close(name, &inverse(&*maintainer), &left);
-    assert_eq!(maintainer.split(&change), Ok(1));
-    assert_eq!(maintainer.stiffness().to_dense(), k);
-    close(name, &inverse(&*maintainer), &whole);
+    case.shows(&left);
+    assert_eq!(case.split(&change), Ok(1));
+    assert_eq!(case.stiffness().to_dense(), k);
+    case.shows(&whole);
     // K C = 1 by hand, as `whole` came from the maintainer itself.
-    close(name, &(&k * &whole), &Mat::identity(4, 4));
+    case.close(&(&k * &whole), &Mat::identity(4, 4));
 }
 
 /// A freed part that nothing holds: a wall of its own that becomes free, and one that pushes.
 pub fn freeing_what_nothing_holds_is_refused(name: &str) {
-    let mut maintainer = maintain(name, 1, &mat![[1.0]]).unwrap();
+    let mut case = Case::springs(name, &mat![[1.0]]);
     // The spring's other end was its only hold; K'' = [1, −1; −1, 1].
     for own in [1.0, 0.5] {
-        let error = refused(&mut maintainer, |m| m.split(&hanging(own)));
-        assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+        let error = case.finds_singular(|m| m.split(&hanging(own)));
         assert!(error.to_string().contains("not held"), "{error}");
     }
     // Apart from the rest, coupled to nothing, not even to a wall.
     let apart = RingChange::freed(vec![], Mat::zeros(0, 1), mat![[0.0]], 0).unwrap();
-    let error = refused(&mut maintainer, |m| m.split(&apart));
-    assert!(matches!(error, InverseError::Singular { .. }), "{error}");
+    case.finds_singular(|m| m.split(&apart));
     // The rest goes on.
-    maintainer.split(&hanging(2.0)).unwrap();
-    close(name, &inverse(&*maintainer), &mat![[2.0, 1.0], [1.0, 1.0]]);
+    case.split(&hanging(2.0)).unwrap();
+    case.shows(&mat![[2.0, 1.0], [1.0, 1.0]]);
 }
 
 /// A chain cut in two parts of which one is held by nothing, and held again before the cut.
 pub fn a_part_cut_loose_is_refused_until_it_is_fixed(name: &str) {
-    let mut maintainer = maintain(name, 1, &three_springs()).unwrap();
-    let cut =
-        |slots| StiffnessChange { slots, added: Mat::zeros(2, 0), removed: mat![[1.0], [-1.0]] };
-    let error = refused(&mut maintainer, |m| m.change(&cut(vec![0, 1])));
-    assert!(matches!(error, InverseError::Singular { .. }), "{error}");
-    assert_eq!(maintainer.fix(2), Ok(None));
-    maintainer.change(&cut(vec![0, 1])).unwrap();
-    close(name, &inverse(&*maintainer), &mat![[1.0, 0.0], [0.0, 1.0]]);
+    let mut case = Case::springs(name, &three_springs());
+    let cut = softer([0, 1], mat![[1.0], [-1.0]]);
+    case.finds_singular(|m| m.change(&cut));
+    assert_eq!(case.fix(2), Ok(None));
+    case.change(&cut).unwrap();
+    case.shows(&mat![[1.0, 0.0], [0.0, 1.0]]);
 }
 
 /// Shapes, slots, NaN and infinity in what frees a vertex, before any maintainer sees it.
 pub fn wrong_fixings_are_refused(name: &str) {
-    let mut maintainer = maintain(name, 1, &three_springs()).unwrap();
+    let mut case = Case::springs(name, &three_springs());
     for slot in [3, usize::MAX] {
-        let error = refused(&mut maintainer, |m| m.fix(slot));
+        let error = case.refuses(|m| m.fix(slot));
         assert_eq!(error, InverseError::Slot { slot, limit: 3 });
     }
     for value in [f64::NAN, f64::INFINITY] {
@@ -126,6 +122,6 @@ pub fn wrong_fixings_are_refused(name: &str) {
     let twice = RingChange::freed(vec![1, 1], Mat::zeros(2, 1), mat![[1.0]], 0).unwrap_err();
     assert_eq!(twice, InverseError::DuplicateSlot { slot: 1 });
     let far = RingChange::freed(vec![7], mat![[-1.0]], mat![[4.0]], 0).unwrap();
-    let error = refused(&mut maintainer, |m| m.split(&far));
+    let error = case.refuses(|m| m.split(&far));
     assert_eq!(error, InverseError::Slot { slot: 7, limit: 3 });
 }

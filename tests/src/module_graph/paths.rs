@@ -1,7 +1,9 @@
 //! The paths that a piece of code mentions, found in its tokens: macros' arguments count too.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
-use syn::{ItemUse, UseTree, Visibility};
+use syn::punctuated::Punctuated;
+use syn::spanned::Spanned;
+use syn::{ItemUse, Meta, Token, UseTree, Visibility};
 
 /// A path in code outside tests: `crate::a::B`, `b::c`, `D`.
 pub struct Mention {
@@ -57,41 +59,27 @@ impl Code {
     pub fn import(&mut self, item: &ItemUse) {
         if item.leading_colon.is_none() {
             let public = !matches!(item.vis, Visibility::Inherited);
-            self.import_tree(&item.tree, &mut Vec::new(), public);
+            self.import_tree(&item.tree, &[], public);
         }
     }
 
-    fn import_tree(&mut self, tree: &UseTree, prefix: &mut Vec<String>, public: bool) {
-        let mut add = |name: Option<String>, path: Vec<String>, line| {
-            self.imports.push(Import { path, name, public, line });
-        };
-        let with = |prefix: &[String], name: &syn::Ident| {
+    fn import_tree(&mut self, tree: &UseTree, prefix: &[String], public: bool) {
+        let with = |name: &syn::Ident| {
             let own = (name != "self" || prefix.is_empty()).then(|| plain(name));
             prefix.iter().cloned().chain(own).collect::<Vec<_>>()
         };
-        match tree {
+        let (path, name) = match tree {
             UseTree::Path(path) => {
-                prefix.push(plain(&path.ident));
-                self.import_tree(&path.tree, prefix, public);
-                prefix.pop();
+                return self.import_tree(&path.tree, &with(&path.ident), public);
             }
             UseTree::Group(group) => {
-                for tree in &group.items {
-                    self.import_tree(tree, prefix, public);
-                }
+                return group.items.iter().for_each(|tree| self.import_tree(tree, prefix, public));
             }
-            UseTree::Name(leaf) => {
-                let path = with(prefix, &leaf.ident);
-                add(path.last().cloned(), path, leaf.ident.span().start().line);
-            }
-            UseTree::Rename(leaf) => {
-                let line = leaf.ident.span().start().line;
-                add(Some(plain(&leaf.rename)), with(prefix, &leaf.ident), line);
-            }
-            UseTree::Glob(star) => {
-                add(None, prefix.clone(), star.star_token.spans[0].start().line);
-            }
-        }
+            UseTree::Name(leaf) => (with(&leaf.ident), with(&leaf.ident).pop()),
+            UseTree::Rename(leaf) => (with(&leaf.ident), Some(plain(&leaf.rename))),
+            UseTree::Glob(_) => (prefix.to_vec(), None),
+        };
+        self.imports.push(Import { path, name, public, line: tree.span().start().line });
     }
 
     /// The `use` at `at`, inside a function; returns where the code goes on.
@@ -111,7 +99,7 @@ impl Code {
     /// The attribute at `at`: what it mentions, or the item behind it passed over.
     fn attribute(&mut self, tokens: &[TokenTree], at: usize) -> usize {
         let Some(TokenTree::Group(group)) = tokens.get(at + 1) else { return at + 1 };
-        if is_for_tests(group.stream()) {
+        if syn::parse2(group.stream()).is_ok_and(|meta| is_for_tests(&meta)) {
             return item_end(tokens, at + 2);
         }
         self.scan(group.stream());
@@ -138,23 +126,14 @@ impl Code {
     }
 }
 
-/// Whether code for tests only follows, by the inner tokens of an attribute.
-pub fn is_for_tests(attribute: TokenStream) -> bool {
-    let tokens: Vec<TokenTree> = attribute.into_iter().collect();
-    match &tokens[..] {
-        [TokenTree::Ident(name)] => name == "test",
-        [TokenTree::Ident(name), TokenTree::Group(group)] => {
-            (name == "cfg" && is_for_tests(group.stream()))
-                || (name == "all" && any_is_for_tests(group.stream()))
-        }
-        _ => false,
+/// Whether what an attribute stands before is compiled for tests only.
+pub fn is_for_tests(attribute: &Meta) -> bool {
+    match attribute {
+        Meta::List(list) if list.path.is_ident("cfg") || list.path.is_ident("all") => list
+            .parse_args_with(Punctuated::<Meta, Token![,]>::parse_terminated)
+            .is_ok_and(|conditions| conditions.iter().any(is_for_tests)),
+        _ => attribute.path().is_ident("test"),
     }
-}
-
-fn any_is_for_tests(list: TokenStream) -> bool {
-    let tokens: Vec<TokenTree> = list.into_iter().collect();
-    let mut parts = tokens.split(|token| is_mark(Some(token), ','));
-    parts.any(|part| is_for_tests(part.iter().cloned().collect()))
 }
 
 /// Behind the item, statement, field or variant that starts at `at`.
@@ -168,11 +147,8 @@ fn item_end(tokens: &[TokenTree], at: usize) -> usize {
 
 /// Whether a word behind `before` starts a path: no field, method, lifetime or macro variable.
 fn starts_path(before: &[TokenTree], word: &str) -> bool {
-    let [earlier, last] = match before {
-        [.., earlier, last] => [Some(earlier), Some(last)],
-        [last] => [None, Some(last)],
-        [] => [None, None],
-    };
+    let mut before = before.iter().rev();
+    let (last, earlier) = (before.next(), before.next());
     let is_field = is_mark(last, '.') && !is_mark(earlier, '.');
     let is_tail = is_mark(last, ':') && is_mark(earlier, ':');
     let is_variable = is_mark(last, '$') && word != "crate";

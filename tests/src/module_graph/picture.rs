@@ -7,7 +7,7 @@ use layout::backends::svg::SVGWriter;
 use layout::core::base::Orientation::TopToBottom;
 use layout::core::geometry::Point;
 use layout::core::style::{LineStyleKind, StyleAttr};
-use layout::std_shapes::shapes::{Arrow, Element, LineEndKind, ShapeKind};
+use layout::std_shapes::shapes::{Arrow, Element, ShapeKind};
 use layout::topo::layout::VisualGraph;
 use petgraph::algo::tred::{dag_to_toposorted_adjacency_list, dag_transitive_reduction_closure};
 use petgraph::algo::{greedy_feedback_arc_set, toposort};
@@ -18,7 +18,7 @@ use super::graph::Graph;
 use super::uses::package_graph;
 use super::workspace::{Package, packages};
 
-/// The pictures of the workspace at `root`, by file: its crates, and the rooms of each crate.
+/// The pictures of the workspace at `root`, by file: its crates, and the folders of each crate.
 ///
 /// # Errors
 /// A sentence that names the file that can't be read.
@@ -26,7 +26,7 @@ pub fn pictures(root: &Path) -> Result<Vec<(String, String)>, String> {
     let packages = packages(root)?;
     let mut pictures = vec![("workspace.svg".to_owned(), crates(&packages))];
     for package in &packages {
-        let svg = rooms(&package_graph(root, package)?);
+        let svg = folders(&package_graph(root, package)?);
         pictures.push((format!("{}.svg", package.folder), svg));
     }
     Ok(pictures)
@@ -35,25 +35,25 @@ pub fn pictures(root: &Path) -> Result<Vec<(String, String)>, String> {
 /// The crates, by their folders, and who depends on whom.
 fn crates(packages: &[Package]) -> String {
     let names: Vec<&str> = packages.iter().map(|package| &*package.folder).collect();
-    let users = packages.iter().enumerate();
-    let uses = users.flat_map(|(from, user)| {
-        let used = packages.iter().enumerate();
-        let used = used.filter(|(_, package)| user.dependencies.contains(&package.name));
-        used.map(move |(to, _)| (from, to))
+    let uses = packages.iter().enumerate().flat_map(|(from, user)| {
+        let to =
+            (0..packages.len()).filter(move |&to| user.dependencies.contains(&packages[to].name));
+        to.map(move |to| (from, to))
     });
     svg(&names, uses)
 }
 
-/// The rooms of a package, which are the folders of its `src` and the files beside them.
-fn rooms(files: &Graph) -> String {
-    let room_of = |file: &usize| {
+/// The folders of a package's `src`, and the files beside them.
+fn folders(files: &Graph) -> String {
+    let folder_of = |file: &usize| {
         let file = &files.nodes[*file];
         let inside = file.split_once("src/").map_or(&**file, |(_, inside)| inside);
         inside.split(['/', '.']).next().unwrap_or(inside)
     };
-    let rooms: BTreeSet<&str> = (0..files.nodes.len()).map(|file| room_of(&file)).collect();
-    let names: Vec<&str> = rooms.into_iter().collect();
-    let number = |file: &usize| names.binary_search(&room_of(file)).expect("every room is there");
+    let folders: BTreeSet<&str> = (0..files.nodes.len()).map(|file| folder_of(&file)).collect();
+    let names: Vec<&str> = folders.into_iter().collect();
+    let number =
+        |file: &usize| names.binary_search(&folder_of(file)).expect("every folder is there");
     svg(&names, files.edges.keys().map(|(from, to)| (number(from), number(to))))
 }
 
@@ -80,13 +80,8 @@ fn svg(names: &[&str], uses: impl Iterator<Item = (usize, usize)>) -> String {
     for node in &order {
         let name = names[node.index()];
         let size = Point::new(20.0 + 9.0 * name.chars().count() as f64, 30.0);
-        let shape = ShapeKind::new_box(name);
-        boxes.push(picture.add_node(Element::create(
-            shape,
-            StyleAttr::simple(),
-            TopToBottom,
-            size,
-        )));
+        let (shape, look) = (ShapeKind::new_box(name), StyleAttr::simple());
+        boxes.push(picture.add_node(Element::create(shape, look, TopToBottom, size)));
     }
     let drawn: BTreeSet<(u32, u32)> =
         reduced.edge_references().map(|edge| (edge.source(), edge.target())).collect();
@@ -95,9 +90,7 @@ fn svg(names: &[&str], uses: impl Iterator<Item = (usize, usize)>) -> String {
     }
     for (from, to) in upwards {
         let [from, to] = [from, to].map(|node| boxes[rank[node.index()] as usize]);
-        let (head, tail) = (LineEndKind::Arrow, LineEndKind::None);
-        let look = StyleAttr::simple();
-        let arrow = Arrow::new(head, tail, LineStyleKind::Dashed, "", &look, &None, &None);
+        let arrow = Arrow { line_style: LineStyleKind::Dashed, ..Arrow::simple("").reverse() };
         picture.add_edge(arrow, to, from);
     }
     let mut writer = SVGWriter::new();

@@ -18,7 +18,7 @@ pub enum Target {
 /// Names under way, by module: a name that leads to itself ends there.
 type Open = BTreeSet<(usize, String)>;
 
-impl Sources {
+impl Sources<'_> {
     /// Where `path`, written in module `from`, leads to; nowhere for other crates, keywords and
     /// local names.
     pub fn resolve(&self, from: usize, path: &[String]) -> BTreeSet<Target> {

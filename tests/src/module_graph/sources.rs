@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use quote::ToTokens;
-use syn::{Attribute, Expr, Item, ItemMod, Lit, Meta};
+use syn::{Attribute, Item, ItemMod};
 
 use super::paths::{Code, is_for_tests, plain};
 
@@ -25,7 +25,7 @@ pub struct Module {
 }
 
 /// All modules of a package: of its library, then of its programs.
-pub struct Sources {
+pub struct Sources<'a> {
     /// Files in the order in which they were reached.
     pub files: Vec<PathBuf>,
     /// Modules, each behind its parent.
@@ -34,23 +34,26 @@ pub struct Sources {
     pub macros: BTreeMap<String, usize>,
     /// How programs name the library, whose root is module 0.
     pub library: Option<String>,
+    read: Read<'a>,
 }
 
 /// How a file's text is had: none if there is no such file.
 pub type Read<'a> = &'a dyn Fn(&Path) -> Option<String>;
 
-impl Sources {
+impl<'a> Sources<'a> {
     /// Reads the files that can be reached from `roots`; the first is the library if it has a name.
-    ///
-    /// # Errors
-    /// A sentence that names the file that is missing or is not Rust.
-    pub fn read(roots: &[PathBuf], library: Option<String>, read: Read) -> Result<Self, String> {
-        let mut sources =
-            Self { files: Vec::new(), modules: Vec::new(), macros: BTreeMap::new(), library };
+    pub fn read(
+        roots: &[PathBuf],
+        library: Option<String>,
+        read: Read<'a>,
+    ) -> Result<Self, String> {
+        let (files, modules, macros) = (Vec::new(), Vec::new(), BTreeMap::new());
+        let mut sources = Self { files, modules, macros, library, read };
         for root in roots {
-            let text = read(root).ok_or_else(|| format!("{} is missing", root.display()))?;
+            let text =
+                (sources.read)(root).ok_or_else(|| format!("{} is missing", root.display()))?;
             let folder = root.parent().unwrap_or(Path::new("")).to_owned();
-            sources.file(root.clone(), &text, &folder, None, read)?;
+            sources.file(root.clone(), &text, &folder, None)?;
         }
         Ok(sources)
     }
@@ -62,14 +65,13 @@ impl Sources {
         text: &str,
         folder: &Path,
         parent: Option<usize>,
-        read: Read,
     ) -> Result<usize, String> {
         let parsed = syn::parse_file(text).map_err(|error| {
             format!("{}:{}: {error}", path.display(), error.span().start().line)
         })?;
         let file = self.files.len();
         self.files.push(path);
-        self.module(file, &parsed.items, folder, parent, read)
+        self.module(file, &parsed.items, folder, parent)
     }
 
     fn module(
@@ -78,7 +80,6 @@ impl Sources {
         items: &[Item],
         folder: &Path,
         parent: Option<usize>,
-        read: Read,
     ) -> Result<usize, String> {
         let number = self.modules.len();
         let root = parent.map_or(number, |parent| self.modules[parent].root);
@@ -93,7 +94,7 @@ impl Sources {
         for item in items {
             match item {
                 Item::Mod(child) if !compiled_for_tests(&child.attrs) => {
-                    self.child(number, child, folder, read)?;
+                    self.child(number, child, folder)?;
                 }
                 Item::Use(import) if !compiled_for_tests(&import.attrs) => {
                     self.modules[number].code.import(import);
@@ -117,28 +118,20 @@ impl Sources {
     }
 
     /// Adds a module that `parent` declares.
-    fn child(
-        &mut self,
-        parent: usize,
-        declaration: &ItemMod,
-        folder: &Path,
-        read: Read,
-    ) -> Result<(), String> {
+    fn child(&mut self, parent: usize, declaration: &ItemMod, folder: &Path) -> Result<(), String> {
         let name = plain(&declaration.ident);
         let below = folder.join(&name);
         let number = if let Some((_, items)) = &declaration.content {
-            self.module(self.modules[parent].file, items, &below, Some(parent), read)?
+            self.module(self.modules[parent].file, items, &below, Some(parent))?
         } else {
-            let places = match path_attribute(&declaration.attrs) {
-                Some(path) => vec![folder.join(path)],
-                None => vec![folder.join(format!("{name}.rs")), below.join("mod.rs")],
-            };
-            let found = places.iter().find_map(|place| Some((place, read(place)?)));
-            let (place, text) = found.ok_or_else(|| {
+            let places = [folder.join(format!("{name}.rs")), below.join("mod.rs")];
+            let mut found =
+                places.into_iter().filter_map(|place| Some(((self.read)(&place)?, place)));
+            let (text, place) = found.next().ok_or_else(|| {
                 let file = self.files[self.modules[parent].file].display();
                 format!("{file} declares the module {name}, which has no file")
             })?;
-            self.file(place.clone(), &text, &below, Some(parent), read)?
+            self.file(place, &text, &below, Some(parent))?
         };
         self.modules[parent].children.entry(name).or_default().push(number);
         Ok(())
@@ -163,19 +156,5 @@ fn name_of(item: &Item) -> Option<String> {
 }
 
 fn compiled_for_tests(attributes: &[Attribute]) -> bool {
-    attributes.iter().any(|attribute| is_for_tests(attribute.meta.to_token_stream()))
-}
-
-/// The file that `#[path = "…"]` names.
-fn path_attribute(attributes: &[Attribute]) -> Option<String> {
-    attributes.iter().find_map(|attribute| match &attribute.meta {
-        Meta::NameValue(pair) if pair.path.is_ident("path") => match &pair.value {
-            Expr::Lit(value) => match &value.lit {
-                Lit::Str(text) => Some(text.value()),
-                _ => None,
-            },
-            _ => None,
-        },
-        _ => None,
-    })
+    attributes.iter().any(|attribute| is_for_tests(&attribute.meta))
 }

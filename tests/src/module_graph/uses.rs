@@ -26,8 +26,28 @@ pub fn package_graph(root: &Path, package: &Package) -> Result<Graph, String> {
 pub fn file_graph(roots: &[PathBuf], library: Option<String>, read: Read) -> Result<Graph, String> {
     let sources = Sources::read(roots, library, read)?;
     let mut edges = BTreeMap::new();
-    for number in 0..sources.modules.len() {
-        Uses { sources: &sources, number, edges: &mut edges }.add();
+    for (number, module) in sources.modules.iter().enumerate() {
+        let mut add = |file, line, text: &str| {
+            if file != module.file {
+                let place = || Use { line, text: text.to_owned() };
+                edges.entry((module.file, file)).or_insert_with(place);
+            }
+        };
+        for import in module.code.imports.iter().filter(|import| !import.public) {
+            let star = if import.name.is_none() { "::*" } else { "" };
+            let text = format!("use {}{star};", import.path.join("::"));
+            sources
+                .imported(number, import)
+                .into_iter()
+                .for_each(|file| add(file, import.line, &text));
+        }
+        for mention in &module.code.mentions {
+            let text = mention.path.join("::");
+            sources
+                .mentioned(number, mention)
+                .into_iter()
+                .for_each(|file| add(file, mention.line, &text));
+        }
     }
     let nodes = sources.files.iter().map(|file| file.display().to_string()).collect();
     Ok(Graph { nodes, edges })
@@ -44,74 +64,35 @@ pub fn folder_graph(files: &Graph) -> Graph {
     })
 }
 
-/// What one module uses, under way.
-struct Uses<'a> {
-    sources: &'a Sources,
-    number: usize,
-    edges: &'a mut BTreeMap<(usize, usize), Use>,
-}
-
-impl Uses<'_> {
-    fn add(&mut self) {
-        let code = &self.sources.modules[self.number].code;
-        for import in &code.imports {
-            self.import(import);
-        }
-        for mention in &code.mentions {
-            self.mention(mention);
-        }
+impl Sources<'_> {
+    /// The files that a private import in a module uses. One of a module is a use of what the code
+    /// names in it, or, where nothing is seen to be named, of the module's own file.
+    fn imported(&self, number: usize, import: &Import) -> Vec<usize> {
+        let file = |target| match target {
+            Target::Module(module) if self.names_in(number, module, import) => None,
+            Target::Module(module) => Some(self.modules[module].file),
+            Target::File(file) => Some(file),
+            Target::Elsewhere => None,
+        };
+        self.resolve(number, &import.path).into_iter().filter_map(file).collect()
     }
 
-    /// A private import is a use; one of a module is one of what the code names in it, or, where
-    /// nothing is seen to be named, of the module's own file.
-    fn import(&mut self, import: &Import) {
-        if import.public {
-            return;
-        }
-        let star = if import.name.is_none() { "::*" } else { "" };
-        let text = format!("use {}{star};", import.path.join("::"));
-        for target in self.sources.resolve(self.number, &import.path) {
-            match target {
-                Target::Module(module) if !self.names_in(module, import) => {
-                    self.edge(self.sources.modules[module].file, import.line, text.clone());
-                }
-                Target::File(file) => self.edge(file, import.line, text.clone()),
-                _ => {}
-            }
-        }
+    /// Whether the code of a module names something through an imported one.
+    fn names_in(&self, number: usize, module: usize, import: &Import) -> bool {
+        self.modules[number].code.mentions.iter().any(|Mention { path, .. }| match &import.name {
+            Some(name) => path.len() > 1 && path[0] == *name,
+            None => !self.lookup(module, &path[0], false, &mut Default::default()).is_empty(),
+        })
     }
 
-    /// Whether the code names something through an imported module.
-    fn names_in(&self, module: usize, import: &Import) -> bool {
-        let mut mentions = self.sources.modules[self.number].code.mentions.iter();
-        match &import.name {
-            Some(name) => {
-                mentions.any(|mention| mention.path.len() > 1 && mention.path[0] == *name)
-            }
-            None => mentions.any(|mention| {
-                let first = &mention.path[0];
-                !self.sources.lookup(module, first, false, &mut Default::default()).is_empty()
-            }),
-        }
-    }
-
-    fn mention(&mut self, mention: &Mention) {
-        let targets = self.sources.resolve(self.number, &mention.path);
+    /// The files of what a path in the code of a module names.
+    fn mentioned(&self, number: usize, mention: &Mention) -> Vec<usize> {
+        let targets = self.resolve(number, &mention.path);
         let by_name = match &mention.path[..] {
-            [name] if mention.is_macro && targets.is_empty() => self.sources.macros.get(name),
+            [name] if mention.is_macro && targets.is_empty() => self.macros.get(name),
             _ => None,
         };
-        for target in by_name.map(|&file| Target::File(file)).into_iter().chain(targets) {
-            if let Target::File(file) = target {
-                self.edge(file, mention.line, mention.path.join("::"));
-            }
-        }
-    }
-
-    fn edge(&mut self, to: usize, line: usize, text: String) {
-        let from = self.sources.modules[self.number].file;
-        if from != to {
-            self.edges.entry((from, to)).or_insert(Use { line, text });
-        }
+        let file = |target| if let Target::File(file) = target { Some(file) } else { None };
+        by_name.copied().into_iter().chain(targets.into_iter().filter_map(file)).collect()
     }
 }

@@ -1,5 +1,6 @@
 //! The packages of a workspace, by its manifests.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use toml::Table;
@@ -40,13 +41,11 @@ fn package(root: &Path, folder: &str) -> Result<Package, String> {
     let manifest = manifest(&root.join(folder))?;
     let name = manifest["package"]["name"].as_str().unwrap_or(folder).to_owned();
     let source = Path::new(folder).join("src");
-    let mut programs: Vec<PathBuf> = std::fs::read_dir(root.join(&source).join("bin"))
-        .map(|entries| entries.flatten().map(|entry| source.join("bin").join(entry.file_name())))
-        .map_or_else(|_| Vec::new(), Iterator::collect);
-    programs.sort();
-    let mut roots = vec![source.join("lib.rs"), source.join("main.rs")];
-    roots.extend(programs);
-    roots.retain(|file| root.join(file).is_file());
+    let bin = source.join("bin");
+    let programs = std::fs::read_dir(root.join(&bin)).into_iter().flatten().flatten();
+    let programs: BTreeSet<_> = programs.map(|entry| bin.join(entry.file_name())).collect();
+    let roots = ["lib.rs", "main.rs"].map(|file| source.join(file)).into_iter().chain(programs);
+    let roots: Vec<PathBuf> = roots.filter(|file| root.join(file).is_file()).collect();
     let has_library = roots.first().is_some_and(|file| file.ends_with("lib.rs"));
     let library = has_library.then(|| name.replace('-', "_"));
     let dependencies = manifest.get("dependencies").and_then(|list| list.as_table());

@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
-use yawara_corot::{Body, Element, InternalForces, law_by_name};
-use yawara_embed::LinearTet;
-use yawara_mesh::VertexId;
+use nalgebra::Vector3;
+use yawara_corot::{Body, InternalForces, law_by_name};
 
-use crate::organ::Organ;
+use crate::organ::{Organ, elements};
 
 /// E, Pa, and ν.
 const MATERIAL: (f64, f64) = (1e4, 0.3);
@@ -23,18 +21,9 @@ pub fn block(mut body: Body) -> (Body, Positions) {
     let organ = Organ::homogeneous([2, 1, 1], MATERIAL.0, MATERIAL.1);
     let (forest, placement) = (organ.forest(2, 4), organ.placement(4));
     let embedding = organ.embedding("laminate");
-    let position = |v: VertexId| placement.position(forest.point(v));
-    for tet in forest.leaves() {
-        body.insert(Element {
-            tet: tet.id,
-            vertices: tet.vertices.map(VertexId::index),
-            geometry: LinearTet::new(&tet.vertices.map(position)),
-            elasticity: embedding.elasticity(tet.node),
-            rotation: Matrix3::identity(),
-        });
-    }
+    elements(&forest, &placement, &embedding).for_each(|element| body.insert(element));
     let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
-    forest.vertices().for_each(|v| rest[v.index()] = position(v));
+    forest.vertices().for_each(|v| rest[v.index()] = placement.position(forest.point(v)));
     (body, rest)
 }
 
@@ -44,6 +33,13 @@ pub fn block_under(law: &str, body: Body) -> (Body, Positions) {
     let (mut body, rest) = block(body.with_law(law));
     body.begin_step(0.1);
     (body, rest)
+}
+
+/// The corners of one tetrahedron, none of whose edges lies along an axis, m.
+pub fn askew() -> [Vector3<f64>; 4] {
+    let corners =
+        [[0.0, 0.0, 0.0], [0.02, 0.003, 0.001], [0.002, 0.018, -0.004], [0.005, 0.004, 0.02]];
+    corners.map(Vector3::from)
 }
 
 /// A direction for every vertex, of the size of a cell, without any symmetry.

@@ -8,23 +8,9 @@ use yawara_embed::{
 };
 use yawara_mesh::{MeshDelta, Tet, VertexId};
 
+use super::block::askew;
 use crate::organ::organs;
 use crate::rules::rule;
-
-/// Instantiates the suite for an element.
-#[macro_export]
-macro_rules! element_formulation_suite {
-    ($module:ident, $element:expr) => {
-        $crate::conformance!(element_formulation, $module, &$element,
-            matrices_are_symmetric
-            pivots_have_the_signs_that_it_tells
-            rigid_motions_cost_nothing
-            a_linear_displacement_has_the_stress_of_its_strain
-            the_assembly_of_its_tetrahedra_is_the_ring
-            a_merge_hands_over_what_its_split_did
-        );
-    };
-}
 
 type Formulation<'a> = &'a dyn ElementFormulation;
 
@@ -33,11 +19,8 @@ type Positions<'a> = &'a dyn Fn(VertexId) -> Vector3<f64>;
 
 const DENSITY_KG_M3: f64 = 1e3;
 
-fn tet() -> ([Vector3<f64>; 4], LinearTet) {
-    let corners =
-        [[0.0, 0.0, 0.0], [0.02, 0.003, 0.001], [0.002, 0.018, -0.004], [0.005, 0.004, 0.02]];
-    let corners = corners.map(Vector3::from);
-    (corners, LinearTet::new(&corners))
+fn tet() -> LinearTet {
+    LinearTet::new(&askew())
 }
 
 fn dense(m: &faer::Mat<f64>) -> DMatrix<f64> {
@@ -53,7 +36,7 @@ fn unknowns(m: usize, displacements: &[Vector3<f64>]) -> DVector<f64> {
 
 /// K = Kᵀ, of stiffness and matrix.
 pub fn matrices_are_symmetric(element: Formulation<'_>) {
-    let (d, geometry) = (isotropic(5e3, 0.45), tet().1);
+    let (d, geometry) = (isotropic(5e3, 0.45), tet());
     for k in [element.stiffness(&geometry, &d), element.matrix(&geometry, &d, DENSITY_KG_M3)] {
         let k = dense(&k);
         assert_eq!(k.shape(), (4 * element.unknowns(), 4 * element.unknowns()));
@@ -65,7 +48,7 @@ pub fn matrices_are_symmetric(element: Formulation<'_>) {
 /// As many negative eigenvalues as it tells; six are zero, the rigid motions, the others positive.
 pub fn pivots_have_the_signs_that_it_tells(element: Formulation<'_>) {
     for poisson_ratio in [-0.5, 0.3, 0.49] {
-        let k = dense(&element.stiffness(&tet().1, &isotropic(5e3, poisson_ratio)));
+        let k = dense(&element.stiffness(&tet(), &isotropic(5e3, poisson_ratio)));
         // Unknowns of different units: each row and column by the root of its diagonal entry.
         let scale = k.map_diagonal(|d| d.abs().sqrt().recip());
         let k = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| scale[i] * k[(i, j)] * scale[j]);
@@ -79,9 +62,9 @@ pub fn pivots_have_the_signs_that_it_tells(element: Formulation<'_>) {
 
 /// K (t + ω × X) = 0.
 pub fn rigid_motions_cost_nothing(element: Formulation<'_>) {
-    let (corners, geometry) = tet();
+    let geometry = tet();
     let moved =
-        corners.map(|x| Vector3::new(0.3, -0.1, 0.2) + Vector3::new(1.0, -0.5, 2.0).cross(&x));
+        askew().map(|x| Vector3::new(0.3, -0.1, 0.2) + Vector3::new(1.0, -0.5, 2.0).cross(&x));
     let k = dense(&element.stiffness(&geometry, &isotropic(5e3, 0.45)));
     let u = unknowns(element.unknowns(), &moved);
     let force = (&k * &u).amax();
@@ -90,9 +73,9 @@ pub fn rigid_motions_cost_nothing(element: Formulation<'_>) {
 
 /// K u = V Bᵀ D ε on displacements that are linear in X, once all other unknowns are eliminated.
 pub fn a_linear_displacement_has_the_stress_of_its_strain(element: Formulation<'_>) {
-    let (m, (corners, geometry)) = (element.unknowns(), tet());
+    let (m, geometry) = (element.unknowns(), tet());
     let gradient = Matrix3::new(0.1, 0.03, -0.02, 0.01, -0.08, 0.05, -0.04, 0.02, 0.06);
-    let u = unknowns(m, &corners.map(|x| gradient * x));
+    let u = unknowns(m, &askew().map(|x| gradient * x));
     for poisson_ratio in [-0.5, 0.3, 0.49] {
         let d = isotropic(5e3, poisson_ratio);
         let k = dense(&element.stiffness(&geometry, &d));
@@ -114,9 +97,6 @@ pub fn a_linear_displacement_has_the_stress_of_its_strain(element: Formulation<'
 }
 
 /// The sum of the tetrahedra's matrices on `vertices`.
-///
-/// # Panics
-/// If a corner is none of them.
 pub fn assemble<'a>(
     element: Formulation<'_>,
     vertices: &[VertexId],
@@ -182,9 +162,6 @@ impl Bounds {
 
 /// Compares the hand-over of `delta` with the assembly of its tetrahedra, and its factors with what
 /// they stand for. Returns the coarse ring.
-///
-/// # Panics
-/// Where they differ.
 pub fn check_ring(
     element: Formulation<'_>,
     ring: &RingStiffness,
@@ -220,14 +197,16 @@ pub fn check_ring(
     coarse
 }
 
+fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
 /// Random splits of random organs by all rules, each checked by [`check_ring`].
 pub fn the_assembly_of_its_tetrahedra_is_the_ring(element: Formulation<'_>) {
     let poisson_ratio = if element.negative() > 0 { -0.5..0.499 } else { -0.5..0.49 };
     let picks = proptest::collection::vec(any::<Index>(), 12);
-    let config =
-        ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() };
     let organs = organs([2, 1, 1], 3, 0.0..6.0, poisson_ratio);
-    proptest!(config, |(organ in organs, picks in picks, number in 0..4usize)| {
+    proptest!(cases(24), |(organ in organs, picks in picks, number in 0..4usize)| {
         let (mut forest, placement) = (organ.forest(1, 7), organ.placement(7));
         let embedding = organ.embedding_by(rule(number));
         let mut delta = MeshDelta::empty();
@@ -248,10 +227,8 @@ pub fn the_assembly_of_its_tetrahedra_is_the_ring(element: Formulation<'_>) {
 
 /// The same numbers, bit by bit: going to and fro leaves nothing behind.
 pub fn a_merge_hands_over_what_its_split_did(element: Formulation<'_>) {
-    let config =
-        ProptestConfig { cases: 8, failure_persistence: None, ..ProptestConfig::default() };
     let organs = organs([1, 1, 1], 3, 0.0..6.0, 0.0..0.49);
-    proptest!(config, |(organ in organs, pick in any::<Index>())| {
+    proptest!(cases(8), |(organ in organs, pick in any::<Index>())| {
         let (mut forest, placement) = (organ.forest(1, 5), organ.placement(5));
         let embedding = organ.embedding("laminate");
         let candidates = forest.candidates();

@@ -1,35 +1,12 @@
 //! What an integrator must do, whatever its formula.
 
 use nalgebra::Vector3;
-use yawara_corot::{TimeIntegrator, TimeStep, VertexMotion, integrator_by_name};
+use yawara_corot::{TimeStep, VertexMotion, integrator_by_name};
 
 use super::order::order;
 
-/// Instantiates the suite for the integrator of a scene name, with the order that it claims; or,
-/// with `static` in its place, what holds where there is no inertia.
-#[macro_export]
-macro_rules! time_integrator_suite {
-    ($module:ident, $name:expr, static) => {
-        $crate::conformance!(time_integrator, $module, $name, without_inertia_nothing_moves);
-    };
-    ($module:ident, $name:expr, $order:expr) => {
-        $crate::conformance!(time_integrator, $module, ($name, $order),
-            uniform_motion_stays_uniform
-            constant_acceleration_is_followed
-            a_damped_oscillator_is_followed
-            inertia_and_damping_vanish_at_the_prediction
-        );
-    };
-}
-
 /// A scene name and the order that the integrator claims.
 type Claim<'a> = (&'a str, f64);
-
-fn integrator(name: &str) -> Box<dyn TimeIntegrator> {
-    let integrator = integrator_by_name(name).unwrap();
-    assert_eq!(integrator.name(), name);
-    integrator
-}
 
 fn start() -> VertexMotion {
     VertexMotion {
@@ -43,7 +20,7 @@ fn start() -> VertexMotion {
 /// h: each solves c (x' − x̃) + ω² x' = g.
 fn after_a_second(name: &str, h: f64, alpha: f64, omega: f64, g: f64) -> f64 {
     let (integrator, step) =
-        (integrator(name), TimeStep { length_s: h, damping_mass_per_s: alpha });
+        (integrator_by_name(name).unwrap(), TimeStep { length_s: h, damping_mass_per_s: alpha });
     let c = integrator.mass_per_s2(&step).unwrap();
     let at = |x, v| VertexMotion {
         position: Vector3::x() * x,
@@ -62,20 +39,20 @@ fn after_a_second(name: &str, h: f64, alpha: f64, omega: f64, g: f64) -> f64 {
     motion.position.x
 }
 
-fn assert_order((name, claimed): Claim<'_>, exact: f64, end: impl Fn(f64) -> f64) {
+fn assert_order((_, claimed): Claim<'_>, exact: f64, end: impl Fn(f64) -> f64) {
     let steps = [0.02, 0.01, 0.005];
     let errors = steps.map(|h| (end(h) - exact).abs());
     // 200 steps, each with the rounding of some terms.
     let slope = order(&steps, &errors, 1e4 * f64::EPSILON);
     // The next term of the error is h times as large: some per cent of the slope.
-    assert!(slope > claimed - 0.1, "{name}: errors {errors:?}, order {slope}, claimed {claimed}");
+    assert!(slope > claimed - 0.1, "errors {errors:?}, order {slope}, claimed {claimed}");
 }
 
 /// Nothing pulls: x̃ = x + h v, v stays and there is no acceleration.
 pub fn uniform_motion_stays_uniform((name, _): Claim<'_>) {
     let (step, start) = (TimeStep { length_s: 0.03, damping_mass_per_s: 0.0 }, start());
-    let ahead = integrator(name).predict(&step, &start);
-    let end = integrator(name).finish(&step, &start, ahead);
+    let ahead = integrator_by_name(name).unwrap().predict(&step, &start);
+    let end = integrator_by_name(name).unwrap().finish(&step, &start, ahead);
     let rounding = 8.0 * f64::EPSILON * (start.position.norm() + 0.03 * start.velocity.norm());
     assert!((ahead - start.position - 0.03 * start.velocity).norm() <= rounding);
     assert!((end.velocity - start.velocity).norm() <= rounding / 0.03);
@@ -98,21 +75,21 @@ pub fn a_damped_oscillator_is_followed(claim: Claim<'_>) {
 /// a' + α v' = c (x' − x̃): nothing at x̃, and what its c says elsewhere.
 pub fn inertia_and_damping_vanish_at_the_prediction((name, _): Claim<'_>) {
     let (step, start) = (TimeStep { length_s: 0.03, damping_mass_per_s: 5.0 }, start());
-    let integrator = integrator(name);
+    let integrator = integrator_by_name(name).unwrap();
     let c = integrator.mass_per_s2(&step).unwrap();
     let ahead = integrator.predict(&step, &start);
     for off in [Vector3::zeros(), Vector3::new(0.1, 0.0, -0.3)] {
         let end = integrator.finish(&step, &start, ahead + off);
         let force = end.acceleration + 5.0 * end.velocity;
         let rounding = 16.0 * f64::EPSILON * c * (start.position + off).norm();
-        assert!((force - c * off).norm() <= rounding, "{name}: {force}, want {}", c * off);
+        assert!((force - c * off).norm() <= rounding, "{force}, want {}", c * off);
     }
 }
 
 /// No inertia; what is left alone stays, and nothing has a velocity.
 pub fn without_inertia_nothing_moves(name: &str) {
     let (step, start) = (TimeStep { length_s: 0.03, damping_mass_per_s: 5.0 }, start());
-    let integrator = integrator(name);
+    let integrator = integrator_by_name(name).unwrap();
     assert_eq!(integrator.mass_per_s2(&step), None);
     assert_eq!(integrator.predict(&step, &start), start.position);
     let end = integrator.finish(&step, &start, Vector3::x());

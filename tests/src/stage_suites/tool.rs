@@ -4,28 +4,11 @@ use yawara::report::{Frame, StepReport};
 use yawara::scene::Scene;
 use yawara::{SimError, Simulation, Stages, scene_file};
 
-/// Instantiates the suite for a tool: a function that makes the simulation of a scene with the tool in
-/// it, which acts up to 1 s and is gone from 1.5 s on.
-#[macro_export]
-macro_rules! tool_suite {
-    ($module:ident, $simulation:expr) => {
-        $crate::conformance!(tool, $module, &$simulation,
-            it_is_felt_and_reported
-            once_gone_it_leaves_nothing_behind
-            where_it_leads_does_not_depend_on_the_steps
-            the_mesh_may_refine_under_it
-            the_same_run_gives_the_same_bytes
-        );
-    };
-}
-
-/// Makes a simulation of a scene that has no tools yet.
+/// Makes the simulation of a scene, which has no tools, with a tool in it that acts up to 1 s and is
+/// gone from 1.5 s on.
 type Make<'a> = &'a dyn Fn(Scene) -> Result<Simulation, SimError>;
 
 /// What makes the simulation of a scene with a tool in it, by the tool's entry in a scene file.
-///
-/// # Panics
-/// If the entry is none.
 pub fn by_entry(entry: &str) -> impl Fn(Scene) -> Result<Simulation, SimError> {
     let (with, _) = scene_file::load("beam", &[format!("tools=[{entry}]")]).unwrap();
     move |scene| {
