@@ -88,7 +88,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
             table1::gpu::run(arguments, adapter.as_deref())
         }
         #[cfg(not(feature = "gpu"))]
-        Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing { what: "--gpu" }),
+        Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing("--gpu")),
         Study::Table1 { arguments, gpu: false, .. } => table1::run(arguments),
         Study::Drift(arguments) => drift::run(arguments),
         Study::Scaling(arguments) => scaling::run(arguments),

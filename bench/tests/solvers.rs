@@ -10,7 +10,7 @@ use yawara_corot::{
 const TIGHT: Tolerance = Tolerance { residual: 1e-9, max_iterations: 100 };
 
 fn step(part: f64, corotation: &str, equilibrium: &mut dyn Equilibrium) -> (Beam, Outcome) {
-    let mut beam = Beam::new(BeamLoad::TipForce, 0.3).unwrap();
+    let mut beam = Beam::new(BeamLoad::TipForce, 0.3, None).unwrap();
     let stage = forces_by_name(corotation).unwrap();
     let outcome = beam.step(part, stage.as_ref(), equilibrium, &TIGHT).outcome;
     (beam, outcome)
@@ -119,7 +119,7 @@ fn newton_is_refused_where_there_is_no_tangent() {
 #[test]
 fn the_paper_s_iteration_finds_no_equilibrium_of_a_bent_beam() {
     let bend = |degrees: f64, corotation: &str, equilibrium: &str| {
-        let mut beam = Beam::new(BeamLoad::Bend, 0.3).unwrap();
+        let mut beam = Beam::new(BeamLoad::Bend, 0.3, None).unwrap();
         let stage = forces_by_name(corotation).unwrap();
         let mut solver = equilibrium_by_name(equilibrium).unwrap();
         let tolerance = Tolerance { residual: 1e-6, max_iterations: 300 };

@@ -1,5 +1,6 @@
 //! What can be wrong with a scene or a run.
 
+use std::fmt::Display;
 use std::path::PathBuf;
 
 use yawara_corot::CorotError;
@@ -11,18 +12,13 @@ use yawara_mesh::{BisectionError, ImageError, SurfaceError, TetMeshError};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
-    /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A value of a scene outside its range.
+    /// A file could not be read or written, and why.
+    #[error("{path}: {1}", path = .0.display())]
+    Io(PathBuf, #[source] std::io::Error),
+    /// A value outside its range: of a scene, a file, an option or a frame.
     #[error("{place}: {key} is {value}, want {want}")]
     Value {
-        /// The scene (a file or a built-in name).
+        /// The scene (a file or a built-in name), or what else holds the value.
         place: String,
         /// The key, e.g. `materials[2].poisson_ratio`.
         key: String,
@@ -31,12 +27,12 @@ pub enum SimError {
         /// The admissible range.
         want: String,
     },
-    /// A scene file that is no TOML.
+    /// A scene file that is no TOML, or an override that can't be applied.
     #[error("{place}: {reason}")]
     Syntax {
-        /// The file (or built-in name), line and column.
+        /// The file (or built-in name) with line and column, or the override as given.
         place: String,
-        /// What the parser wants.
+        /// What is wrong.
         reason: String,
     },
     /// A key that scenes do not have.
@@ -67,112 +63,50 @@ pub enum SimError {
         /// The built-in scenes.
         choices: String,
     },
-    /// An override that can't be applied.
-    #[error("--set {argument}: {reason}")]
-    Override {
-        /// The override as given.
-        argument: String,
-        /// What is wrong with it.
-        reason: String,
-    },
     /// A run directory that holds something already.
     #[error(
         "{}: the directory is not empty; choose another with --out, or replace an earlier run \
          there with --force",
-        path.display()
+        .0.display()
     )]
-    NotEmpty {
-        /// The directory.
-        path: PathBuf,
-    },
+    NotEmpty(PathBuf),
     /// Something else where a run directory should be.
-    #[error("{}: not a directory; choose another place with --out", path.display())]
-    NotADirectory {
-        /// The path.
-        path: PathBuf,
-    },
-    /// A frame whose fields do not fit together.
-    #[error("frame: {field}[{index}] is {value}, want {want}")]
-    Frame {
-        /// The field.
-        field: &'static str,
-        /// Position in it (its length if that is wrong).
-        index: usize,
-        /// What stands there.
-        value: String,
-        /// What should.
-        want: String,
-    },
+    #[error("{}: not a directory; choose another place with --out", .0.display())]
+    NotADirectory(PathBuf),
     /// A scene without an image.
-    #[error(
-        "{scene}: the scene names no image; give the label map with --set image.path=FILE.nii.gz"
-    )]
-    NoImage {
-        /// The scene.
-        scene: String,
-    },
+    #[error("{0}: the scene names no image; give the label map with --set image.path=FILE.nii.gz")]
+    NoImage(String),
     /// An image without any voxel of the body.
-    #[error("{image}: nothing but background, want at least one voxel with a label other than 0")]
-    Empty {
-        /// The image.
-        image: String,
-    },
-    /// An image of which no intensity lies in a material's range.
+    #[error("{0}: nothing but background, want at least one voxel with a label other than 0")]
+    Empty(String),
+    /// An image of which no intensity lies in a material's range, and its smallest and largest value
+    /// after smoothing.
+    #[error("{0}: no voxel lies in a range of [[materials]]; its values go from {1} to {2}")]
+    NothingInRange(String, f32, f32),
+    /// A label of the image that the scene says nothing about: the label as in the image, the image,
+    /// how many voxels have it.
     #[error(
-        "{image}: no voxel lies in a range of [[materials]]; its values go from {low} to {high}"
-    )]
-    NothingInRange {
-        /// The image.
-        image: String,
-        /// Its smallest value, after smoothing.
-        low: f32,
-        /// Its largest.
-        high: f32,
-    },
-    /// A label of the image that the scene says nothing about.
-    #[error(
-        "label {label} occurs in {image} ({voxels} voxels) but [[materials]] has no entry for it \
+        "label {0} occurs in {1} ({2} voxels) but [[materials]] has no entry for it \
          (nor one with other = true, and image.ignore_labels does not name it)"
     )]
-    LabelWithoutMaterial {
-        /// The label as in the image.
-        label: i64,
-        /// The image.
-        image: String,
-        /// How many voxels have it.
-        voxels: u64,
-    },
-    /// Nothing holds the body.
+    LabelWithoutMaterial(i64, String, u64),
+    /// Nothing holds the body: the image, and the edge of a base cell, mm.
     #[error(
-        "nothing of {image} is fixed: no region in [[fixed]] holds three vertices off one line \
-         that touch material, on a mesh of {base_mm} mm base cells; enlarge a region (fractions \
+        "nothing of {0} is fixed: no region in [[fixed]] holds three vertices off one line \
+         that touch material, on a mesh of {1} mm base cells; enlarge a region (fractions \
          of the organ's box) or choose a smaller mesh.base_mm"
     )]
-    NothingFixed {
-        /// The image.
-        image: String,
-        /// Edge of a base cell, mm.
-        base_mm: f64,
-    },
-    /// A tag of a mesh file that the scene says nothing about.
-    #[error("tag {tag} occurs in {mesh} ({tets} tetrahedra) but [[materials]] has no entry for it")]
-    TagWithoutMaterial {
-        /// The tag as in the file.
-        tag: i64,
-        /// The file.
-        mesh: String,
-        /// How many tetrahedra have it.
-        tets: u64,
-    },
+    NothingFixed(String, f64),
+    /// A tag of a mesh file that the scene says nothing about: the tag, the file, how many tetrahedra
+    /// have it.
+    #[error("tag {0} occurs in {1} ({2} tetrahedra) but [[materials]] has no entry for it")]
+    TagWithoutMaterial(i64, String, u64),
     /// Nothing holds a mesh from a file.
     #[error(
-        "nothing of {mesh} is fixed: no region in [[fixed]] holds three vertices off one line; \
+        "nothing of {0} is fixed: no region in [[fixed]] holds three vertices off one line; \
          enlarge a region (fractions of the mesh's bounding box)"
     )]
-    MeshNotFixed {
-        /// The file.
-        mesh: String,
-    },
+    MeshNotFixed(String),
     /// A start mesh beyond the budget.
     #[error("the start mesh has {count} vertices, want at most mesh.max_vertices = {limit}")]
     TooManyVertices {
@@ -214,18 +148,6 @@ pub enum SimError {
         /// How many there are.
         count: usize,
     },
-    /// An option of a haptic loop out of its range.
-    #[error("haptic loop: {key} is {value}, want {low} to {high}")]
-    Haptic {
-        /// Which one.
-        key: &'static str,
-        /// Its value.
-        value: f64,
-        /// The least.
-        low: f64,
-        /// The most.
-        high: f64,
-    },
     /// A pose that no tool can take.
     #[error("tool {tool}: pose has {value}, want {want}")]
     Pose {
@@ -237,19 +159,11 @@ pub enum SimError {
         want: &'static str,
     },
     /// The compliance of held vertices is not positive definite: the inverse is damaged.
-    #[error("the compliance of {vertices} held vertices is not positive definite")]
-    ComplianceNotPositive {
-        /// How many are held.
-        vertices: usize,
-    },
-    /// An unknown name.
-    #[error("no indicator `{name}`; there are {}", choices.join(", "))]
-    UnknownIndicator {
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        choices: &'static [&'static str],
-    },
+    #[error("the compliance of {0} held vertices is not positive definite")]
+    ComplianceNotPositive(usize),
+    /// An unknown name, and the known ones.
+    #[error("no indicator `{0}`; there are {names}", names = .1.join(", "))]
+    UnknownIndicator(String, &'static [&'static str]),
     /// An element of one's own with unknowns that no body has.
     #[error(
         "the element `{element}` has {unknowns} unknowns per vertex, {negative} of them with \
@@ -263,14 +177,9 @@ pub enum SimError {
         /// How many of them have negative pivots.
         negative: usize,
     },
-    /// Something this build leaves out.
-    #[error("{what} needs the feature `{feature}`, which this build leaves out")]
-    FeatureMissing {
-        /// What was asked for.
-        what: String,
-        /// The cargo feature.
-        feature: &'static str,
-    },
+    /// Something this build leaves out, and the cargo feature that it needs.
+    #[error("{0} needs the feature `{1}`, which this build leaves out")]
+    FeatureMissing(String, &'static str),
     /// The forest or its label tree refused.
     #[error(transparent)]
     Bisection(#[from] BisectionError),
@@ -300,4 +209,12 @@ pub enum SimError {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] yawara_gpu::GpuError),
+}
+
+impl SimError {
+    /// The refusal of the value at `key` of `place`.
+    pub fn value(place: &str, key: &str, value: impl Display, want: impl Into<String>) -> Self {
+        let (place, key, value) = (place.into(), key.into(), value.to_string());
+        Self::Value { place, key, value, want: want.into() }
+    }
 }

@@ -376,6 +376,9 @@ fn unknown_key() {
     bench.refused(&RUN, &["bar.toml, line", "output.frame_every", "did you mean `frames_every`?"]);
     let set = ["--set", "materials.0.poison_ratio=0.3"];
     bar().refused(&run_with(&set), &["--set", "`poisson_ratio`"]);
+    // Of a ball's region, not of a box.
+    let set = ["--set", "tools.0.region.radius_m=1"];
+    bar().refused(&run_with(&set), &["unknown key `tools[0].region.radius_m`"]);
 }
 
 #[test]

@@ -40,7 +40,7 @@ fn what_no_loop_can_do_is_refused() {
         },
     ] {
         let error = haptic::run(&mut simulation, &device, &wrong).unwrap_err();
-        assert!(matches!(error, SimError::Haptic { .. }), "{error}");
+        assert!(matches!(error, SimError::Value { .. }), "{error}");
     }
     let missing = HapticOptions { tool: 7, ..good };
     let error = haptic::run(&mut simulation, &device, &missing).unwrap_err();

@@ -50,7 +50,9 @@ impl Clamped {
         let formulation = formulation_by_name(element).unwrap();
         let is_fixed = |v: usize| fixed[v];
         let vertices = forest.vertices();
-        let link = InverseLink::new(&body, formulation, vertices, is_fixed, key, &factory).unwrap();
+        let link =
+            InverseLink::new(&body, &|_| 0.0, formulation, vertices, is_fixed, key, &factory)
+                .unwrap();
         Self { forest, placement, embedding, fixed, link, delta: MeshDelta::empty() }
     }
 

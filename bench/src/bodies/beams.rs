@@ -6,11 +6,11 @@ use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Rotation3, Vector3};
 use yawara_corot::{Body, Equilibrium, InternalForces, Outcome, TangentOf, Tolerance};
-use yawara_embed::isotropic;
+use yawara_embed::{P1P1, isotropic};
 
 use crate::bodies::solid::Solid;
 use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use crate::error::Result;
 
 /// Beam and load of an iteration count: 4 × 1 × 1 m, E 1 Pa, held at one end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,15 +33,6 @@ const LENGTH: f64 = 4.0;
 const CELLS: [usize; 3] = [16, 4, 4];
 
 impl BeamLoad {
-    /// The name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bend => "bend",
-            Self::Twist => "twist",
-            Self::TipForce => "tip force",
-        }
-    }
-
     /// Where the far end is held at `part` (0 to 1) of the load.
     fn target(self, rest: &Vector3<f64>, part: f64) -> Vector3<f64> {
         match self {
@@ -83,31 +74,15 @@ pub struct StepCount {
 }
 
 impl Beam {
-    /// The beam of 425 vertices at rest.
-    ///
+    /// The beam of 425 vertices at rest, with pressures beside displacements if `mixed` is there.
     /// # Errors
-    /// [`BenchError::Inverse`] for a Poisson ratio that leaves no definite stiffness.
-    pub fn new(load: BeamLoad, poisson_ratio: f64) -> Result<Self, BenchError> {
-        Self::of(load, poisson_ratio, |solid, held| Statics::new(solid, held))
-    }
-
-    /// The same with pressures beside displacements.
-    ///
-    /// # Errors
-    /// As [`Beam::new`].
-    pub fn mixed(load: BeamLoad, poisson_ratio: f64) -> Result<Self, BenchError> {
-        Self::of(load, poisson_ratio, |solid, held| Statics::mixed(solid, held))
-    }
-
-    fn of(
-        load: BeamLoad,
-        poisson_ratio: f64,
-        statics: impl Fn(&Solid, &dyn Fn(&Vector3<f64>) -> bool) -> Result<Statics, BenchError>,
-    ) -> Result<Self, BenchError> {
+    /// `BenchError::Inverse` for a Poisson ratio that leaves no definite stiffness.
+    pub fn new(load: BeamLoad, poisson_ratio: f64, mixed: Option<P1P1>) -> Result<Self> {
         let solid = Solid::block(CELLS, [LENGTH, 1.0, 1.0], isotropic(1.0, poisson_ratio));
         let near = |x: f64, to: f64| (x - to).abs() < 1e-9;
         let pulled = load == BeamLoad::TipForce;
-        let statics = statics(&solid, &|x| near(x.x, 0.0) || (!pulled && near(x.x, LENGTH)))?;
+        let held = |x: &Vector3<f64>| near(x.x, 0.0) || (!pulled && near(x.x, LENGTH));
+        let statics = Statics::with_element(&solid, held, mixed)?;
         let total = 3.0 / (12.0 * LENGTH * LENGTH);
         let traction = Vector3::new(0.0, 0.0, if pulled { total } else { 0.0 });
         let force = solid.traction(|x| near(x.x, LENGTH), |_| traction);
@@ -143,20 +118,6 @@ impl Beam {
             there.map_or(outcome.iterations, |(count, _)| *count)
         };
         StepCount { iterations: [reached(1e-3), reached(1e-6)], outcome }
-    }
-
-    /// All of the load in equal steps, each solved to a residual of 10⁻¹².
-    ///
-    /// # Errors
-    /// As [`Beam::new`].
-    pub fn course(
-        load: BeamLoad,
-        poisson_ratio: f64,
-        steps: usize,
-        corotation: &dyn InternalForces,
-        equilibrium: &mut dyn Equilibrium,
-    ) -> Result<Vec<StepCount>, BenchError> {
-        Ok(Self::new(load, poisson_ratio)?.all(steps, corotation, equilibrium))
     }
 
     /// All of the load in equal steps, each solved to a residual of 10⁻¹².

@@ -3,17 +3,16 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use yawara::inverse::{Assembly, SlotMap};
+use yawara::inverse::SlotMap;
 use yawara_embed::{ElementFormulation, Embedding, LinearTet, Material, MixedModuli, by_name};
 use yawara_inverse_update::{InverseMaintainer, Sparse};
 use yawara_mesh::kuhn::{Point, bisect, midpoint};
 use yawara_mesh::volume::{Grid, LabelVolume};
-use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Tet, VertexId,
-};
+use yawara_mesh::{BisectionForest, CellGrid, LabelTree, VertexId};
 
-use crate::bodies::organ::elements_of;
-use crate::error::BenchError;
+use crate::bodies::cube_mesh::CubeMesh;
+use crate::bodies::solid::places;
+use crate::error::Result;
 
 /// Voxels along the cube.
 const VOXELS: usize = 16;
@@ -25,10 +24,7 @@ pub(crate) const VOXEL_LEVEL: u8 = 12;
 pub(crate) const FINEST_LEVEL: u8 = 15;
 
 /// Height from which pressures count as away from the clamp, whose edge makes them singular.
-pub(crate) const ABOVE_CLAMP: f64 = 0.25;
-
-/// Tractions on the top: tension, and shear.
-pub(crate) const LOADS: [[f64; 3]; 2] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+const ABOVE_CLAMP: f64 = 0.25;
 
 /// What fills the cube.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +39,6 @@ pub(crate) enum Filling {
 pub(crate) struct Block {
     tree: Arc<LabelTree>,
     embedding: Embedding,
-    placement: Placement,
     moduli: MixedModuli,
 }
 
@@ -60,7 +55,7 @@ pub(crate) struct Difference {
 
 /// Displacements and pressures of a block under one load.
 pub(crate) struct Field {
-    forest: Arc<BisectionForest>,
+    mesh: CubeMesh,
     /// By vertex number.
     displacement: Vec<Vector3<f64>>,
     pressure: Pressure,
@@ -76,14 +71,7 @@ enum Pressure {
 
 impl Block {
     /// The cube with one Poisson's ratio throughout, homogenised by a scene name.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] for a Poisson's ratio or a name that there is not.
-    pub fn new(
-        filling: Filling,
-        poisson_ratio: f64,
-        homogenisation: &str,
-    ) -> Result<Self, BenchError> {
+    pub fn new(filling: Filling, poisson_ratio: f64, homogenisation: &str) -> Result<Self> {
         let (tree, ratio) = match filling {
             Filling::Homogeneous => (LabelTree::homogeneous([1; 3], 1), 1.0),
             Filling::Sphere(ratio) => (sphere()?, ratio),
@@ -92,130 +80,83 @@ impl Block {
         let materials = [1.0, 1.0, ratio].map(|young| Material::new(young, poisson_ratio, 1.0));
         let materials = materials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let moduli = MixedModuli::new(&materials[1].elasticity())?;
-        let lattice = Lattice::new([1; 3], FINEST_LEVEL);
-        let unit = 1.0 / f64::from(lattice.units);
-        Ok(Self {
-            embedding: Embedding::new(Arc::clone(&tree), materials, by_name(homogenisation)?)?,
-            tree,
-            placement: Placement { origin: Vector3::zeros(), unit },
-            moduli,
-        })
+        let embedding = Embedding::new(Arc::clone(&tree), materials, by_name(homogenisation)?)?;
+        Ok(Self { tree, embedding, moduli })
     }
 
-    /// The fields under both [`LOADS`] on the uniform mesh of a level.
-    ///
-    /// # Errors
-    /// [`BenchError`] if the mesh or the factor is refused.
-    pub fn solve(
-        &self,
-        level: u8,
-        element: &dyn ElementFormulation,
-    ) -> Result<[Field; 2], BenchError> {
-        let domain = Domain::full(Lattice::new([1; 3], FINEST_LEVEL));
-        let forest = BisectionForest::new(domain, Arc::clone(&self.tree), level, FINEST_LEVEL)?;
-        let forest = Arc::new(forest);
-        let is_fixed = |v: VertexId| forest.point(v)[2] == 0;
-        let order_key = |v| Lattice::key(forest.point(v));
-        let assembly = Assembly::new(element, &is_fixed, &order_key);
-        let slots = assembly.slots(forest.vertices());
-        let elements = elements_of(&forest, &self.placement, &self.embedding);
-        let inverse = Sparse::new(assembly.assemble(elements, &slots)?)?;
+    /// The fields under tension and shear on the uniform mesh of a level.
+    pub fn solve(&self, level: u8, element: &dyn ElementFormulation) -> Result<[Field; 2]> {
+        let mesh = CubeMesh::new(&self.tree, level, FINEST_LEVEL)?;
+        let (slots, k) = mesh.assembled(element, &self.embedding)?;
+        let inverse = Sparse::new(k)?;
         let m = element.unknowns();
-        let solve = |traction: [f64; 3]| {
-            let load = slots.gather(m, &self.load(&forest, traction, m));
+        let [tension, shear] = mesh.loads(m).map(|load| {
+            let load = slots.gather(m, &load);
             let mut u = vec![0.0; load.len()];
             inverse.solve(&load, &mut u)?;
-            Ok(self.field(&forest, &slots, &u, m))
-        };
-        LOADS.map(solve).into_iter().collect::<Result<Vec<_>, BenchError>>().map(two)
+            Ok(self.field(&mesh, &slots, &u, m))
+        });
+        tension.and_then(|tension| Ok([tension, shear?]))
     }
 
-    fn corners(&self, forest: &BisectionForest, tet: &Tet) -> [Vector3<f64>; 4] {
-        tet.vertices.map(|v| self.placement.position(forest.point(v)))
-    }
-
-    /// The traction on the top by vertex number, a third of each face's to each of its corners.
-    fn load(&self, forest: &BisectionForest, traction: [f64; 3], m: usize) -> Vec<f64> {
-        let mut load = vec![0.0; m * forest.vertex_capacity()];
-        let top = forest.domain().lattice().units;
-        for face in forest.boundary_faces() {
-            let points = face.map(|v| forest.point(v));
-            if points.iter().any(|p| p[2] != top) {
-                continue;
-            }
-            let [a, b, c] = points.map(|p| self.placement.position(p));
-            let share = (b - a).cross(&(c - a)).norm() / 6.0;
-            for v in face {
-                let row = m * v.index();
-                (0..3).for_each(|axis| load[row + axis] += share * traction[axis]);
-            }
-        }
-        load
-    }
-
-    fn field(
-        &self,
-        forest: &Arc<BisectionForest>,
-        slots: &SlotMap,
-        solution: &[f64],
-        m: usize,
-    ) -> Field {
-        let mut u = vec![0.0; m * forest.vertex_capacity()];
+    fn field(&self, mesh: &CubeMesh, slots: &SlotMap, solution: &[f64], m: usize) -> Field {
+        let mut u = vec![0.0; m * mesh.forest.vertex_capacity()];
         slots.scatter(m, solution, &mut u);
         let displacement = u.chunks_exact(m).map(|u| Vector3::new(u[0], u[1], u[2])).collect();
         let of = |u: &[f64]| u.get(3).map_or(0.0, |q| self.moduli.shear * q);
         let pressure = u.chunks_exact(m).map(of).collect();
         let pressure = if m == 4 { Pressure::Linear(pressure) } else { Pressure::Constant };
-        Field { forest: Arc::clone(forest), displacement, pressure }
+        Field { mesh: mesh.clone(), displacement, pressure }
     }
 
     /// How far `coarse` is from `fine`, which has to have linear pressures: in L² over the cube,
     /// and pressures also over the part above [`ABOVE_CLAMP`].
     pub fn difference(&self, coarse: &Field, fine: &Field) -> Difference {
-        let level = fine.forest.start_level();
+        let level = fine.forest().start_level();
         let mut sums = Sums::default();
-        for tet in coarse.forest.leaves() {
+        for tet in coarse.forest().leaves() {
             let index = tet.vertices.map(VertexId::index);
             let u = index.map(|i| coarse.displacement[i]);
             let p = match &coarse.pressure {
                 Pressure::Linear(p) => index.map(|i| p[i]),
                 Pressure::Constant => {
-                    let geometry = LinearTet::new(&self.corners(&coarse.forest, &tet));
+                    let geometry = LinearTet::new(&tet.vertices.map(|v| coarse.mesh.rest(v)));
                     [self.moduli.bulk * geometry.gradient(&u).trace(); 4]
                 }
             };
             let corners =
-                std::array::from_fn(|i| (coarse.forest.point(tet.vertices[i]), u[i], p[i]));
+                std::array::from_fn(|i| (coarse.forest().point(tet.vertices[i]), u[i], p[i]));
             descend(&corners, tet.level, level, fine, &mut sums);
         }
-        let relative = |[error, whole]: [f64; 2]| (error / whole).sqrt();
-        Difference {
-            displacement: relative(sums.displacement),
-            pressure: relative(sums.pressure),
-            pressure_above: relative(sums.pressure_above),
-        }
+        let [displacement, pressure, pressure_above] =
+            sums.map(|[error, whole]| (error / whole).sqrt());
+        Difference { displacement, pressure, pressure_above }
     }
 }
 
 impl Field {
     /// Vertices of the mesh, held ones included.
     pub fn vertices(&self) -> usize {
-        self.forest.vertex_count()
+        self.forest().vertex_count()
+    }
+
+    fn forest(&self) -> &BisectionForest {
+        &self.mesh.forest
+    }
+
+    /// The number here of another mesh's vertex, which is one of this mesh too.
+    fn same(&self, other: &Self, v: VertexId) -> usize {
+        self.forest().vertex_at(other.forest().point(v)).map_or(0, VertexId::index)
     }
 
     /// The displacements of `of` at the vertices of `on`, which are vertices of its too, linear in
     /// between: what no element of that mesh can be much better than.
     pub fn interpolant(on: &Self, of: &Self) -> Self {
-        let mut field = Self {
-            forest: Arc::clone(&on.forest),
-            displacement: on.displacement.clone(),
-            pressure: Pressure::Constant,
-        };
-        for v in on.forest.vertices() {
-            let same = of.forest.vertex_at(on.forest.point(v)).map_or(0, VertexId::index);
-            field.displacement[v.index()] = of.displacement[same];
+        let mut displacement = on.displacement.clone();
+        for v in on.forest().vertices() {
+            displacement[v.index()] = of.displacement[of.same(on, v)];
         }
-        field
+        Self { mesh: on.mesh.clone(), displacement, pressure: Pressure::Constant }
     }
 
     /// The limit that two fields on uniform meshes, three levels apart, converge to with h², on the
@@ -223,35 +164,26 @@ impl Field {
     ///
     /// Both have to have linear pressures.
     pub fn limit(coarse: &Self, fine: &Self) -> Self {
-        let mut limit = Self {
-            forest: Arc::clone(&coarse.forest),
-            displacement: coarse.displacement.clone(),
-            pressure: Pressure::Constant,
-        };
-        let mut pressures = vec![0.0; coarse.displacement.len()];
-        for v in coarse.forest.vertices() {
-            let same = fine.forest.vertex_at(coarse.forest.point(v)).map_or(0, VertexId::index);
+        let mut displacement = coarse.displacement.clone();
+        let mut pressures = vec![0.0; displacement.len()];
+        for v in coarse.forest().vertices() {
+            let same = fine.same(coarse, v);
             let exact = fine.displacement[same];
-            limit.displacement[v.index()] = exact + (exact - coarse.displacement[v.index()]) / 3.0;
+            displacement[v.index()] = exact + (exact - displacement[v.index()]) / 3.0;
             if let Pressure::Linear(pressure) = &fine.pressure {
                 pressures[v.index()] = pressure[same];
             }
         }
-        limit.pressure = Pressure::Linear(pressures);
-        limit
+        Self { mesh: coarse.mesh.clone(), displacement, pressure: Pressure::Linear(pressures) }
     }
 }
 
 /// A lattice point with displacement and pressure there.
 type Corner = (Point, Vector3<f64>, f64);
 
-/// Σ over tetrahedra of equal volume: of the square of a difference, and of what it is from.
-#[derive(Default)]
-struct Sums {
-    displacement: [f64; 2],
-    pressure: [f64; 2],
-    pressure_above: [f64; 2],
-}
+/// Of displacements, pressures and those above the clamp: Σ over tetrahedra of equal volume of the
+/// square of a difference, and of what it is from.
+type Sums = [[f64; 2]; 3];
 
 /// Follows the linear fields of a tetrahedron down to the level of `fine` and compares.
 fn descend(corners: &[Corner; 4], level: u8, finest: u8, fine: &Field, sums: &mut Sums) {
@@ -267,21 +199,20 @@ fn descend(corners: &[Corner; 4], level: u8, finest: u8, fine: &Field, sums: &mu
     }
     let Pressure::Linear(pressure) = &fine.pressure else { return };
     let reference = corners.map(|(point, ..)| {
-        let index = fine.forest.vertex_at(point).map_or(0, VertexId::index);
+        let index = fine.forest().vertex_at(point).map_or(0, VertexId::index);
         (fine.displacement[index], pressure[index])
     });
     for axis in 0..3 {
         let exact = reference.map(|r| r.0[axis]);
         let error = std::array::from_fn(|i| corners[i].1[axis] - exact[i]);
-        sums.displacement[0] += square(&error);
-        sums.displacement[1] += square(&exact);
+        sums[0][0] += square(&error);
+        sums[0][1] += square(&exact);
     }
     let exact = reference.map(|r| r.1);
     let error = std::array::from_fn(|i| corners[i].2 - exact[i]);
-    let edge = f64::from(fine.forest.domain().lattice().units) * ABOVE_CLAMP;
+    let edge = f64::from(fine.forest().domain().lattice().units) * ABOVE_CLAMP;
     let is_above = corners.iter().all(|(point, ..)| f64::from(point[2]) >= edge);
-    let above = is_above.then_some(&mut sums.pressure_above);
-    for sum in std::iter::once(&mut sums.pressure).chain(above) {
+    for sum in &mut sums[1..if is_above { 3 } else { 2 }] {
         sum[0] += square(&error);
         sum[1] += square(&exact);
     }
@@ -292,15 +223,10 @@ fn square(values: &[f64; 4]) -> f64 {
     values.iter().map(|x| x * x).sum::<f64>() + values.iter().sum::<f64>().powi(2)
 }
 
-fn two<T>(items: Vec<T>) -> [T; 2] {
-    items.try_into().unwrap_or_else(|_| unreachable!("one field per load"))
-}
-
 /// Label 2 where a voxel's centre lies in the ball.
-fn sphere() -> Result<LabelTree, BenchError> {
-    let labels = (0..VOXELS.pow(3)).map(|i| {
-        let cell = [i % VOXELS, i / VOXELS % VOXELS, i / VOXELS.pow(2)];
-        let centre = cell.map(|c| (c as f64 + 0.5) / VOXELS as f64);
+fn sphere() -> Result<LabelTree> {
+    let labels = places([VOXELS; 3]).map(|voxel| {
+        let centre = voxel.map(|c| (c as f64 + 0.5) / VOXELS as f64);
         let off = Vector3::from(centre) - Vector3::new(0.53, 0.47, 0.51);
         1 + u16::from(off.norm() < 0.3)
     });

@@ -11,7 +11,7 @@ use yawara_mesh::{
     BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Point, VertexId,
 };
 
-use crate::error::BenchError;
+use crate::error::Result;
 
 /// How large a body is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,30 +62,18 @@ pub struct Organ {
 }
 
 impl Size {
-    /// The name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Full => "liver phantom",
-            Self::Quick => "liver phantom, coarse",
-        }
-    }
-
     /// The phantom's parameters.
     pub fn phantom(self) -> LiverPhantom {
-        let voxel_mm = match self {
-            Self::Full => 2.0,
-            Self::Quick => 4.0,
-        };
+        let voxel_mm = if self == Self::Full { 2.0 } else { 4.0 };
         LiverPhantom { length_mm: LENGTH_MM, voxel_mm, seed: 1 }
     }
 }
 
 impl Organ {
     /// Makes the phantom, its labels and its start mesh.
-    ///
     /// # Errors
-    /// [`BenchError::Image`], [`BenchError::Bisection`], [`BenchError::Embed`]: a defect of the constants above.
-    pub fn new(size: Size) -> Result<Self, BenchError> {
+    /// `BenchError::Image`, `BenchError::Bisection`, `BenchError::Embed`: a defect of the constants above.
+    pub fn new(size: Size) -> Result<Self> {
         let volume = liver(size.phantom())?;
         let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
@@ -108,10 +96,9 @@ impl Organ {
 
     /// The body of the finer start mesh that has at most `free` free vertices, the coarser one if
     /// neither has.
-    ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn with_at_most(free: usize) -> Result<Self, BenchError> {
+    pub fn with_at_most(free: usize) -> Result<Self> {
         let full = Self::new(Size::Full)?;
         if full.free_vertices().count() <= free { Ok(full) } else { Self::new(Size::Quick) }
     }
@@ -134,10 +121,9 @@ impl Organ {
     }
 
     /// The organ's material on all levels, by a homogenisation's scene name.
-    ///
     /// # Errors
-    /// [`BenchError::Embed`] if there is no such homogenisation or it fails.
-    pub fn embedding(&self, homogenisation: &str) -> Result<Embedding, BenchError> {
+    /// `BenchError::Embed` if there is no such homogenisation or it fails.
+    pub fn embedding(&self, homogenisation: &str) -> Result<Embedding> {
         let stage = by_name(homogenisation)?;
         Ok(Embedding::new(Arc::clone(&self.tree), self.materials.clone(), stage)?)
     }
@@ -183,8 +169,7 @@ fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
     let voxel_m = volume.grid().spacing_mm * 1e-3;
     // Vertices on the box's faces belong to it, up to rounding.
     let slack = 1e-6 * voxel_m;
-    [0, 1].map(|side| {
-        let outward = [-slack, slack][side];
+    [(0, -slack), (1, slack)].map(|(side, outward)| {
         Vector3::from_fn(|i, _| {
             let size = (high[i] + 1 - low[i]) as f64;
             (low[i] as f64 + HELD[side][i] * size) * voxel_m + outward
@@ -193,12 +178,10 @@ fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
 }
 
 /// The phantom's materials by dense label.
-pub(crate) fn organ_materials() -> Result<Vec<Material>, BenchError> {
-    let mut materials = vec![Material::new(VOID.0, VOID.1, VOID.2)?];
-    for (_, young_modulus_pa, poisson_ratio, density_kg_m3) in TISSUES {
-        materials.push(Material::new(young_modulus_pa, poisson_ratio, density_kg_m3)?);
-    }
-    Ok(materials)
+pub(crate) fn organ_materials() -> Result<Vec<Material>> {
+    let tissues = TISSUES.map(|(_, young, poisson_ratio, density)| (young, poisson_ratio, density));
+    let material = |(young, poisson_ratio, density)| Material::new(young, poisson_ratio, density);
+    Ok([VOID].into_iter().chain(tissues).map(material).collect::<Result<_, _>>()?)
 }
 
 #[cfg(test)]
@@ -210,18 +193,13 @@ mod tests {
         for (size, want) in [(Size::Full, 736.0), (Size::Quick, 150.0)] {
             let organ = Organ::new(size).unwrap();
             let count = organ.forest.vertex_count() as f64;
-            assert!((count / want - 1.0).abs() < 0.15, "{}: {count} vertices", size.name());
+            assert!((count / want - 1.0).abs() < 0.15, "{size:?}: {count} vertices");
             let free = organ.free_vertices().count() as f64;
             assert!(free < count - 3.0 && free > 0.5 * count, "{free} of {count} are free");
             assert_eq!(organ.forest.domain().components().len(), 1);
+            // Dense labels are the tissues in order.
+            assert_eq!(organ.volume.values()[1..], TISSUES.map(|tissue| tissue.0));
+            assert_eq!(organ.materials.len(), organ.volume.values().len());
         }
-    }
-
-    #[test]
-    fn dense_labels_are_the_tissues_in_order() {
-        let organ = Organ::new(Size::Quick).unwrap();
-        let labels: Vec<i64> = TISSUES.iter().map(|tissue| tissue.0).collect();
-        assert_eq!(organ.volume.values()[1..], labels);
-        assert_eq!(organ.materials.len(), organ.volume.values().len());
     }
 }

@@ -20,30 +20,20 @@ pub struct Solid {
 impl Solid {
     /// A block from the origin to `size`, `cells` cubes of six Kuhn tetrahedra each.
     pub fn block(cells: [usize; 3], size: [f64; 3], elasticity: Matrix6<f64>) -> Self {
-        let [nx, ny, nz] = cells;
-        let mut points = Vec::with_capacity((nx + 1) * (ny + 1) * (nz + 1));
-        for k in 0..=nz {
-            for j in 0..=ny {
-                for i in 0..=nx {
-                    let at = [i, j, k];
-                    let along = |axis: usize| size[axis] * at[axis] as f64 / cells[axis] as f64;
-                    points.push(Vector3::new(along(0), along(1), along(2)));
-                }
-            }
-        }
-        let number =
-            |p: [i32; 3]| p[0] as usize + (nx + 1) * (p[1] as usize + (ny + 1) * p[2] as usize);
-        let mut tets = Vec::with_capacity(ROOTS_PER_CELL * nx * ny * nz);
-        for k in 0..nz {
-            for j in 0..ny {
-                for i in 0..nx {
-                    for order in 0..ROOTS_PER_CELL {
-                        tets.push(root_corners([i, j, k], order, 1).map(number));
-                    }
-                }
-            }
-        }
-        Self { elasticity: vec![elasticity; tets.len()], points, tets }
+        let counts = cells.map(|n| n + 1);
+        let point = |at: [usize; 3]| {
+            Vector3::from_fn(|axis, _| size[axis] * at[axis] as f64 / cells[axis] as f64)
+        };
+        let number = |p: [i32; 3]| {
+            let [x, y, z] = p.map(|c| c as usize);
+            x + counts[0] * (y + counts[1] * z)
+        };
+        let roots = |cell: [usize; 3]| {
+            (0..ROOTS_PER_CELL).map(move |order| root_corners(cell, order, 1).map(number))
+        };
+        let tets: Vec<[usize; 4]> = places(cells).flat_map(roots).collect();
+        let elasticity = vec![elasticity; tets.len()];
+        Self { points: places(counts).map(point).collect(), tets, elasticity }
     }
 
     /// A ball around the origin: a sphere's triangles, an octahedron's faces divided into
@@ -149,6 +139,11 @@ impl Solid {
         };
         (0..faces.len()).filter(|&i| alone(i)).map(|i| faces[i]).collect()
     }
+}
+
+/// The places of a grid, the first axis fastest.
+pub(crate) fn places([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    (0..nx * ny * nz).map(move |i| [i % nx, i / nx % ny, i / (nx * ny)])
 }
 
 /// Directions and triangles of an octahedron with its faces divided and blown up.

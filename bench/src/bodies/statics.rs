@@ -8,7 +8,7 @@ use yawara_inverse_update::{InverseMaintainer, build};
 use yawara_mesh::{Lattice, VertexId};
 
 use crate::bodies::solid::Solid;
-use crate::error::BenchError;
+use crate::error::Result;
 
 /// A body, held at some vertices, on its way through equilibria.
 pub struct Statics {
@@ -36,28 +36,22 @@ struct Link {
 
 impl Statics {
     /// Factors the stiffness of `solid` with the vertices held for which `held` says so.
-    ///
     /// # Errors
-    /// [`BenchError::Inverse`] if it is not held well enough.
-    pub fn new(solid: &Solid, held: impl Fn(&Vector3<f64>) -> bool) -> Result<Self, BenchError> {
-        Self::of(solid, held, Box::new(P1), solid.body())
+    /// `BenchError::Inverse` if it is not held well enough.
+    pub fn new(solid: &Solid, held: impl Fn(&Vector3<f64>) -> bool) -> Result<Self> {
+        Self::with_element(solid, held, None)
     }
 
-    /// The same with pressures beside displacements.
-    ///
-    /// # Errors
-    /// [`BenchError::Inverse`] if it is not held well enough.
-    pub fn mixed(solid: &Solid, held: impl Fn(&Vector3<f64>) -> bool) -> Result<Self, BenchError> {
-        let element = P1P1::default();
-        Self::of(solid, held, Box::new(element), solid.fill(Body::mixed(element)))
-    }
-
-    fn of(
+    /// The same, with pressures beside displacements if `mixed` is there.
+    pub(crate) fn with_element(
         solid: &Solid,
         held: impl Fn(&Vector3<f64>) -> bool,
-        element: Box<dyn ElementFormulation>,
-        body: Body,
-    ) -> Result<Self, BenchError> {
+        mixed: Option<P1P1>,
+    ) -> Result<Self> {
+        let (body, element): (Body, Box<dyn ElementFormulation>) = match mixed {
+            Some(element) => (solid.fill(Body::mixed(element)), Box::new(element)),
+            None => (solid.body(), Box::new(P1)),
+        };
         let free: Vec<bool> = solid.points.iter().map(|x| !held(x)).collect();
         let order_key = order_keys(solid);
         let is_fixed = |v: VertexId| !free[v.index()];
@@ -136,9 +130,9 @@ impl Statics {
         }
     }
 
-    /// The slot of a vertex in the inverse; none if it is held and has no pressure.
-    pub fn slot(&self, vertex: usize) -> Option<usize> {
-        self.link.slots.get(VertexId(vertex as u32))
+    /// How far a vertex is from its rest position.
+    pub fn displacement(&self, vertex: usize) -> Vector3<f64> {
+        self.positions[vertex] - self.rest[vertex]
     }
 }
 

@@ -4,39 +4,30 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::folder::Folder;
 
-/// Where a study writes.
+/// Where a study writes, and how much of it is run.
 #[derive(Args, Clone, Debug)]
-pub struct Destination {
+pub struct Common {
     /// Where the tables and plots go: a new or empty directory.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Write into a directory that is not empty.
     #[arg(long)]
     pub force: bool,
-}
-
-impl Destination {
-    /// The folder, checked before anything is measured.
-    ///
-    /// # Errors
-    /// Those of [`Folder::create`].
-    pub fn folder(&self) -> Result<Folder, BenchError> {
-        Folder::create(&self.out, self.force)
-    }
-}
-
-/// Where a study writes, and how much of it is run.
-#[derive(Args, Clone, Debug)]
-pub struct Common {
-    #[command(flatten)]
-    #[allow(missing_docs)]
-    pub destination: Destination,
     /// A part of the study that takes less than a minute; its page says which.
     #[arg(long)]
     pub quick: bool,
+}
+
+impl Common {
+    /// The folder, checked before anything is measured.
+    /// # Errors
+    /// Those of [`Folder::create`].
+    pub fn folder(&self) -> Result<Folder> {
+        Folder::create(&self.out, self.force)
+    }
 }
 
 /// Fewer vertices than the coarsest mesh are refused when it is there; more than this its finest
@@ -44,10 +35,7 @@ pub struct Common {
 const VERTICES: (usize, usize) = (8, 32_768);
 
 /// Numbers of free vertices, ascending, each once; `otherwise` if none is given.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
-pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, BenchError> {
+pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>> {
     let mut vertices = if given.is_empty() { otherwise } else { given }.to_vec();
     vertices.iter().try_for_each(|&n| in_range("--vertices", n, VERTICES))?;
     vertices.sort_unstable();
@@ -56,18 +44,9 @@ pub(crate) fn sizes(given: &[usize], otherwise: &[usize]) -> Result<Vec<usize>, 
 }
 
 /// Refuses a number that makes no sense.
-///
-/// # Errors
-/// [`BenchError::OutOfRange`].
-pub(crate) fn in_range(
-    option: &'static str,
-    value: usize,
-    limits: (usize, usize),
-) -> Result<(), BenchError> {
-    if (limits.0..=limits.1).contains(&value) {
-        return Ok(());
-    }
-    Err(BenchError::OutOfRange { option, value, limits })
+pub(crate) fn in_range(option: &'static str, value: usize, limits: (usize, usize)) -> Result<()> {
+    let is_in = (limits.0..=limits.1).contains(&value);
+    if is_in { Ok(()) } else { Err(BenchError::OutOfRange { option, value, limits }) }
 }
 
 #[cfg(test)]

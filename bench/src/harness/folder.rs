@@ -4,12 +4,13 @@ use std::fs;
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
 use yawara_mesh::atomic_file::{self, PARTIAL};
 
 use super::cases::Row;
 use super::ranks;
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// What a study was asked for; a folder belongs to one set of options.
 const OPTIONS: &str = "options.json";
@@ -31,39 +32,38 @@ pub struct Folder {
 impl Folder {
     /// Takes `path`, which must be new or empty unless `force` is set, and checks that it can be
     /// written to. Missing parents are made.
-    ///
     /// # Errors
     /// [`BenchError::NotEmpty`], [`BenchError::NotADirectory`], [`BenchError::Io`]; then nothing
     /// is left behind.
-    pub fn create(path: &Path, force: bool) -> Result<Self, BenchError> {
+    pub fn create(path: &Path, force: bool) -> Result<Self> {
         let mut folder = Self { path: path.into(), made: Vec::new() };
         if folder.names()?.iter().any(|_| !force) {
-            return Err(BenchError::NotEmpty { path: path.into() });
+            return Err(BenchError::NotEmpty(path.into()));
         }
         let missing = path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists());
         for path in missing.map(Path::to_owned).collect::<Vec<_>>().into_iter().rev() {
-            fs::create_dir(&path).map_err(at(&path))?;
+            fs::create_dir(&path).map_err(BenchError::at(&path))?;
             folder.made.push(path);
         }
         let probe = folder.at(&format!(".probe.{}{PARTIAL}", std::process::id()));
-        fs::write(&probe, "").and_then(|()| fs::remove_file(&probe)).map_err(at(&probe))?;
+        let written = fs::write(&probe, "").and_then(|()| fs::remove_file(&probe));
+        written.map_err(BenchError::at(&probe))?;
         Ok(folder)
     }
 
     /// Opens `path` for a study with these `options`: a new or empty folder, or one that an earlier
     /// run with the same options left, whose finished cases count. With `force` these are dropped.
     /// Of processes that share it the first goes first.
-    ///
     /// # Errors
     /// [`BenchError::OptionsDiffer`] if an earlier run had others; [`BenchError::NotEmpty`] if the
     /// folder holds something else; [`BenchError::NotADirectory`], [`BenchError::Io`]; those of
     /// [`ranks`] where other processes were started with this one.
-    pub fn open(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
+    pub fn open(path: &Path, options: &Value, force: bool) -> Result<Self> {
         // What the first has dropped and begun anew is what the others find.
         ranks::in_turn(|is_first| Self::open_here(path, options, force && is_first))
     }
 
-    fn open_here(path: &Path, options: &Value, force: bool) -> Result<Self, BenchError> {
+    fn open_here(path: &Path, options: &Value, force: bool) -> Result<Self> {
         let folder = Self { path: path.into(), made: Vec::new() };
         // Options that a process was writing when it ended, and cases without options, are nothing.
         let left =
@@ -72,7 +72,7 @@ impl Folder {
         match folder.read(OPTIONS)? {
             Some(found) if !force => folder.compare(&found, options)?,
             None if !force && !names.iter().all(left) => {
-                return Err(BenchError::NotEmpty { path: path.into() });
+                return Err(BenchError::NotEmpty(path.into()));
             }
             _ => folder.start(options)?,
         }
@@ -80,18 +80,13 @@ impl Folder {
     }
 
     /// Names of what is in it; none if it is not there.
-    fn names(&self) -> Result<Vec<String>, BenchError> {
+    fn names(&self) -> Result<Vec<String>> {
         if self.path.exists() && !self.path.is_dir() {
-            return Err(BenchError::NotADirectory { path: self.path.clone() });
+            return Err(BenchError::NotADirectory(self.path.clone()));
         }
-        match fs::read_dir(&self.path) {
-            Ok(entries) => {
-                let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
-                Ok(entries.flatten().map(name).collect())
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
-            Err(error) => Err(at(&self.path)(error)),
-        }
+        let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
+        let entries = if_there(&self.path, fs::read_dir(&self.path))?;
+        Ok(entries.into_iter().flat_map(Iterator::flatten).map(name).collect())
     }
 
     /// Where a file of that name is.
@@ -100,50 +95,41 @@ impl Folder {
     }
 
     /// The bytes of a file, if it is there.
-    ///
     /// # Errors
     /// [`BenchError::Io`].
-    pub fn read(&self, name: &str) -> Result<Option<Vec<u8>>, BenchError> {
-        match fs::read(self.at(name)) {
-            Ok(bytes) => Ok(Some(bytes)),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(at(&self.at(name))(error)),
-        }
+    pub fn read(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        let path = self.at(name);
+        if_there(&path, fs::read(&path))
     }
 
     /// Writes a file, or replaces it: a reader finds the old one or the whole new one.
-    ///
     /// # Errors
     /// [`BenchError::Io`].
-    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), BenchError> {
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {
         let path = self.at(name);
-        atomic_file::write(&path, bytes).map_err(at(&path))
+        atomic_file::write(&path, bytes).map_err(BenchError::at(&path))
     }
 
     /// The row of a finished case; its number counts from 0.
-    ///
     /// # Errors
     /// [`BenchError::Damaged`] if its file is no row of that case; [`BenchError::Io`].
-    pub fn row(&self, number: usize, case: &str) -> Result<Option<Row>, BenchError> {
+    pub fn row(&self, number: usize, case: &str) -> Result<Option<Row>> {
         let name = file_name(number, case);
         let Some(bytes) = self.read(&name)? else { return Ok(None) };
-        let damaged = |reason: String| BenchError::Damaged { path: self.at(&name), reason };
-        let row: Row =
-            serde_json::from_slice(&bytes).map_err(|error| damaged(error.to_string()))?;
+        let row: Row = self.parse(&name, &bytes)?;
         if row.case != case {
-            return Err(damaged(format!("it is of the case {:?}, want {case:?}", row.case)));
+            let reason = format!("it is of the case {:?}, want {case:?}", row.case);
+            return Err(BenchError::Damaged(self.at(&name), reason));
         }
         Ok(Some(row))
     }
 
     /// Keeps the row of a finished case.
-    ///
     /// # Errors
     /// [`BenchError::Io`].
-    pub fn keep(&self, number: usize, row: &Row) -> Result<(), BenchError> {
+    pub fn keep(&self, number: usize, row: &Row) -> Result<()> {
         let name = file_name(number, &row.case);
-        let text = serde_json::to_string_pretty(row);
-        self.write(&name, text.map_err(|error| at(&self.at(&name))(error.into()))? + "\n")
+        self.write(&name, format!("{:#}\n", json!(row)))
     }
 
     /// Removes what ended processes have left half written; to be called when all is done.
@@ -159,28 +145,27 @@ impl Folder {
         }
     }
 
-    fn start(&self, options: &Value) -> Result<(), BenchError> {
+    fn start(&self, options: &Value) -> Result<()> {
         let cases = self.at(CASES);
-        let gone = |removed: Result<(), Error>| match removed {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(at(&cases)(error)),
-            _ => Ok(()),
-        };
         for name in [OPTIONS, "reference.bin", "picture.svg"] {
-            gone(fs::remove_file(self.at(name)))?;
+            if_there(&self.at(name), fs::remove_file(self.at(name)))?;
         }
-        gone(fs::remove_dir_all(&cases))?;
-        fs::create_dir_all(&cases).map_err(at(&cases))?;
+        if_there(&cases, fs::remove_dir_all(&cases))?;
+        fs::create_dir_all(&cases).map_err(BenchError::at(&cases))?;
         self.write(OPTIONS, format!("{options:#}\n"))
     }
 
-    fn compare(&self, found: &[u8], options: &Value) -> Result<(), BenchError> {
-        let path = self.at(OPTIONS);
-        let found: Value = serde_json::from_slice(found).map_err(|error| BenchError::Damaged {
-            path: path.clone(),
-            reason: error.to_string(),
-        })?;
+    fn compare(&self, found: &[u8], options: &Value) -> Result<()> {
+        let found = self.parse(OPTIONS, found)?;
         let Some((key, old, new)) = difference("", &found, options) else { return Ok(()) };
-        Err(BenchError::OptionsDiffer { path, key, old: shown(&old), new: shown(&new) })
+        let (path, old, new) = (self.at(OPTIONS), shown(&old), shown(&new));
+        Err(BenchError::OptionsDiffer { path, key, old, new })
+    }
+
+    fn parse<T: DeserializeOwned>(&self, name: &str, bytes: &[u8]) -> Result<T> {
+        let damaged =
+            |error: serde_json::Error| BenchError::Damaged(self.at(name), error.to_string());
+        serde_json::from_slice(bytes).map_err(damaged)
     }
 }
 
@@ -193,9 +178,12 @@ impl Drop for Folder {
     }
 }
 
-fn at(path: &Path) -> impl FnOnce(Error) -> BenchError {
-    let path = path.to_owned();
-    move |source| BenchError::Io { path, source }
+/// What was done at `path`; none if nothing is there.
+fn if_there<T>(path: &Path, done: Result<T, Error>) -> Result<Option<T>> {
+    match done {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        done => done.map(Some).map_err(BenchError::at(path)),
+    }
 }
 
 fn file_name(number: usize, case: &str) -> String {
@@ -232,7 +220,6 @@ fn shown(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     #[test]
     fn a_folder_belongs_to_one_set_of_options() {
@@ -256,29 +243,24 @@ mod tests {
     #[test]
     fn what_is_no_study_is_refused_and_kept_and_damage_is_named() {
         let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join("notes.txt"), "x").unwrap();
-        let options = json!({});
+        let (file, options) = (root.path().join("notes.txt"), json!({}));
+        fs::write(&file, "x").unwrap();
         let error = Folder::open(root.path(), &options, false).unwrap_err();
-        assert!(matches!(error, BenchError::NotEmpty { .. }), "{error}");
+        assert!(matches!(error, BenchError::NotEmpty(_)), "{error}");
         let folder = Folder::open(root.path(), &options, true).unwrap();
-        assert!(root.path().join("notes.txt").exists());
+        assert!(file.exists());
         folder.write("cases/000-a.json", "{\"group\": ").unwrap();
         let error = folder.row(0, "a").unwrap_err().to_string();
         assert!(error.contains("000-a.json") && error.contains("EOF"), "{error}");
         folder.keep(1, &Row::new("g", "b?")).unwrap();
         let error = folder.row(1, "b!").unwrap_err().to_string();
         assert!(error.contains("b?"), "{error}");
-        let error = Folder::open(&root.path().join("notes.txt"), &options, true).unwrap_err();
-        assert!(matches!(error, BenchError::NotADirectory { .. }), "{error}");
-    }
-
-    #[test]
-    fn what_an_ended_process_left_is_no_row_and_goes_in_the_end() {
-        let root = tempfile::tempdir().unwrap();
-        let folder = Folder::open(root.path(), &json!({}), false).unwrap();
-        let left = root.path().join("cases/000-a.json.99.partial");
+        let error = Folder::open(&file, &options, true).unwrap_err();
+        assert!(matches!(error, BenchError::NotADirectory(_)), "{error}");
+        // What an ended process left is no row, and goes in the end.
+        let left = root.path().join("cases/002-a.json.99.partial");
         fs::write(&left, "{").unwrap();
-        assert_eq!(folder.row(0, "a").unwrap(), None);
+        assert_eq!(folder.row(2, "a").unwrap(), None);
         folder.tidy();
         assert!(!left.exists());
     }
@@ -292,17 +274,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_of_a_study_that_wrote_nothing() {
+    fn files_arrive_whole_and_a_study_that_wrote_none_leaves_nothing() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::create(&root.path().join("new/deep"), false).unwrap();
         assert!(names(&root.path().join("new/deep")).is_empty());
         drop(folder);
         assert!(names(root.path()).is_empty());
-    }
-
-    #[test]
-    fn files_arrive_whole_and_replace_older_ones() {
-        let root = tempfile::tempdir().unwrap();
         let folder = Folder::create(&root.path().join("new"), false).unwrap();
         folder.write("a.csv", "one").unwrap();
         folder.write("a.csv", "two").unwrap();
@@ -314,22 +291,16 @@ mod tests {
     #[test]
     fn foreign_files_are_refused_unless_forced_and_then_kept() {
         let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join("notes.txt"), "x").unwrap();
-        let error = Folder::create(root.path(), false).unwrap_err();
-        assert!(matches!(error, BenchError::NotEmpty { .. }), "{error}");
-        Folder::create(root.path(), true).unwrap().write("a.csv", "one").unwrap();
-        assert_eq!(names(root.path()), ["a.csv", "notes.txt"]);
-    }
-
-    #[test]
-    fn a_file_in_the_way_is_named() {
-        let root = tempfile::tempdir().unwrap();
         let file = root.path().join("notes.txt");
         fs::write(&file, "x").unwrap();
+        let error = Folder::create(root.path(), false).unwrap_err();
+        assert!(matches!(error, BenchError::NotEmpty(_)), "{error}");
         let error = Folder::create(&file, true).unwrap_err();
-        assert!(matches!(error, BenchError::NotADirectory { .. }), "{error}");
+        assert!(matches!(error, BenchError::NotADirectory(_)), "{error}");
         let error = Folder::create(&file.join("below"), true).unwrap_err();
         assert!(error.to_string().contains("notes.txt"), "{error}");
         assert_eq!(names(root.path()), ["notes.txt"]);
+        Folder::create(root.path(), true).unwrap().write("a.csv", "one").unwrap();
+        assert_eq!(names(root.path()), ["a.csv", "notes.txt"]);
     }
 }

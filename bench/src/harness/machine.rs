@@ -53,11 +53,8 @@ fn commit() -> Option<String> {
         let output = output.ok().filter(|output| output.status.success())?;
         Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
-    let mark = match git(&["status", "--porcelain", "--untracked-files=no"])?.is_empty() {
-        true => "",
-        false => "+",
-    };
-    Some(git(&["rev-parse", "--short=12", "HEAD"])? + mark)
+    let is_clean = git(&["status", "--porcelain", "--untracked-files=no"])?.is_empty();
+    Some(git(&["rev-parse", "--short=12", "HEAD"])? + if is_clean { "" } else { "+" })
 }
 
 /// Most bytes that this process has held in memory since [`reset_peak`], if the system tells.

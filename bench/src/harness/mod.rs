@@ -15,5 +15,7 @@ pub mod ranks;
 pub mod report;
 pub(crate) mod statistics;
 
+pub use arguments::Common;
 pub use folder::Folder;
+pub use machine::Machine;
 pub use progress::Progress;

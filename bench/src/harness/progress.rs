@@ -17,16 +17,12 @@ pub struct Progress {
 impl Progress {
     /// Of `total` units of work, which should take equally long.
     pub fn new(total: f64) -> Self {
-        let target = match ranks::is_first() {
-            true => ProgressDrawTarget::stderr_with_hz(5),
-            false => ProgressDrawTarget::hidden(),
-        };
-        let bar = ProgressBar::with_draw_target(Some(STEPS as u64), target);
+        let hidden = ProgressDrawTarget::hidden();
+        let target = if ranks::is_first() { ProgressDrawTarget::stderr_with_hz(5) } else { hidden };
         let style = "[{bar:24}] {percent:>3} %, {eta} left  {wide_msg}";
-        bar.set_style(
-            ProgressStyle::with_template(style)
-                .unwrap_or_else(|_| unreachable!("{style:?} is a template")),
-        );
+        let style = ProgressStyle::with_template(style)
+            .unwrap_or_else(|_| unreachable!("{style:?} is a template"));
+        let bar = ProgressBar::with_draw_target(Some(STEPS as u64), target).with_style(style);
         Self { bar, done: 0.0, total }
     }
 

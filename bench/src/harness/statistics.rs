@@ -1,4 +1,11 @@
-//! What is said of a sample of times.
+//! Times, and what is said of a sample of them.
+
+use std::time::Instant;
+
+/// Milliseconds from `begin` to now.
+pub(crate) fn milliseconds_since(begin: Instant) -> f64 {
+    begin.elapsed().as_secs_f64() * 1e3
+}
 
 /// The value that `percent` of the samples do not exceed, by nearest rank: sample ⌈p·n/100⌉ of the
 /// ascending ones. NaN without samples or if a sample is NaN.
@@ -35,10 +42,7 @@ mod tests {
         assert_eq!(percentile(&samples, 100.0), 200.0);
         assert_eq!(median(&[5.0, 1.0, 3.0]), 3.0);
         assert_eq!(percentile(&[3.0], 1.0), 3.0);
-    }
-
-    #[test]
-    fn no_number_comes_from_nothing_or_nan() {
+        // No number comes from nothing or NaN.
         assert!(median(&[]).is_nan());
         assert!(median(&[1.0, f64::NAN, 2.0]).is_nan());
     }

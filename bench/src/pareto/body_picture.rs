@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use yawara::Simulation;
 use yawara::report::Frame;
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::plot::{Picture, Role, Shape};
 
 /// Size and margin of the picture.
@@ -22,7 +22,7 @@ pub(crate) struct Largest {
 
 impl Largest {
     /// Looks at the body as it is.
-    pub fn see(&mut self, simulation: &Simulation) -> Result<(), BenchError> {
+    pub fn see(&mut self, simulation: &Simulation) -> Result<()> {
         let frame = simulation.frame()?;
         let length = |u: &[f64; 3]| Vector3::from(*u).norm();
         let moved = frame.displacement_mm.iter().map(length).fold(0.0, f64::max);
@@ -71,30 +71,26 @@ fn draw(faces: &[Face]) -> Picture {
     let view = Vector3::new(-0.45, 0.8, 0.4).normalize();
     let right = Vector3::z().cross(&view).normalize();
     let up = view.cross(&right);
-    let flat = |x: &Vector3<f64>| (x.dot(&right), -x.dot(&up));
-    let (mut low, mut high) = ((f64::MAX, f64::MAX), (f64::MIN, f64::MIN));
-    for (x, y) in faces.iter().flat_map(|face| &face.corners).map(flat) {
-        low = (low.0.min(x), low.1.min(y));
-        high = (high.0.max(x), high.1.max(y));
-    }
-    let room = (f64::from(SIZE.0) - 2.0 * MARGIN, f64::from(SIZE.1) - 2.0 * MARGIN);
-    let scale = (room.0 / (high.0 - low.0)).min(room.1 / (high.1 - low.1));
-    let off = [room.0 - scale * (high.0 - low.0), room.1 - scale * (high.1 - low.1)];
+    let flat = |x: &Vector3<f64>| Vector2::new(x.dot(&right), -x.dot(&up));
+    let corners = faces.iter().flat_map(|face| &face.corners).map(flat);
+    let low = corners.clone().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+    let size = corners.reduce(|a, b| a.sup(&b)).unwrap_or_default() - low;
+    let room = Vector2::new(f64::from(SIZE.0), f64::from(SIZE.1)).add_scalar(-2.0 * MARGIN);
+    let scale = room.component_div(&size).min();
+    let off = (0.5 * (room - scale * size)).add_scalar(MARGIN);
     let place = |x: &Vector3<f64>| {
-        let (x, y) = flat(x);
-        (MARGIN + 0.5 * off[0] + scale * (x - low.0), MARGIN + 0.5 * off[1] + scale * (y - low.1))
+        let at = off + scale * (flat(x) - low);
+        (at.x, at.y)
     };
     let mut labels: Vec<i64> = faces.iter().map(|face| face.label).collect();
     labels.sort_unstable();
     labels.dedup();
-    let mut visible: Vec<(f64, &Face, Vector3<f64>)> = faces
-        .iter()
-        .map(|face| {
-            let [a, b, c] = face.corners;
-            (view.dot(&(a + b + c)), face, (b - a).cross(&(c - a)).normalize())
-        })
-        .filter(|(_, _, normal)| normal.dot(&view) > 0.0)
-        .collect();
+    let seen = |face| {
+        let &Face { corners: [a, b, c], .. } = face;
+        (view.dot(&(a + b + c)), face, (b - a).cross(&(c - a)).normalize())
+    };
+    let mut visible: Vec<_> =
+        faces.iter().map(seen).filter(|(_, _, normal)| normal.dot(&view) > 0.0).collect();
     visible.sort_by(|a, b| a.0.total_cmp(&b.0));
     let light = Vector3::new(-0.2, 0.5, 0.85).normalize();
     let mut shapes = Vec::new();

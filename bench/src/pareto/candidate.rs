@@ -3,7 +3,7 @@
 use yawara::scene::{Scene, StageNames};
 use yawara::{SimError, Stages, scene_file};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// Makes the stages of a run from the names that its scene has.
 type MakeStages = Box<dyn Fn(&StageNames) -> Result<Stages, SimError>>;
@@ -54,11 +54,10 @@ impl Candidate {
 
     /// Reads `NAME: KEY=VALUE, KEY=VALUE`; a comma within brackets, braces or quotes separates
     /// nothing.
-    ///
     /// # Errors
     /// [`BenchError::Combination`] if there is no name or no value.
-    pub fn parse(text: &str) -> Result<Self, BenchError> {
-        let refused = || BenchError::Combination { text: text.into() };
+    pub fn parse(text: &str) -> Result<Self> {
+        let refused = || BenchError::Combination(text.into());
         let (name, values) = text.split_once(':').ok_or_else(refused)?;
         let overrides = split(values);
         let complete = overrides.iter().all(|one| one.contains('='));
@@ -70,19 +69,17 @@ impl Candidate {
     }
 
     /// The scene `name` with `base` and then this candidate's values in place of its own.
-    ///
     /// # Errors
     /// [`BenchError::Sim`] if the scene refuses a value.
-    pub fn scene(&self, name: &str, base: &[String]) -> Result<Scene, BenchError> {
+    pub fn scene(&self, name: &str, base: &[String]) -> Result<Scene> {
         let overrides = [base, &self.overrides].concat();
         Ok(scene_file::load(name, &overrides)?.0)
     }
 
     /// Its stages.
-    ///
     /// # Errors
     /// [`BenchError::Sim`] if there are none of these names, or they don't go together.
-    pub fn stages(&self, scene: &Scene) -> Result<Stages, BenchError> {
+    pub fn stages(&self, scene: &Scene) -> Result<Stages> {
         Ok((self.make)(&scene.stages)?)
     }
 }
@@ -129,8 +126,8 @@ mod tests {
 
     #[test]
     fn what_the_scene_refuses_is_said_as_the_command_line_says_it() {
-        let error = Candidate::new("g", "n", &["stages.corotatio=row"]);
-        let error = error.scene("beam", &[]).err().unwrap().to_string();
+        let mistyped = Candidate::new("g", "n", &["stages.corotatio=row"]);
+        let error = mistyped.scene("beam", &[]).err().unwrap().to_string();
         assert!(error.contains("did you mean `corotation`?"), "{error}");
         let candidate = Candidate::new("g", "n", &["stages.corotation=none"]);
         let scene = candidate.scene("beam", &[]).unwrap();

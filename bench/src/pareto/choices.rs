@@ -16,16 +16,15 @@ const ENERGY_FACTORS: [f64; 4] = [1.0 / 16.0, 0.25, 4.0, 16.0];
 const VOLUME_MERGE: &str = "refinement.merge_fraction=0.2";
 
 /// What is said of a scene before its candidates are listed.
-pub struct Choices<'a> {
+pub(crate) struct Choices<'a> {
     /// The scene as the default runs it.
     pub scene: &'a Scene,
-    /// The plan of the default.
+    /// Of the default.
     pub plan: &'a [PlanRow],
     /// The level of the converged reference: uniform levels stay below it.
     pub reference_level: u8,
     /// Vertices of the reference: what a uniform mesh may have.
     pub reference_vertices: usize,
-    /// Fewer of them.
     pub quick: bool,
 }
 
@@ -151,37 +150,23 @@ mod tests {
         PlanRow { stage: stage.into(), choice: choice.into(), runs, why: String::new() }
     }
 
+    fn candidates(scene: &Scene, plan: &[PlanRow], quick: bool) -> Vec<Candidate> {
+        Choices { scene, plan, reference_level: 7, reference_vertices: 30_000, quick }.candidates()
+    }
+
     #[test]
     fn every_factor_is_varied_from_the_default_and_every_scene_loads() {
         let (scene, _) = scene_file::load("liver", &[]).unwrap();
         for quick in [true, false] {
             let plan =
                 [plan("homogenisation", "laminate", true), plan("inverse update", "sparse", true)];
-            let choices = Choices {
-                scene: &scene,
-                plan: &plan,
-                reference_level: 7,
-                reference_vertices: 30_000,
-                quick,
-            };
-            let list = choices.candidates();
+            let list = candidates(&scene, &plan, quick);
             let names: BTreeSet<&str> = list.iter().map(|one| &one.name[..]).collect();
             assert_eq!(names.len(), list.len(), "names are unique");
             let groups: BTreeSet<&str> = list.iter().map(|one| &one.group[..]).collect();
-            let want = [
-                "default",
-                "paper",
-                "element",
-                "homogenisation",
-                "corotation",
-                "equilibrium",
-                "threshold",
-                "indicator",
-                "inverse",
-                "precision",
-                "uniform",
-            ];
-            assert_eq!(groups, want.into_iter().collect());
+            let want = "default paper element homogenisation corotation equilibrium threshold \
+                        indicator inverse precision uniform";
+            assert_eq!(groups, want.split(' ').collect());
             for one in &list {
                 let varied = one.scene("liver", &[]).unwrap();
                 assert_eq!(varied == scene, one.group == "default", "{}", one.name);
@@ -196,15 +181,7 @@ mod tests {
     fn what_the_scene_does_not_need_is_not_varied() {
         let fixed = ["mesh.max_level=0".to_owned()];
         let (scene, _) = scene_file::load("beam", &fixed).unwrap();
-        let plan = [plan("homogenisation", "laminate", false)];
-        let choices = Choices {
-            scene: &scene,
-            plan: &plan,
-            reference_level: 1,
-            reference_vertices: 30_000,
-            quick: false,
-        };
-        let list = choices.candidates();
+        let list = candidates(&scene, &[plan("homogenisation", "laminate", false)], false);
         let unwanted = ["homogenisation", "threshold", "indicator"];
         assert!(list.iter().all(|one| !unwanted.contains(&&one.group[..])));
     }

@@ -7,13 +7,13 @@ use yawara::{Simulation, Stages};
 use yawara_mesh::lattice::MAX_LEVEL;
 
 use super::deadline::Deadline;
-use super::measure::run_steps;
+use super::measure::{choice, run_steps};
 use super::path::Path;
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::{Folder, Progress};
 
 /// The relative residual of its steps.
-pub const RESIDUAL: f64 = 1e-10;
+const RESIDUAL: f64 = 1e-10;
 
 /// Iterations that each method may take for them, and how often a step may be halved: where that is
 /// not enough the last digits are rounding, and more would take for ever.
@@ -25,7 +25,7 @@ const MAGIC: &str = "yawara-reference-1";
 
 /// A converged run of a scene.
 #[derive(Clone, Debug)]
-pub struct Reference {
+pub(crate) struct Reference {
     /// What every other run is compared with.
     pub path: Path,
     /// How it was made.
@@ -33,25 +33,20 @@ pub struct Reference {
 }
 
 /// How a reference was made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ReferenceSummary {
-    /// Its uniform level.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ReferenceSummary {
     pub level: u8,
     /// Level of the points that are compared: finer than its own where the scene may refine more.
     pub points_level: u8,
-    /// Vertices of its mesh.
     pub vertices: usize,
     /// Points that are compared: its vertices at something else than void.
     pub points: usize,
-    /// Its steps.
     pub steps: usize,
     /// How many of them converged to [`RESIDUAL`].
     pub converged: usize,
     /// The largest relative residual at a step's end.
     pub residual_max: f64,
-    /// Its element.
     pub element: String,
-    /// Wall-clock time of all of it, s.
     pub total_s: f64,
 }
 
@@ -61,20 +56,15 @@ impl Reference {
     ///
     /// `laminate` down to voxels, element co-rotation, the element by plan, [`RESIDUAL`].
     /// Cost: what a run on such a mesh costs.
-    /// # Errors
-    /// [`BenchError::TimeIsUp`]; [`BenchError::Sim`]; [`BenchError::Damaged`], [`BenchError::Io`].
     pub fn of(
         scene: &Scene,
         (limit, cap_s): (usize, f64),
         folder: &Folder,
         name: &str,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let name = format!("cases/{name}.bin");
         if let Some(bytes) = folder.read(&name)? {
-            let damaged = |reason: &str| BenchError::Damaged {
-                path: folder.at(&name),
-                reason: reason.into(),
-            };
+            let damaged = |reason: &str| BenchError::Damaged(folder.at(&name), reason.into());
             return decode(&bytes).map_err(damaged);
         }
         let reference = Self::compute(scene, limit, cap_s)?;
@@ -82,15 +72,11 @@ impl Reference {
         Ok(reference)
     }
 
-    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self, BenchError> {
+    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self> {
         let begin = std::time::Instant::now();
         let level = finest_level(scene, limit)?;
-        let mut fine = scene.clone();
-        fine.mesh.start_level = level;
+        let mut fine = uniform(scene, level, limit);
         fine.mesh.max_level = Some(level);
-        fine.mesh.label_level = None;
-        fine.mesh.label_region = None;
-        fine.mesh.max_vertices = limit;
         fine.solver.residual = RESIDUAL;
         fine.solver.max_iterations = ITERATIONS;
         fine.solver.max_halvings = HALVINGS;
@@ -108,7 +94,6 @@ impl Reference {
             path.push(simulation, &mut probe, report.force_n)
         })?;
         let summary = simulation.summary()?;
-        let element = simulation.plan().iter().find(|row| row.stage == "element");
         let summary = ReferenceSummary {
             level,
             points_level,
@@ -117,24 +102,27 @@ impl Reference {
             steps: summary.steps.count,
             converged: summary.steps.converged,
             residual_max: summary.steps.residual_max,
-            element: element.map_or_else(String::new, |row| row.choice.clone()),
+            element: choice(&simulation, "element"),
             total_s: begin.elapsed().as_secs_f64(),
         };
         Ok(Self { path, summary })
     }
 }
 
+/// The scene on a uniform mesh of so many vertices at the most.
+fn uniform(scene: &Scene, level: u8, limit: usize) -> Scene {
+    let mut uniform = scene.clone();
+    uniform.mesh.start_level = level;
+    uniform.mesh.max_level = None;
+    uniform.mesh.label_level = None;
+    uniform.mesh.label_region = None;
+    uniform.mesh.max_vertices = limit;
+    uniform
+}
+
 /// The finest uniform level within `limit` vertices.
-///
-/// # Errors
-/// [`BenchError::Sim`] if even level 0 has more.
-pub(crate) fn finest_level(scene: &Scene, limit: usize) -> Result<u8, BenchError> {
-    let mut coarse = scene.clone();
-    coarse.mesh.start_level = 0;
-    coarse.mesh.max_level = None;
-    coarse.mesh.label_level = None;
-    coarse.mesh.label_region = None;
-    coarse.mesh.max_vertices = limit;
+pub(crate) fn finest_level(scene: &Scene, limit: usize) -> Result<u8> {
+    let coarse = uniform(scene, 0, limit);
     let simulation = Simulation::new(&coarse, Stages::by_name(&coarse.stages)?)?;
     let mut level = 0;
     while level < MAX_LEVEL && simulation.probe(level + 1)?.vertex_count() <= limit {
@@ -161,11 +149,11 @@ fn decode(bytes: &[u8]) -> Result<Reference, &'static str> {
         summary: ReferenceSummary,
     }
     let end = bytes.iter().take(4096).position(|&byte| byte == b'\n').ok_or("it has no head")?;
-    let head: Head = serde_json::from_slice(&bytes[..end]).map_err(|_| "its head is no JSON")?;
-    if head.layout != MAGIC {
+    let head = serde_json::from_slice(&bytes[..end]);
+    let Head { layout, summary } = head.map_err(|_| "its head is no JSON")?;
+    if layout != MAGIC {
         return Err("its layout is of another version");
     }
-    let Head { summary, .. } = head;
     let (points, steps) = (summary.points, summary.steps);
     let vectors = steps.checked_add(1).and_then(|n| n.checked_mul(points)?.checked_add(steps));
     let want = vectors.and_then(|n| n.checked_mul(3)?.checked_add(steps)?.checked_mul(8));
@@ -180,17 +168,9 @@ fn decode(bytes: &[u8]) -> Result<Reference, &'static str> {
     let mut next = || numbers.next().unwrap_or(f64::NAN);
     let mut vectors =
         |n: usize| (0..n).map(|_| Vector3::from_fn(|_, _| next())).collect::<Vec<_>>();
-    let rest = vectors(points);
-    let displacements = vectors(points * steps);
-    let forces = vectors(steps);
-    let path = Path {
-        level: summary.points_level,
-        rest,
-        displacements,
-        forces,
-        volumes: numbers.collect(),
-    };
-    Ok(Reference { path, summary })
+    let (rest, displacements, forces) = (vectors(points), vectors(points * steps), vectors(steps));
+    let (level, volumes) = (summary.points_level, numbers.collect());
+    Ok(Reference { path: Path { level, rest, displacements, forces, volumes }, summary })
 }
 
 #[cfg(test)]
@@ -220,7 +200,7 @@ mod tests {
         let folder = Folder::open(root.path(), &serde_json::json!({}), false).unwrap();
         let scene = beam(&["mesh.max_level=0", "time.steps=2", "tools.0.path.1.time_s=0.3"]);
         let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
-        assert_eq!((made.summary.converged, made.path.steps()), (2, 2));
+        assert_eq!((made.summary.converged, made.path.forces.len()), (2, 2));
         assert!(made.summary.residual_max <= RESIDUAL);
         let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
         assert_eq!((&kept.path, &kept.summary), (&made.path, &made.summary));
@@ -228,17 +208,8 @@ mod tests {
 
     #[test]
     fn a_damaged_reference_is_named_and_nothing_is_allocated_for_it() {
-        let summary = ReferenceSummary {
-            level: 1,
-            points_level: 1,
-            vertices: 1,
-            points: usize::MAX / 2,
-            steps: 3,
-            converged: 3,
-            residual_max: 0.0,
-            element: "p1".into(),
-            total_s: 0.0,
-        };
+        let summary =
+            ReferenceSummary { points: usize::MAX / 2, steps: 3, ..ReferenceSummary::default() };
         let reference = Reference { path: Path::default(), summary };
         let forged = encode(&reference);
         assert!(decode(&forged).is_err_and(|reason| reason.contains("long")));

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use delegate::delegate;
 use faer::{Mat, MatRef};
 use yawara::{InverseFactory, SimError};
 use yawara_embed::EmbedError;
@@ -57,92 +58,49 @@ struct Guarded {
 }
 
 impl Guarded {
-    fn check(&self) -> Result<(), InverseError> {
+    fn in_time(&self) -> Result<&dyn InverseMaintainer, InverseError> {
         if !self.deadline.is_over() {
-            return Ok(());
+            return Ok(self.inner.as_ref());
         }
         let cause = StorageError::new(TimeIsUp);
         Err(InverseError::Storage { method: self.inner.name(), cause })
     }
+
+    fn in_time_mut(&mut self) -> Result<&mut dyn InverseMaintainer, InverseError> {
+        self.in_time()?;
+        Ok(self.inner.as_mut())
+    }
 }
 
 impl InverseMaintainer for Guarded {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-
-    fn place(&self) -> Option<String> {
-        self.inner.place()
-    }
-
-    fn vertices(&self) -> usize {
-        self.inner.vertices()
-    }
-
-    fn stiffness(&self) -> &SparseStiffness {
-        self.inner.stiffness()
-    }
-
-    fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
-        self.check()?;
-        self.inner.split(change)
-    }
-
-    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        self.check()?;
-        self.inner.batch(updates)
-    }
-
-    fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError> {
-        self.check()?;
-        self.inner.merge(slot, change)
-    }
-
-    fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
-        self.check()?;
-        self.inner.fix(slot)
-    }
-
-    fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
-        self.check()?;
-        self.inner.change(change)
-    }
-
-    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        self.check()?;
-        self.inner.solve(f, u)
-    }
-
-    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
-        self.check()?;
-        self.inner.solve_many(loads)
-    }
-
-    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        self.check()?;
-        self.inner.columns(slots)
-    }
-
-    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        self.check()?;
-        self.inner.compliance(slots)
-    }
-
-    fn holds_columns(&self) -> bool {
-        self.inner.holds_columns()
-    }
-
-    fn rebuild(&mut self) -> Result<(), InverseError> {
-        self.check()?;
-        self.inner.rebuild()
-    }
-
-    fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        self.inner.watch(seed)
-    }
-
-    fn counts(&self) -> Counts {
-        self.inner.counts()
+    delegate! {
+        to self.inner {
+            fn name(&self) -> &'static str;
+            fn place(&self) -> Option<String>;
+            fn vertices(&self) -> usize;
+            fn stiffness(&self) -> &SparseStiffness;
+            fn holds_columns(&self) -> bool;
+            fn watch(&mut self, seed: u64) -> Result<f64, InverseError>;
+            fn counts(&self) -> Counts;
+        }
+        to self.in_time()? {
+            fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
+            fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>;
+            fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
+            fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
+        }
+        to self.in_time_mut()? {
+            fn split(&mut self, ring: &RingChange) -> Result<usize, InverseError>;
+            fn merge(
+                &mut self,
+                slot: usize,
+                ring: &RingChange,
+            ) -> Result<Option<usize>, InverseError>;
+            fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError>;
+            fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
+            fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError>;
+            fn rebuild(&mut self) -> Result<(), InverseError>;
+        }
     }
 }
 
@@ -167,10 +125,7 @@ mod tests {
         assert!(run(600.0).is_ok());
         let other = InverseError::Slot { slot: 3, limit: 2 };
         assert!(!Deadline::ended(&SimError::Inverse(other)));
-    }
-
-    #[test]
-    fn so_is_homogenising() {
+        // So is homogenising.
         assert!(Deadline::after(0.0).watch().is_break());
         assert!(Deadline::after(600.0).watch().is_continue());
         assert!(Deadline::ended(&SimError::Embed(EmbedError::Stopped { done: 0.5 })));

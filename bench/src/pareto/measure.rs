@@ -4,14 +4,14 @@ use std::time::Instant;
 
 use yawara::report::StepReport;
 use yawara::scene::Scene;
-use yawara::{Probe, Simulation, Stages};
+use yawara::{Probe, SimError, Simulation, Stages};
 
 use super::deadline::Deadline;
 use super::path::{Distance, Path};
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::cases::{Advance, Findings};
 use crate::harness::machine;
-use crate::harness::statistics::percentile;
+use crate::harness::statistics::{milliseconds_since, percentile};
 
 /// Bytes in a megabyte.
 const MEGA: f64 = 1e6;
@@ -21,41 +21,41 @@ const MEMORY_FLOOR_MB: f64 = 4.0;
 
 /// Runs `scene` with `stages` for at most `cap_s` seconds and compares it with `reference`, if there
 /// is one; `watch` sees the simulation after every step, outside of what is timed.
-///
-/// # Errors
-/// [`BenchError::TimeIsUp`]; [`BenchError::OtherPoints`]; what the simulation refuses.
-pub fn measure(
+pub(crate) fn measure<'a>(
     scene: &Scene,
     mut stages: Stages,
-    reference: Option<&Path>,
+    reference: Option<&'a Path>,
     cap_s: f64,
     advance: Advance<'_>,
-    watch: &mut dyn FnMut(&Simulation) -> Result<(), BenchError>,
-) -> Result<Findings, BenchError> {
+    watch: &mut dyn FnMut(&Simulation) -> Result<()>,
+) -> Result<Findings> {
     let before = machine::resident_bytes().filter(|_| machine::reset_peak());
     let begin = Instant::now();
     let deadline = Deadline::after(cap_s);
     stages.inverse = deadline.guard(stages.inverse);
     let steps = scene.time.steps;
-    let ended = |error: yawara::SimError, step: usize| match Deadline::ended(&error) {
-        true => BenchError::TimeIsUp { seconds: cap_s, step, steps },
-        false => error.into(),
-    };
     let simulation =
         Simulation::builder(scene).stages(stages).progress(|_| deadline.watch()).build();
-    let mut simulation = simulation.map_err(|error| ended(error, 0))?;
+    let mut simulation = simulation.map_err(|error| ended(error, cap_s, 0, steps))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();
-    let mut compared = reference.map(|path| Compared::new(path, &simulation)).transpose()?;
+    let compare = |path: &'a Path| -> Result<(Probe, Distance<'a>)> {
+        let probe = simulation.probe(path.level)?;
+        let distance = Distance::from(path, &probe)?;
+        Ok((probe, distance))
+    };
+    let mut compared = reference.map(compare).transpose()?;
     // The probe is the study's, not the run's.
     let probed = machine::resident_bytes().filter(|_| machine::reset_peak());
-    let mut totals = Totals::default();
+    let (mut iterations, mut fallbacks, mut step_ms) = (0, 0, Vec::new());
     run_steps(&mut simulation, cap_s, |simulation, report, ms| {
-        if let Some(Compared { probe, distance }) = &mut compared {
+        if let Some((probe, distance)) = &mut compared {
             let x = simulation.probe_positions(probe)?;
             distance.add(probe, &x, report.force_n);
         }
-        totals.add(report, ms);
+        iterations += report.iterations;
+        fallbacks += report.fallbacks;
+        step_ms.push(ms);
         advance(report.step as f64 / steps as f64);
         watch(simulation)
     })?;
@@ -65,16 +65,17 @@ pub fn measure(
     let more_mb = grown(probed, machine::peak_bytes());
     let mut found = Findings::default();
     let figures = &mut found.figures;
-    if let Some(Compared { distance, .. }) = &compared {
-        figures.put("error_displacement", distance.displacement());
-        figures.put("error_force", distance.force());
-        figures.put("error_volume", distance.volume());
+    if let Some((_, distance)) = &compared {
+        let [displacement, force, volume] = distance.errors();
+        figures.put("error_displacement", displacement);
+        figures.put("error_force", force);
+        figures.put("error_volume", volume);
     }
     figures.put("steps", summary.steps.count);
     figures.put("converged", summary.steps.converged);
     figures.put("residual_max", summary.steps.residual_max);
-    figures.put("iterations", totals.iterations);
-    figures.put("fallbacks", totals.fallbacks);
+    figures.put("iterations", iterations);
+    figures.put("fallbacks", fallbacks);
     figures.put("halvings", summary.steps.halvings);
     figures.put("vertices_max", summary.mesh.vertices.max);
     figures.put("vertices_end", summary.mesh.vertices.end);
@@ -85,10 +86,10 @@ pub fn measure(
     figures.put("element", choice(&simulation, "element"));
     figures.put("inverse", summary.inverse.choice);
     let measured = &mut found.measured;
-    let all_ms: f64 = totals.step_ms.iter().sum();
-    measured.put("step_mean_ms", all_ms / totals.step_ms.len().max(1) as f64);
-    measured.put("step_p50_ms", percentile(&totals.step_ms, 50.0));
-    measured.put("step_p99_ms", percentile(&totals.step_ms, 99.0));
+    let all_ms: f64 = step_ms.iter().sum();
+    measured.put("step_mean_ms", all_ms / step_ms.len().max(1) as f64);
+    measured.put("step_p50_ms", percentile(&step_ms, 50.0));
+    measured.put("step_p99_ms", percentile(&step_ms, 99.0));
     measured.put("update_p50_ms", summary.inverse.time_ms.p50);
     measured.put("precompute_s", precompute_s);
     let memory_mb = start_mb.zip(more_mb).map(|(start, more)| start + more);
@@ -97,63 +98,34 @@ pub fn measure(
     Ok(found)
 }
 
-fn choice(simulation: &Simulation, stage: &str) -> String {
+/// What the plan has for a stage.
+pub(crate) fn choice(simulation: &Simulation, stage: &str) -> String {
     let row = simulation.plan().iter().find(|row| row.stage == stage);
     row.map_or_else(String::new, |row| row.choice.clone())
 }
 
-/// A run beside the reference: the points that both have, and how far apart they are.
-struct Compared<'a> {
-    probe: Probe,
-    distance: Distance<'a>,
-}
-
-impl<'a> Compared<'a> {
-    fn new(path: &'a Path, simulation: &Simulation) -> Result<Self, BenchError> {
-        let probe = simulation.probe(path.level)?;
-        Ok(Self { distance: Distance::from(path, &probe)?, probe })
-    }
-}
-
-#[derive(Default)]
-struct Totals {
-    iterations: usize,
-    fallbacks: usize,
-    step_ms: Vec<f64>,
-}
-
-impl Totals {
-    fn add(&mut self, report: &StepReport, ms: f64) {
-        self.iterations += report.iterations;
-        self.fallbacks += report.fallbacks;
-        self.step_ms.push(ms);
-    }
+/// What an error in a step says: that the time was up, or itself.
+fn ended(error: SimError, cap_s: f64, step: usize, steps: usize) -> BenchError {
+    if Deadline::ended(&error) { BenchError::TimeIsUp(cap_s, step, steps) } else { error.into() }
 }
 
 /// Makes all steps; `visit` sees each with its time in ms, outside of what is timed.
-///
-/// # Errors
-/// [`BenchError::TimeIsUp`] once the steps have taken more than `cap_s` seconds.
 pub(crate) fn run_steps(
     simulation: &mut Simulation,
     cap_s: f64,
-    mut visit: impl FnMut(&Simulation, &StepReport, f64) -> Result<(), BenchError>,
-) -> Result<(), BenchError> {
+    mut visit: impl FnMut(&Simulation, &StepReport, f64) -> Result<()>,
+) -> Result<()> {
     let begin = Instant::now();
     let steps = simulation.steps_left();
     while simulation.steps_left() > 0 {
         let step = steps - simulation.steps_left() + 1;
-        let ended = BenchError::TimeIsUp { seconds: cap_s, step, steps };
         if begin.elapsed().as_secs_f64() > cap_s {
-            return Err(ended);
+            return Err(BenchError::TimeIsUp(cap_s, step, steps));
         }
         let start = Instant::now();
         let report = simulation.step();
-        let ms = start.elapsed().as_secs_f64() * 1e3;
-        let report = report.map_err(|error| match Deadline::ended(&error) {
-            true => ended,
-            false => error.into(),
-        })?;
+        let ms = milliseconds_since(start);
+        let report = report.map_err(|error| ended(error, cap_s, step, steps))?;
         visit(simulation, &report, ms)?;
     }
     Ok(())

@@ -4,13 +4,12 @@ use nalgebra::Vector3;
 use yawara::{Probe, Simulation};
 use yawara_mesh::geometry::signed_volume;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// A run as it is compared: displacements of fixed points, the tools' force and the body's volume
 /// after every step.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Path {
-    /// Level of the points.
+pub(crate) struct Path {
     pub level: u8,
     /// Rest positions of the points, m.
     pub rest: Vec<Vector3<f64>>,
@@ -34,27 +33,22 @@ pub(crate) fn volume(probe: &Probe, x: &[Vector3<f64>]) -> f64 {
 
 impl Path {
     /// Nothing yet, of the points of `probe`.
-    pub(crate) fn of(probe: &Probe, level: u8) -> Self {
+    pub fn of(probe: &Probe, level: u8) -> Self {
         Self { level, rest: probe.rest().to_vec(), ..Self::default() }
     }
 
     /// Adds the step that `simulation` has just made, with its force.
-    pub(crate) fn push(
+    pub fn push(
         &mut self,
         simulation: &Simulation,
         probe: &mut Probe,
         force: [f64; 3],
-    ) -> Result<(), BenchError> {
+    ) -> Result<()> {
         let now = simulation.probe_positions(probe)?;
         self.displacements.extend(now.iter().zip(&self.rest).map(|(x, rest)| x - rest));
         self.forces.push(force.into());
         self.volumes.push(volume(probe, &now));
         Ok(())
-    }
-
-    /// How many steps it has.
-    pub fn steps(&self) -> usize {
-        self.forces.len()
     }
 }
 
@@ -71,10 +65,7 @@ pub(crate) struct Distance<'a> {
 
 impl<'a> Distance<'a> {
     /// Of a run with the points of `probe` from `path`.
-    ///
-    /// # Errors
-    /// [`BenchError::OtherPoints`] if the points are not the same.
-    pub fn from(path: &'a Path, probe: &Probe) -> Result<Self, BenchError> {
+    pub fn from(path: &'a Path, probe: &Probe) -> Result<Self> {
         if probe.rest() != path.rest {
             let (got, want) = (probe.rest().len(), path.rest.len());
             return Err(BenchError::OtherPoints { got, want, level: path.level });
@@ -106,18 +97,10 @@ impl<'a> Distance<'a> {
         self.step += 1;
     }
 
-    /// √(Σ‖u − u'‖² / Σ‖u'‖²) over all points and steps.
-    pub fn displacement(&self) -> f64 {
-        (self.displacement[0] / self.displacement[1]).sqrt()
-    }
-
-    /// √(Σ‖f − f'‖² / Σ‖f'‖²) over all steps.
-    pub fn force(&self) -> f64 {
-        (self.force[0] / self.force[1]).sqrt()
-    }
-
-    /// The largest |V − V'| of all steps over the volume at rest.
-    pub fn volume(&self) -> f64 {
-        self.volume[0] / self.volume[1]
+    /// √(Σ‖u − u'‖² / Σ‖u'‖²) over all points and steps, √(Σ‖f − f'‖² / Σ‖f'‖²) over all steps, and
+    /// the largest |V − V'| of all steps over the volume at rest.
+    pub fn errors(&self) -> [f64; 3] {
+        let [u, f, v] = [self.displacement, self.force, self.volume].map(|[error, of]| error / of);
+        [u.sqrt(), f.sqrt(), v]
     }
 }

@@ -1,23 +1,39 @@
 //! One page with everything: plots, table, picture, and how they came about.
 
-use super::results::{ERROR, Results, TIME, own_error};
+use yawara::report::PlanRow;
+use yawara::scene::Scene;
+
+use super::choices::uniform_name;
+use super::converged::ReferenceSummary;
 use super::scatter::converged;
 use crate::harness::cases::{Row, rounded};
 use crate::harness::machine::{Machine, Place};
 use crate::harness::plot::escape;
 
-/// What a page is made of.
-pub(crate) struct Content<'a> {
-    pub results: &'a Results,
-    pub machine: &'a Machine,
-    /// Names of the rows on the front, by the error of displacement.
-    pub front: &'a [&'a str],
-    /// The same by that of the force.
-    pub front_of_force: &'a [&'a str],
-    /// SVG texts.
-    pub plots: Vec<String>,
-    /// SVG text.
-    pub body: Option<String>,
+/// The x axis of the plots: a row's measurement.
+pub(crate) const TIME: &str = "step_mean_ms";
+
+/// The y axis of the plots: a row's figure.
+pub(crate) const ERROR: &str = "error_displacement";
+
+/// A finished study.
+pub(crate) struct Results<'a> {
+    pub scene: &'a Scene,
+    /// Of the default.
+    pub plan: &'a [PlanRow],
+    pub reference: ReferenceSummary,
+    /// One per candidate.
+    pub rows: Vec<Row>,
+}
+
+/// What the uniform levels say of the reference's own error: at half its elements' edge errors of
+/// linear elements fall to a quarter, so it is a third of the distance of the mesh three levels
+/// coarser; `None` without such a row.
+pub(crate) fn own_error(results: &Results<'_>) -> Option<f64> {
+    let coarser = results.reference.level.checked_sub(3)?;
+    let name = uniform_name(coarser);
+    let row = results.rows.iter().find(|row| row.case == name)?;
+    Some(row.number(ERROR)? / 3.0)
 }
 
 const STYLE: &str = include_str!("report.css");
@@ -44,12 +60,19 @@ const COLUMNS: &[(&str, &str, &str)] = &[
     ("rebuilds", "rebuilds", "fresh starts of the inverse by itself"),
 ];
 
-/// The page, complete in itself: no other file and no network is asked for anything.
-pub(crate) fn page(content: &Content<'_>) -> String {
-    let name = escape(&content.results.scene.name);
-    let plots: String =
-        content.plots.iter().map(|plot| format!("<figure>{plot}</figure>\n")).collect();
-    let body = content.body.as_ref().map_or_else(String::new, |svg| {
+/// The page, complete in itself: no other file and no network is asked for anything. `fronts` are the
+/// names of the rows on the fronts by the errors of displacement and force; `plots` and `body` are
+/// SVG texts.
+pub(crate) fn page(
+    results: &Results<'_>,
+    machine: &Machine,
+    fronts: &[Vec<&str>; 2],
+    plots: &[String],
+    body: Option<String>,
+) -> String {
+    let name = escape(&results.scene.name);
+    let plots: String = plots.iter().map(|plot| format!("<figure>{plot}</figure>\n")).collect();
+    let body = body.map_or_else(String::new, |svg| {
         let caption = "The default's mesh where it is moved the most, coloured by label.";
         format!("<figure class=\"body\">{svg}<figcaption>{caption}</figcaption></figure>\n")
     });
@@ -60,15 +83,17 @@ pub(crate) fn page(content: &Content<'_>) -> String {
          <title>{name}: error against time</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <h1>{name}: error against time</h1>\n{}{plots}{}{body}{}\
          <script>\n{SCRIPT}</script>\n</body>\n</html>\n",
-        facts(content),
-        table(content),
-        left_out(content)
+        facts(results, machine, fronts),
+        table(&results.rows, &fronts[0]),
+        left_out(results.plan)
     )
 }
 
-fn facts(content: &Content<'_>) -> String {
-    let Content { results, machine, .. } = content;
-    let reference = &results.reference;
+fn facts(results: &Results<'_>, machine: &Machine, fronts: &[Vec<&str>; 2]) -> String {
+    let Machine { cpu, system, threads_available, .. } = machine;
+    let ReferenceSummary { level, vertices, element, converged: good, steps, .. } =
+        &results.reference;
+    let residual_max = results.reference.residual_max;
     let mut places: Vec<&Place> = results.rows.iter().map(|row| &row.on).collect();
     places.sort();
     places.dedup();
@@ -80,25 +105,16 @@ fn facts(content: &Content<'_>) -> String {
     let lines = [
         ("Scene", results.scene.description.clone()),
         ("Measured on", places.join("; ")),
-        (
-            "Written on",
-            format!("{}, {}, {} threads", machine.cpu, machine.system, machine.threads_available),
-        ),
+        ("Written on", format!("{cpu}, {system}, {threads_available} threads")),
         (
             "Reference",
             format!(
-                "uniform level {}, {} vertices, element {}, {} of {} steps converged, largest \
-                 relative residual {:.1e}{own}",
-                reference.level,
-                reference.vertices,
-                reference.element,
-                reference.converged,
-                reference.steps,
-                reference.residual_max
+                "uniform level {level}, {vertices} vertices, element {element}, {good} of {steps} steps \
+                 converged, largest relative residual {residual_max:.1e}{own}"
             ),
         ),
-        ("On the front of displacement", content.front.join("; ")),
-        ("On the front of force", content.front_of_force.join("; ")),
+        ("On the front of displacement", fronts[0].join("; ")),
+        ("On the front of force", fronts[1].join("; ")),
     ];
     let items: String = lines
         .iter()
@@ -107,24 +123,19 @@ fn facts(content: &Content<'_>) -> String {
     format!("<dl>\n{items}</dl>\n")
 }
 
-fn table(content: &Content<'_>) -> String {
-    let head = |(number, (_, head, title)): (usize, &(&str, &str, &str))| {
-        let title = escape(title);
+fn table(rows: &[Row], front: &[&str]) -> String {
+    let names = [("factor", String::new()), ("case", String::new())];
+    let figures =
+        COLUMNS.iter().map(|(_, head, title)| (*head, format!(" title=\"{}\"", escape(title))));
+    let head = |(number, (head, title)): (usize, (&str, String))| {
         format!(
-            "<th scope=\"col\" aria-sort=\"none\"><button type=\"button\" data-column=\"{}\" \
-             title=\"{title}\">{head}</button></th>",
-            number + 2
+            "<th scope=\"col\" aria-sort=\"none\"><button type=\"button\" \
+             data-column=\"{number}\"{title}>{head}</button></th>"
         )
     };
-    let heads: String = COLUMNS.iter().enumerate().map(head).collect();
-    let rows: String = content.results.rows.iter().map(|row| line(row, content.front)).collect();
-    format!(
-        "<table>\n<thead><tr>\
-         <th scope=\"col\" aria-sort=\"none\"><button type=\"button\" data-column=\"0\">factor\
-         </button></th>\
-         <th scope=\"col\" aria-sort=\"none\"><button type=\"button\" data-column=\"1\">case\
-         </button></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
-    )
+    let heads: String = names.into_iter().chain(figures).enumerate().map(head).collect();
+    let rows: String = rows.iter().map(|row| line(row, front)).collect();
+    format!("<table>\n<thead><tr>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n")
 }
 
 fn line(row: &Row, front: &[&str]) -> String {
@@ -152,14 +163,9 @@ fn cell(row: &Row, name: &str) -> String {
     format!("<td class=\"number\" data-value=\"{value}\">{text}</td>")
 }
 
-fn left_out(content: &Content<'_>) -> String {
-    let items: String = content
-        .results
-        .plan
-        .iter()
-        .filter(|row| !row.runs)
-        .map(|row| format!("<li>{}: {}</li>\n", escape(&row.stage), escape(&row.why)))
-        .collect();
+fn left_out(plan: &[PlanRow]) -> String {
+    let item = |row: &PlanRow| format!("<li>{}: {}</li>\n", escape(&row.stage), escape(&row.why));
+    let items: String = plan.iter().filter(|row| !row.runs).map(item).collect();
     if items.is_empty() {
         return String::new();
     }

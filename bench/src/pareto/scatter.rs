@@ -1,18 +1,14 @@
 //! Error against time, with the front.
 
-use super::front::front;
 use crate::harness::cases::Row;
-use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape};
+use crate::harness::plot::{Anchor, Axes, FRAME, Picture, Role, SIZE, Shape, key};
 use crate::harness::report::each_once;
 
 /// Height of a line of the smallest text.
 const LINE: f64 = 13.0;
 
-/// What is on the axes: a row's figure or measurement, and what to call it.
-pub(crate) struct Axis<'a> {
-    pub name: &'a str,
-    pub title: &'a str,
-}
+/// What is on an axis: a row's figure or measurement, and what to call it.
+pub(crate) type Axis = (&'static str, &'static str);
 
 /// A scatter plot with logarithmic axes, the front as a line with its rows named; `None` where no
 /// row has both values.
@@ -21,17 +17,17 @@ pub(crate) struct Axis<'a> {
 /// rows have their names beside them wherever they are.
 pub(crate) fn scatter(
     title: &str,
-    x: &Axis<'_>,
-    y: &Axis<'_>,
+    x: Axis,
+    y: Axis,
     rows: &[Row],
     named: &[&str],
 ) -> Option<Picture> {
-    let point = |row: &Row| (number(row, x.name), number(row, y.name));
+    let point = |row: &Row| (number(row, x.0), number(row, y.0));
     let points: Vec<(f64, f64)> = rows.iter().map(point).collect();
     let axes = Axes::around(points.iter().copied())?;
     let place = |point| axes.place(point);
-    let mut shapes = axes.shapes(title, [x.title, y.title]);
-    let on_front = front_of(rows, x.name, y.name);
+    let mut shapes = axes.shapes(title, [x.1, y.1]);
+    let on_front = front_of(rows, x.0, y.0);
     let corners: Vec<(f64, f64)> = on_front.iter().map(|&i| place(points[i])).collect();
     shapes.push(Shape::Line { points: stairs(&corners), width: 1.5, role: Role::Ink });
     let groups = each_once(rows.iter().map(|row| &row.group[..]));
@@ -47,7 +43,7 @@ pub(crate) fn scatter(
         shapes.push(Shape::Disc { at, radius, hollow: !converged(row), role, title });
         labels.block(at, radius);
         if on_front.contains(&i) || named.contains(&&row.group[..]) {
-            labels.want(at, &row.case);
+            labels.wanted.push((at, &row.case));
         }
     }
     shapes.extend(labels.shapes());
@@ -57,11 +53,28 @@ pub(crate) fn scatter(
 
 /// The rows that converged in every step and that no other such row beats in both values.
 pub(crate) fn front_of(rows: &[Row], x: &str, y: &str) -> Vec<usize> {
-    let point = |row: &Row| match converged(row) {
-        true => (number(row, x), number(row, y)),
-        false => (f64::NAN, f64::NAN),
-    };
-    front(&rows.iter().map(point).collect::<Vec<_>>())
+    let value = |row: &Row, name| if converged(row) { number(row, name) } else { f64::NAN };
+    front(&rows.iter().map(|row| (value(row, x), value(row, y))).collect::<Vec<_>>())
+}
+
+/// Who is beaten by no one: the points (x, y) for which no other is at most as large in both and
+/// smaller in one, as positions in `points`, by ascending x. What is not positive and finite takes
+/// no part. Of equal points the first counts. Cost: O(n log n).
+fn front(points: &[(f64, f64)]) -> Vec<usize> {
+    let valid = |value: f64| value > 0.0 && value.is_finite();
+    let mut order: Vec<usize> =
+        (0..points.len()).filter(|&i| valid(points[i].0) && valid(points[i].1)).collect();
+    order.sort_by(|&i, &j| {
+        let (a, b) = (points[i], points[j]);
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(i.cmp(&j))
+    });
+    let mut lowest = f64::INFINITY;
+    order.retain(|&i| {
+        let better = points[i].1 < lowest;
+        lowest = lowest.min(points[i].1);
+        better
+    });
+    order
 }
 
 /// Whether every step converged.
@@ -84,36 +97,22 @@ fn stairs(corners: &[(f64, f64)]) -> Vec<(f64, f64)> {
 }
 
 fn legend(groups: &[&str]) -> Vec<Shape> {
-    let mut shapes = Vec::new();
-    for (number, group) in groups.iter().enumerate() {
-        let at = (FRAME[2] + 28.0, FRAME[1] + 20.0 * number as f64);
-        let role = Role::Series(number);
-        let title = (*group).to_owned();
-        shapes.push(Shape::Disc { at, radius: 5.0, hollow: false, role, title });
-        let text = (*group).to_owned();
-        let at = (at.0 + 12.0, at.1);
-        shapes.push(Shape::Text { at, size: 13.0, anchor: Anchor::Start, text });
-    }
-    let y = FRAME[1] + 20.0 * groups.len() as f64 + 6.0;
-    for (number, text) in
-        ["hollow: a step did not converge", "line: Pareto front"].iter().enumerate()
-    {
-        let at = (FRAME[2] + 22.0, y + 17.0 * number as f64);
-        let text = (*text).to_owned();
-        shapes.push(Shape::Text { at, size: 12.0, anchor: Anchor::Start, text });
-    }
-    shapes
+    let keys = groups.iter().enumerate().flat_map(|(number, group)| key(number, 5.0, false, group));
+    let (x, y) = (FRAME[2] + 22.0, FRAME[1] + 20.0 * groups.len() as f64 + 6.0);
+    let note = |y, text| Shape::text((x, y), 12.0, Anchor::Start, text);
+    let notes = [note(y, "hollow: a step did not converge"), note(y + 17.0, "line: Pareto front")];
+    keys.chain(notes).collect()
 }
 
 /// Names beside points, moved up or down until they lie on no other and on no mark.
 #[derive(Default)]
-struct Labels {
+struct Labels<'a> {
     /// Boxes that are taken: left, top, right, bottom.
     taken: Vec<[f64; 4]>,
-    wanted: Vec<((f64, f64), String)>,
+    wanted: Vec<((f64, f64), &'a str)>,
 }
 
-impl Labels {
+impl Labels<'_> {
     fn block(&mut self, (x, y): (f64, f64), radius: f64) {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
@@ -123,20 +122,13 @@ impl Labels {
         self.taken.push([a.0.min(b.0), a.1.min(b.1), a.0.max(b.0), a.1.max(b.1)]);
     }
 
-    fn want(&mut self, at: (f64, f64), name: &str) {
-        self.wanted.push((at, name.to_owned()));
-    }
-
     fn shapes(mut self) -> Vec<Shape> {
         let mut shapes = Vec::new();
-        for ((x, y), text) in std::mem::take(&mut self.wanted) {
+        for ((x, y), text) in self.wanted {
             // A letter of this size is about so wide.
             let width = 6.2 * text.chars().count() as f64;
             let fits = x + 9.0 + width < FRAME[2];
-            let (from, anchor) = match fits {
-                true => (x + 9.0, Anchor::Start),
-                false => (x - 9.0 - width, Anchor::End),
-            };
+            let from = if fits { x + 9.0 } else { x - 9.0 - width };
             let box_at = |y: f64| [from, y - 0.5 * LINE, from + width, y + 0.5 * LINE];
             let free = |y: &f64| {
                 let a = box_at(*y);
@@ -147,8 +139,9 @@ impl Labels {
                 (0..14).map(|n| f64::from((n + 1) / 2) * if n % 2 == 0 { 8.0 } else { -8.0 });
             let height = shifts.map(|shift| y + shift).find(free).unwrap_or(y);
             self.taken.push(box_at(height));
-            let at = (if fits { from } else { from + width }, height);
-            shapes.push(Shape::Text { at, size: 12.0, anchor, text });
+            let (x, anchor) =
+                if fits { (from, Anchor::Start) } else { (from + width, Anchor::End) };
+            shapes.push(Shape::text((x, height), 12.0, anchor, text));
         }
         shapes
     }
@@ -167,8 +160,19 @@ mod tests {
         row
     }
 
-    const X: Axis<'static> = Axis { name: "ms", title: "ms per step" };
-    const Y: Axis<'static> = Axis { name: "error", title: "error" };
+    const X: Axis = ("ms", "ms per step");
+    const Y: Axis = ("error", "error");
+
+    #[test]
+    fn a_point_is_on_the_front_if_none_beats_it() {
+        let points = [(3.0, 1.0), (1.0, 3.0), (2.0, 2.0), (2.0, 2.5), (3.0, 3.0), (2.0, 2.0)];
+        assert_eq!(front(&points), [1, 2, 0]);
+        assert_eq!(front(&[(1.0, 1.0), (2.0, 1.0)]), [0], "slower and no better");
+        // What is no point takes no part.
+        let points = [(f64::NAN, 0.1), (0.5, f64::INFINITY), (0.0, 1.0), (2.0, 2.0)];
+        assert_eq!(front(&points), [3]);
+        assert!(front(&[]).is_empty());
+    }
 
     #[test]
     fn marks_lie_where_their_values_are_and_the_front_is_named() {
@@ -180,19 +184,16 @@ mod tests {
         ];
         rows.push(Row { failure: Some("no".into()), ..Row::new("g", "failed") });
         assert_eq!(front_of(&rows, "ms", "error"), [0, 1]);
-        let picture = scatter("t", &X, &Y, &rows, &[]).unwrap();
+        let picture = scatter("t", X, Y, &rows, &[]).unwrap();
         let discs = picture.shapes.iter().filter_map(|shape| match shape {
             Shape::Disc { at, hollow, title, .. } if title.contains(':') => Some((*at, *hollow)),
             _ => None,
         });
-        let discs: Vec<_> = discs.collect();
-        assert_eq!(
-            discs.iter().map(|disc| disc.1).collect::<Vec<_>>(),
-            [false, false, false, true]
-        );
+        let (at, hollow): (Vec<(f64, f64)>, Vec<bool>) = discs.unzip();
+        assert_eq!(hollow, [false, false, false, true]);
         // Two decades of either axis are as long as any other two.
-        assert!((discs[1].0.0 - discs[0].0.0 - (discs[2].0.0 - discs[0].0.0)).abs() < 1e-9);
-        assert!(discs[1].0.1 > discs[0].0.1 && (discs[2].0.1 - discs[0].0.1).abs() < 1e-9);
+        assert!((at[1].0 - at[2].0).abs() < 1e-9);
+        assert!(at[1].1 > at[0].1 && (at[2].1 - at[0].1).abs() < 1e-9);
         let svg = picture.svg();
         for (name, shown) in [("fast", 2), ("slow", 2), ("beaten", 1), ("lost", 1)] {
             assert_eq!(svg.matches(&format!(">{name}")).count(), shown, "{name}");
@@ -203,23 +204,16 @@ mod tests {
     fn names_do_not_cover_each_other() {
         let mut labels = Labels::default();
         for i in 0..5 {
-            labels.want((200.0, 200.0 + 2.0 * f64::from(i)), "a name of some length");
+            labels.wanted.push(((200.0, 200.0 + 2.0 * f64::from(i)), "a name of some length"));
         }
-        let heights: Vec<f64> = labels
-            .shapes()
-            .iter()
-            .map(|shape| match shape {
-                Shape::Text { at, .. } => at.1,
-                _ => unreachable!(),
-            })
-            .collect();
+        let height = |shape: &Shape| match shape {
+            Shape::Text { at, .. } => at.1,
+            _ => unreachable!(),
+        };
+        let heights: Vec<f64> = labels.shapes().iter().map(height).collect();
         for (i, a) in heights.iter().enumerate() {
             assert!(heights[..i].iter().all(|b| (a - b).abs() >= LINE), "{heights:?}");
         }
-    }
-
-    #[test]
-    fn nothing_positive_is_no_plot() {
-        assert!(scatter("t", &X, &Y, &[], &[]).is_none());
+        assert!(scatter("t", X, Y, &[], &[]).is_none(), "nothing positive is no plot");
     }
 }

@@ -2,13 +2,14 @@
 
 use std::time::Instant;
 
-use faer::linalg::solvers::DenseSolveCore;
+use faer::linalg::solvers::{DenseSolveCore, PartialPivLu, Solve};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Mat, Par, Side, get_global_parallelism, set_global_parallelism};
 use yawara_embed::SparseCholesky;
 use yawara_inverse_update::{SparseStiffness, elimination_order};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
+use crate::harness::statistics::milliseconds_since;
 
 /// A direct method of faer, in one thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +32,10 @@ pub const DIRECT: [Direct; 4] =
 pub(crate) enum Solver {
     /// C, both halves.
     Inverse(Mat<f64>),
+    /// L and U, dense.
+    Lu(PartialPivLu<f64>),
     /// L, sparse.
-    Factor(Box<SparseCholesky>),
+    Cholesky(Box<SparseCholesky>),
 }
 
 impl Direct {
@@ -53,12 +56,9 @@ impl Direct {
 
     /// Starts from K alone. Returns the solver and the time in ms, which the copy of K into the
     /// library's own format is no part of.
-    ///
-    /// # Errors
-    /// [`BenchError::NotFactored`] if K is not positive definite.
-    pub(crate) fn rebuild(self, k: &SparseStiffness) -> Result<(Solver, f64), BenchError> {
+    pub(crate) fn rebuild(self, k: &SparseStiffness) -> Result<(Solver, f64)> {
         let (method, rows) = (self.name(), k.dofs());
-        let not_factored = || BenchError::NotFactored { method, rows };
+        let not_factored = || BenchError::NotFactored(method, rows);
         if self.is_dense() {
             let dense = k.to_dense();
             let begin = Instant::now();
@@ -66,14 +66,14 @@ impl Direct {
                 Self::Lu => dense.partial_piv_lu().inverse(),
                 _ => dense.llt(Side::Lower).map_err(|_| not_factored())?.inverse(),
             };
-            return Ok((Solver::Inverse(inverse), begin.elapsed().as_secs_f64() * 1e3));
+            return Ok((Solver::Inverse(inverse), milliseconds_since(begin)));
         }
         let lower = lower_half(k);
         let begin = Instant::now();
         let order = (self == Self::SparseDissection).then(|| elimination_order(k));
         let factor = SparseCholesky::new(&lower, order.as_deref(), k.block());
-        let elapsed = begin.elapsed().as_secs_f64() * 1e3;
-        Ok((Solver::Factor(Box::new(factor.ok_or_else(not_factored)?)), elapsed))
+        let elapsed = milliseconds_since(begin);
+        Ok((Solver::Cholesky(Box::new(factor.ok_or_else(not_factored)?)), elapsed))
     }
 }
 
@@ -90,24 +90,30 @@ impl Solver {
     /// u = K⁻¹ f.
     pub fn solve(&self, f: &[f64]) -> Vec<f64> {
         let mut u = Mat::from_fn(f.len(), 1, |i, _| f[i]);
-        match self {
-            Self::Inverse(c) => u = c * &u,
-            Self::Factor(factor) => factor.solve_in_place(&mut u),
-        }
+        self.solve_in_place(&mut u);
         u.col_as_slice(0).to_vec()
     }
 
     /// The columns of C that belong to `slots` of 3 rows.
     pub fn columns(&self, slots: &[usize]) -> Mat<f64> {
         let column = |j: usize| 3 * slots[j / 3] + j % 3;
-        match self {
-            Self::Inverse(c) => Mat::from_fn(c.nrows(), 3 * slots.len(), |i, j| c[(i, column(j))]),
-            Self::Factor(factor) => {
-                let unit = |i, j| if i == column(j) { 1.0 } else { 0.0 };
-                let mut columns = Mat::from_fn(factor.rows(), 3 * slots.len(), unit);
-                factor.solve_in_place(&mut columns);
-                columns
+        let rows = match self {
+            Self::Inverse(c) => {
+                return Mat::from_fn(c.nrows(), 3 * slots.len(), |i, j| c[(i, column(j))]);
             }
+            Self::Lu(factor) => factor.L().nrows(),
+            Self::Cholesky(factor) => factor.rows(),
+        };
+        let mut columns = Mat::from_fn(rows, 3 * slots.len(), |i, j| f64::from(i == column(j)));
+        self.solve_in_place(&mut columns);
+        columns
+    }
+
+    fn solve_in_place(&self, u: &mut Mat<f64>) {
+        match self {
+            Self::Inverse(c) => *u = c * &*u,
+            Self::Lu(factor) => factor.solve_in_place(u),
+            Self::Cholesky(factor) => factor.solve_in_place(u),
         }
     }
 }
@@ -171,8 +177,7 @@ mod tests {
         let lower = lower_half(&k);
         let order = elimination_order(&k);
         let reversed: Vec<usize> = order.iter().rev().copied().collect();
-        let numbers =
-            |order: Option<&[usize]>| SparseCholesky::new(&lower, order, 3).unwrap().numbers();
+        let numbers = |order| SparseCholesky::new(&lower, order, 3).unwrap().numbers();
         let (degree, dissection) = (numbers(None), numbers(Some(&order)));
         assert!(dissection < degree * 3 / 2, "{dissection} against {degree}");
         // Separators first: the order would have been read backwards.
@@ -185,7 +190,7 @@ mod tests {
         k.add(&[0], Mat::from_fn(3, 3, |i, j| if i == j { -1.0 } else { 0.0 }).as_ref()).unwrap();
         for method in [Direct::Cholesky, Direct::SparseAmd, Direct::SparseDissection] {
             let error = method.rebuild(&k).err().unwrap();
-            assert!(matches!(error, BenchError::NotFactored { .. }), "{error}");
+            assert!(matches!(error, BenchError::NotFactored(..)), "{error}");
         }
     }
 }

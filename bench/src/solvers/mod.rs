@@ -8,3 +8,7 @@ pub(crate) mod accuracy;
 pub(crate) mod direct;
 pub(crate) mod reference;
 pub(crate) mod stream;
+
+pub(crate) use accuracy::Trial;
+pub(crate) use direct::{Direct, Solver, in_one_thread};
+pub(crate) use reference::Reference;

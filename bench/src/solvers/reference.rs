@@ -1,12 +1,9 @@
 //! Solutions that others are measured against: a fresh factor, refined with exact residuals.
 
-use faer::Mat;
-use faer::linalg::solvers::{PartialPivLu, Solve};
-use yawara_embed::SparseCholesky;
 use yawara_inverse_update::SparseStiffness;
 
-use crate::error::BenchError;
-use crate::solvers::direct::{Direct, lower_half};
+use crate::error::{BenchError, Result};
+use crate::solvers::direct::{Direct, Solver};
 
 /// Up to so many rows the factor is dense LU, above it is sparse LLᵀ: LU would take longer than
 /// all that it is to judge.
@@ -21,28 +18,19 @@ const CORRECTIONS: usize = 20;
 /// K assembled afresh, with a factor of it.
 pub(crate) struct Reference {
     k: SparseStiffness,
-    factor: Factor,
-}
-
-enum Factor {
-    Dense(PartialPivLu<f64>),
-    Sparse(SparseCholesky),
+    method: Direct,
+    factor: Solver,
 }
 
 impl Reference {
     /// Factors `k`.
-    ///
-    /// # Errors
-    /// [`BenchError::NotFactored`] if it is not positive definite.
-    pub fn new(k: SparseStiffness) -> Result<Self, BenchError> {
-        let factor = if k.dofs() <= DENSE_ROWS {
-            Factor::Dense(k.to_dense().partial_piv_lu())
+    pub fn new(k: SparseStiffness) -> Result<Self> {
+        let (method, factor) = if k.dofs() <= DENSE_ROWS {
+            (Direct::Lu, Solver::Lu(k.to_dense().partial_piv_lu()))
         } else {
-            let (method, rows) = (Direct::SparseAmd.name(), k.dofs());
-            let factor = SparseCholesky::new(&lower_half(&k), None, k.block());
-            Factor::Sparse(factor.ok_or(BenchError::NotFactored { method, rows })?)
+            (Direct::SparseAmd, Direct::SparseAmd.rebuild(&k)?.0)
         };
-        Ok(Self { k, factor })
+        Ok(Self { k, method, factor })
     }
 
     /// Rows of K.
@@ -52,39 +40,24 @@ impl Reference {
 
     /// Which factor it is, `lu` or `sparse_refactor_amd`.
     pub fn name(&self) -> &'static str {
-        match self.factor {
-            Factor::Dense(_) => Direct::Lu.name(),
-            Factor::Sparse(_) => Direct::SparseAmd.name(),
-        }
+        self.method.name()
     }
 
     /// u = K⁻¹ f, refined with residuals of twice the precision until it does not change any more.
-    ///
-    /// # Errors
-    /// [`BenchError::Unsettled`] if it does.
     /// # Source
     /// Demmel et al., Error bounds from extra-precise iterative refinement, ACM TOMS 32(2), 2006.
-    pub fn solve(&self, f: &[f64]) -> Result<Vec<f64>, BenchError> {
+    pub fn solve(&self, f: &[f64]) -> Result<Vec<f64>> {
         let mut u = vec![0.0; f.len()];
         let mut change = f64::INFINITY;
         for _ in 0..CORRECTIONS {
-            let correction = self.factor_solve(&residual(&self.k, f, &u));
+            let correction = self.factor.solve(&residual(&self.k, f, &u));
             u.iter_mut().zip(&correction).for_each(|(u, c)| *u += c);
             change = norm(&correction) / norm(&u);
             if change <= SETTLED {
                 return Ok(u);
             }
         }
-        Err(BenchError::Unsettled { rows: f.len(), change, limit: SETTLED })
-    }
-
-    fn factor_solve(&self, f: &[f64]) -> Vec<f64> {
-        let mut u = Mat::from_fn(f.len(), 1, |i, _| f[i]);
-        match &self.factor {
-            Factor::Dense(lu) => lu.solve_in_place(&mut u),
-            Factor::Sparse(cholesky) => cholesky.solve_in_place(&mut u),
-        }
-        u.col_as_slice(0).to_vec()
+        Err(BenchError::Unsettled(f.len(), change, SETTLED))
     }
 }
 
@@ -103,7 +76,6 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 /// f − K u as if computed in twice the precision and then rounded.
-///
 /// # Source
 /// Ogita, Rump, Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26(6), 2005: Dot2.
 fn residual(k: &SparseStiffness, f: &[f64], u: &[f64]) -> Vec<f64> {
@@ -131,6 +103,7 @@ fn residual(k: &SparseStiffness, f: &[f64], u: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use faer::Mat;
 
     #[test]
     fn the_residual_keeps_what_cancels() {

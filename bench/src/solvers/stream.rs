@@ -12,7 +12,7 @@ const PARALLEL_FROM: usize = 8 << 20;
 
 /// A block of numbers to read and write once, from one end to the other.
 #[derive(Clone, Debug, Default)]
-pub struct Stream {
+pub(crate) struct Stream {
     data: Vec<f64>,
 }
 
@@ -93,16 +93,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pass_changes_exactly_its_numbers() {
+    fn a_pass_changes_exactly_its_numbers_a_large_one_too() {
         let mut stream = Stream::new(5);
         assert_eq!(stream.pass(3), 24);
         assert_eq!(stream.data, [-1.0, -1.0, -1.0, 1.0, 1.0]);
         assert_eq!(stream.pass(9), 40);
         assert_eq!(stream.data, [1.0, 1.0, 1.0, -1.0, -1.0]);
-    }
-
-    #[test]
-    fn a_large_pass_does_too() {
         let mut stream = Stream::new(PARALLEL_FROM / 4 + 3);
         let count = PARALLEL_FROM / 8 + 1;
         assert_eq!(stream.pass(count), 8 * count);
@@ -111,14 +107,10 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_goes_over_both_halves() {
+    fn a_copy_goes_over_both_halves_a_large_one_too() {
         let mut stream = Stream { data: vec![1.0, 2.0, 3.0, 4.0, 5.0] };
         assert_eq!(stream.copy(9), 32);
         assert_eq!(stream.data, [1.0, 2.0, 1.0, 2.0, 5.0]);
-    }
-
-    #[test]
-    fn a_large_copy_does_too() {
         let half = PARALLEL_FROM / 16 + 3;
         let mut stream = Stream { data: (0..2 * half + 1).map(|i| i as f64).collect() };
         assert_eq!(stream.copy(2 * half + 1), 16 * half);

@@ -7,9 +7,9 @@ use serde_json::json;
 use yawara::scene::{Scene, SurfaceEntry};
 use yawara::{Probe, Simulation, Stages, scene_file};
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
-use crate::harness::statistics::{median, ratios};
+use crate::harness::statistics::{median, milliseconds_since, ratios};
 use crate::harness::{Folder, machine};
 
 /// The built-in scenes that need no file.
@@ -64,24 +64,11 @@ impl Part {
 }
 
 /// Columns of the table.
-const COLUMNS: &[&str] = &[
-    "steps",
-    "converged",
-    "converged_with",
-    "disagreement",
-    "tolerance",
-    "step_ms",
-    "step_with_ms",
-    "time_ratio",
-    "memory_mb",
-    "memory_with_mb",
-];
+const COLUMNS: &str = "steps converged converged_with disagreement tolerance step_ms step_with_ms \
+                       time_ratio memory_mb memory_with_mb";
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a part that fails is a row.
-pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
+/// Runs the study.
+pub fn run(arguments: &CaseArguments) -> Result<String> {
     let (selection, quick) = (&arguments.selection, arguments.quick);
     let version = env!("CARGO_PKG_VERSION");
     let options = json!({ "study": "ablation", "version": version, "quick": quick });
@@ -99,7 +86,7 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
 }
 
 /// A scene as the plan has it, and with `part` switched on, step by step in turns.
-fn both(name: &str, part: Part, quick: bool, advance: Advance<'_>) -> Result<Findings, BenchError> {
+fn both(name: &str, part: Part, quick: bool, advance: Advance<'_>) -> Result<Findings> {
     let steps = if quick { vec!["time.steps=4".to_owned()] } else { Vec::new() };
     let (mut planned, _) = scene_file::load(name, &steps)?;
     let finest = planned.mesh.finest_level();
@@ -148,7 +135,7 @@ struct Run {
 }
 
 impl Run {
-    fn new(scene: &Scene, level: u8) -> Result<Self, BenchError> {
+    fn new(scene: &Scene, level: u8) -> Result<Self> {
         let before = machine::resident_bytes();
         let simulation = Simulation::new(scene, Stages::by_name(&scene.stages)?)?;
         let grown = machine::resident_bytes().zip(before);
@@ -159,17 +146,17 @@ impl Run {
     }
 
     /// One step, and the frame that shows it if there is a surface to show.
-    fn step(&mut self) -> Result<(), BenchError> {
+    fn step(&mut self) -> Result<()> {
         let begin = Instant::now();
         self.simulation.step()?;
         if self.has_surface {
             std::hint::black_box(self.simulation.frame()?);
         }
-        self.ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        self.ms.push(milliseconds_since(begin));
         Ok(())
     }
 
-    fn moved(&mut self) -> Result<Vec<Vector3<f64>>, BenchError> {
+    fn moved(&mut self) -> Result<Vec<Vector3<f64>>> {
         let now = self.simulation.probe_positions(&mut self.probe)?;
         Ok(now.iter().zip(self.probe.rest()).map(|(x, rest)| x - rest).collect())
     }

@@ -6,12 +6,11 @@ use serde::Serialize;
 use yawara_embed::{ElementFormulation, FORMULATIONS, P1P1, formulation_by_name};
 
 use crate::bodies::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
-use crate::error::BenchError;
-use crate::harness::Progress;
-use crate::harness::arguments::Common;
+use crate::error::Result;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
 use crate::harness::report::{self, Claim, Limit, Summary, curves, each_once, spread};
+use crate::harness::{Common, Progress};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-elements-2";
@@ -45,13 +44,9 @@ struct Row {
 /// A column of the tables.
 type Figure = fn(&Row) -> Option<f64>;
 
-/// Runs the study, writes its files and returns its tables.
-///
-/// # Errors
-/// [`BenchError`] for a directory that is in use (nothing is written then) or a mesh or factor that
-/// is refused.
-pub fn run(arguments: &Common) -> Result<String, BenchError> {
-    let folder = arguments.destination.folder()?;
+/// Runs the study.
+pub fn run(arguments: &Common) -> Result<String> {
+    let folder = arguments.folder()?;
     let rows = measure(arguments.quick)?;
     let summary = summary(&rows);
     report::write(&folder, "elements", &rows, summary)
@@ -73,13 +68,10 @@ fn summary(rows: &[Row]) -> Summary {
         let rows: Vec<&Row> = rows.iter().filter(|r| r.case == case).collect();
         let column = |r: &Row| format!("{}: {}", r.nu, r.cubes());
         let heads = each_once(rows.iter().map(|r| column(r)));
+        let place = |r: &&&Row| (r.element.to_owned(), column(r));
         for (name, figure) in figures {
-            let lines = spread(
-                &heads,
-                &rows,
-                |r| (r.element.to_owned(), column(r)),
-                |r| figure(r).map_or_else(String::new, |x| format!("{:.2}", 100.0 * x)),
-            );
+            let percent = |r: &&&Row| figure(r).map(|x| format!("{:.2}", 100.0 * x));
+            let lines = spread(&heads, &rows, place, |r| percent(r).unwrap_or_default());
             text += &table(&format!("{case}: {name}"), &heads, &lines);
         }
     }
@@ -97,7 +89,7 @@ impl Row {
     }
 }
 
-fn measure(quick: bool) -> Result<Vec<Row>, BenchError> {
+fn measure(quick: bool) -> Result<Vec<Row>> {
     let finest = if quick { VOXEL_LEVEL } else { FINEST_LEVEL };
     let mut progress = Progress::new((POISSON_RATIOS.len() + SPHERE_RATIOS.len()) as f64);
     let mut rows = Vec::new();
@@ -144,7 +136,7 @@ fn compare(
     nu: f64,
     level: u8,
     reference: &[Field; 2],
-) -> Result<Vec<Row>, BenchError> {
+) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for name in FORMULATIONS {
         let element: Box<dyn ElementFormulation> = formulation_by_name(name)?;
@@ -185,10 +177,8 @@ fn claims(rows: &[Row]) -> Vec<Claim> {
     let spread = |values: Vec<f64>| {
         values.iter().copied().fold(0.0, f64::max) / values.into_iter().fold(f64::MAX, f64::min)
     };
-    let mut levels: Vec<u8> =
-        rows.iter().filter(|r| r.case == "homogeneous").map(|r| r.level).collect();
-    levels.sort_unstable();
-    levels.dedup();
+    // Ascending, as they were measured.
+    let levels = each_once(rows.iter().filter(|r| r.case == "homogeneous").map(|r| r.level));
     if let Some(&coarsest) = levels.first() {
         let value = spread(of("p1p1", coarsest).iter().map(|r| r.error).collect());
         let name = "p1p1, coarsest mesh: largest over smallest error of all Poisson ratios";

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::arguments::in_range;
 use crate::harness::cases::Selection;
 use crate::pareto::{Candidate, Options, Study};
@@ -44,10 +44,9 @@ const VERTICES: (usize, usize) = (8, 1_000_000);
 
 impl Arguments {
     /// The study asked for.
-    ///
     /// # Errors
-    /// [`BenchError::OutOfRange`], [`BenchError::Combination`], and those of [`Study::new`].
-    pub fn study(&self) -> Result<Study, BenchError> {
+    /// `BenchError::OutOfRange`, `BenchError::Combination`, and those of [`Study::new`].
+    pub fn study(&self) -> Result<Study> {
         let named: Vec<Candidate> =
             self.combination.iter().map(|text| Candidate::parse(text)).collect::<Result<_, _>>()?;
         let mut options = Options::new(&self.scene, self.quick);
@@ -74,10 +73,7 @@ impl Arguments {
     }
 }
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// As [`Arguments::study`] and [`Study::run`].
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+/// Runs the study.
+pub fn run(arguments: &Arguments) -> Result<String> {
     arguments.study()?.run(&arguments.selection)
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::race::{self, Arguments, AtSize, Defaults, FAMILIES, Row};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine::Machine;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
@@ -43,14 +43,11 @@ struct Fit {
     exponent: f64,
 }
 
-/// Runs the study, writes its files and returns its tables.
-///
-/// # Errors
-/// [`BenchError`] for bad arguments (nothing is written then) or a method that fails.
-pub fn run(arguments: &Arguments) -> Result<String, BenchError> {
+/// Runs the study.
+pub fn run(arguments: &Arguments) -> Result<String> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let folder = arguments.common.destination.folder()?;
+    let folder = arguments.common.folder()?;
     let sizes = in_one_thread(|| race::run(&settings))?;
     let rows = race::rows(&sizes);
     let summary = summary(&rows, &sizes, &settings.vertices, &machine);

@@ -7,15 +7,14 @@ use yawara_inverse_update::{SparseStiffness, StiffnessChange};
 use yawara_mesh::VertexId;
 
 use crate::bodies::organ::Organ;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::workloads::random::SplitMix64;
 
 /// At most so many tetrahedra are stiffer than their material at a time.
 const MOST: usize = 32;
 
 /// Tetrahedra of the start mesh, whose vertices stay.
-#[derive(Clone, Debug)]
-pub struct MaterialEdits {
+pub(crate) struct MaterialEdits {
     elements: Vec<Element>,
     /// Elements that are stiffer now, and by which part of their stiffness.
     active: Vec<(usize, f64)>,
@@ -23,24 +22,18 @@ pub struct MaterialEdits {
 
 impl MaterialEdits {
     /// None is stiffer yet.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] from the homogenisation.
-    pub fn new(organ: &Organ, homogenisation: &str) -> Result<Self, BenchError> {
+    pub fn new(organ: &Organ, homogenisation: &str) -> Result<Self> {
         let embedding = organ.embedding(homogenisation)?;
         Ok(Self { elements: organ.body(&embedding).elements().to_vec(), active: Vec::new() })
     }
 
     /// Makes a random tetrahedron stiffer by up to its own stiffness, or takes that back from one.
     /// Rank 6. None where the chosen one has no free vertex.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] if an element's stiffness is not finite.
-    pub(crate) fn step(
+    pub fn step(
         &mut self,
         slots: &SlotMap,
         random: &mut SplitMix64,
-    ) -> Result<Option<StiffnessChange>, BenchError> {
+    ) -> Result<Option<StiffnessChange>> {
         let back = match self.active.len() {
             0 => false,
             MOST => true,
@@ -57,14 +50,7 @@ impl MaterialEdits {
     }
 
     /// Adds what is stiffer now to a freshly assembled K.
-    ///
-    /// # Errors
-    /// [`BenchError::Embed`] and [`BenchError::Inverse`] if an element's stiffness is not finite.
-    pub fn add_to(
-        &self,
-        stiffness: &mut SparseStiffness,
-        slots: &SlotMap,
-    ) -> Result<(), BenchError> {
+    pub fn add_to(&self, stiffness: &mut SparseStiffness, slots: &SlotMap) -> Result<()> {
         for &(element, part) in &self.active {
             if let Some(change) = self.change(element, [0.0, part], slots)? {
                 stiffness.change(&change)?;
@@ -79,7 +65,7 @@ impl MaterialEdits {
         element: usize,
         parts: [f64; 2],
         slots: &SlotMap,
-    ) -> Result<Option<StiffnessChange>, BenchError> {
+    ) -> Result<Option<StiffnessChange>> {
         let Element { vertices, geometry, elasticity, .. } = self.elements[element];
         let vertices = vertices.map(|v| VertexId(v as u32));
         let matrices = parts.map(|part| P1.stiffness(&geometry, &(elasticity * (1.0 + part))));
@@ -111,11 +97,9 @@ mod tests {
         let mut fresh = history.stiffness().unwrap();
         let start = fresh.clone();
         edits.add_to(&mut fresh, history.slots()).unwrap();
-        let (mut worst, mut moved) = (0.0f64, 0.0f64);
-        for i in 0..fresh.dofs() {
-            worst = worst.max((kept.diagonal(i) / fresh.diagonal(i) - 1.0).abs());
-            moved = moved.max(fresh.diagonal(i) / start.diagonal(i) - 1.0);
-        }
+        let largest = |of: &dyn Fn(usize) -> f64| (0..fresh.dofs()).map(of).fold(0.0, f64::max);
+        let worst = largest(&|i| (kept.diagonal(i) / fresh.diagonal(i) - 1.0).abs());
+        let moved = largest(&|i| fresh.diagonal(i) / start.diagonal(i) - 1.0);
         // 200 changes of a few terms each; an element's own part is changed by a factor below 2.
         assert!(worst < 200.0 * 10.0 * f64::EPSILON, "{worst:e}");
         assert!(moved > 0.01, "{moved}");

@@ -5,3 +5,7 @@
 pub(crate) mod history;
 pub(crate) mod material_edits;
 pub(crate) mod random;
+
+pub(crate) use history::{History, Update};
+pub(crate) use material_edits::MaterialEdits;
+pub(crate) use random::SplitMix64;

@@ -18,6 +18,18 @@ impl SplitMix64 {
         (self.next() % (count as u64).max(1)) as usize
     }
 
+    /// Three different numbers in `0..count`, fewer if there are fewer.
+    pub fn three_below(&mut self, count: usize) -> Vec<usize> {
+        let mut three = Vec::new();
+        while three.len() < 3.min(count) {
+            let number = self.below(count);
+            if !three.contains(&number) {
+                three.push(number);
+            }
+        }
+        three
+    }
+
     /// A number in −1..1.
     pub fn symmetric(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0

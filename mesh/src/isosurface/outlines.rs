@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 use super::error::SurfaceError;
 use super::label_boundary::LabelBoundary;
 use super::label_field::LabelField;
 use super::surface::{IsoSurface, SurfaceOptions};
-use crate::bisection::{BisectionForest, Domain, LabelTree, Region};
+use crate::bisection::{BisectionForest, Domain, LabelTree, Placement, Region};
 use crate::image::volume::LabelVolume;
 
 /// How far around a label's voxels its mesh is fine, voxels: the field between centres of voxels
@@ -27,6 +29,10 @@ pub struct Outline {
 pub struct Outlines {
     /// Refined down to the level asked for wherever one of the outlines runs.
     pub forest: BisectionForest,
+    /// Where its lattice lies in the axes of the volume, m.
+    pub placement: Placement,
+    /// Rest positions by vertex number, m.
+    pub rest: Vec<Vector3<f64>>,
     /// One per label asked for, in that order; empty where a blur has taken the label below ½.
     pub surfaces: Vec<IsoSurface>,
 }
@@ -50,6 +56,8 @@ impl Outlines {
             .iter()
             .map(|outline| LabelBoundary::new(volume, outline.label))
             .collect::<Result<_, _>>()?;
+        let voxel_m = volume.grid().spacing_mm * 1e-3;
+        let placement = tree.grid().placement(voxel_m, domain.lattice());
         let mut forest = BisectionForest::new(domain, Arc::clone(tree), 0, level)?;
         forest.refine_where(level, usize::MAX, Region::Everywhere, &|forest, tet| {
             boundaries.iter().any(|boundary| boundary.crosses(forest, tet, MARGIN))
@@ -62,6 +70,10 @@ impl Outlines {
                 IsoSurface::of_forest(&forest, &values, SurfaceOptions::of_label(outline.label))
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { forest, surfaces })
+        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
+        for v in forest.vertices() {
+            rest[v.index()] = placement.position(forest.point(v));
+        }
+        Ok(Self { forest, placement, rest, surfaces })
     }
 }

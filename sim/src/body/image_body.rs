@@ -41,7 +41,7 @@ impl ImageBody {
         };
         let materials = source.materials(scene)?;
         let ImageSource { volume, summary: image, .. } = source;
-        let organ = OrganBox::of(&volume).ok_or(SimError::Empty { image: image.name.clone() })?;
+        let organ = OrganBox::of(&volume).ok_or(SimError::Empty(image.name.clone()))?;
         let voxel_mm = volume.grid().spacing_mm;
         let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
@@ -96,7 +96,7 @@ impl ImageBody {
     }
 
     fn nothing_fixed(&self) -> SimError {
-        SimError::NothingFixed { image: self.image_name().into(), base_mm: self.base_m * 1e3 }
+        SimError::NothingFixed(self.image_name().into(), self.base_m * 1e3)
     }
 
     /// Groups of base cells that hang together by faces but are not held could move freely or

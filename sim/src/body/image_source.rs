@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
-use yawara_embed::Material;
-use yawara_mesh::image::gaussian_blur;
-use yawara_mesh::image::{ReadReport, read_intensities_with, read_labels_with};
-use yawara_mesh::image::{ValueRange, classify};
+use yawara_embed::{EmbedError, Material};
+use yawara_mesh::image::{
+    ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
+};
 use yawara_mesh::phantom::{LiverPhantom, block, liver};
 use yawara_mesh::volume::{IntensityVolume, LabelVolume};
 
 use super::summary::{INTENSITIES, ImageSummary, LABELS, LabelVoxels, MaterialVoxels};
 use crate::error::SimError;
-use crate::scene::{Image, Phantom, Scene};
+use crate::scene::{Image, MaterialEntry, Phantom, Scene};
 
 /// Labels, what each is made of, and how they came about.
 pub(crate) struct ImageSource {
@@ -56,18 +56,20 @@ impl ImageSource {
         for &position in &self.material_of {
             let entry = &scene.materials[position];
             softest = softest.min(entry.young_modulus_pa);
-            solid.push(Material::new(
-                entry.young_modulus_pa,
-                entry.poisson_ratio,
-                entry.density_kg_m3,
-            )?);
+            solid.push(entry.material()?);
         }
         if solid.is_empty() {
-            return Err(SimError::Empty { image: self.summary.name.clone() });
+            return Err(SimError::Empty(self.summary.name.clone()));
         }
         let void =
             Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
         Ok(std::iter::once(void).chain(solid).collect())
+    }
+}
+
+impl MaterialEntry {
+    pub(super) fn material(&self) -> Result<Material, EmbedError> {
+        Material::new(self.young_modulus_pa, self.poisson_ratio, self.density_kg_m3)
     }
 }
 
@@ -87,7 +89,7 @@ fn phantom(scene: &Scene) -> Result<(LabelVolume, &'static str), SimError> {
             let cells = size.map(|s| (s / voxel_mm).round().max(1.0) as usize);
             Ok((block(cells, voxel_mm)?, "the block phantom"))
         }
-        None => Err(SimError::NoImage { scene: scene.name.clone() }),
+        None => Err(SimError::NoImage(scene.name.clone())),
     }
 }
 
@@ -111,10 +113,7 @@ fn summary(
         resampled: resampling.is_some(),
         dims,
         voxel_mm,
-        blur_mm: 0.0,
-        void_voxels: 0,
-        materials: Vec::new(),
-        ignored_labels: Vec::new(),
+        ..ImageSummary::default()
     }
 }
 
@@ -160,8 +159,7 @@ fn labels(
         if ignored(&label) {
             summary.ignored_labels.push(LabelVoxels { label, voxels });
         } else if scene.material_of(label).is_none() {
-            let image = summary.name;
-            return Err(SimError::LabelWithoutMaterial { label, image, voxels });
+            return Err(SimError::LabelWithoutMaterial(label, summary.name, voxels));
         }
     }
     let volume = if summary.ignored_labels.is_empty() {
@@ -213,5 +211,5 @@ fn nothing_in_range(image: String, values: &IntensityVolume) -> SimError {
     let span = [f32::INFINITY, f32::NEG_INFINITY];
     let values = values.values().iter();
     let [low, high] = values.fold(span, |[low, high], &v| [low.min(v), high.max(v)]);
-    SimError::NothingInRange { image, low, high }
+    SimError::NothingInRange(image, low, high)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use yawara_corot::{Body, Element};
 use yawara_embed::{LinearTet, Material};
 use yawara_mesh::tet_file::LoadedMesh;
@@ -25,10 +25,9 @@ pub(crate) struct FileMesh {
     pub longest_edge_m: f64,
     pub excluded_components: usize,
     pub excluded_tets: usize,
-    /// Distinct materials.
-    pub material_count: usize,
-    mesh: PlainMesh,
-    materials: BTreeMap<i64, Material>,
+    pub mesh: PlainMesh,
+    /// By tag.
+    pub materials: BTreeMap<i64, Material>,
 }
 
 impl FileMesh {
@@ -62,26 +61,15 @@ impl FileMesh {
             longest_edge_m,
             excluded_components,
             excluded_tets,
-            material_count: materials.len(),
             mesh,
             materials,
         })
     }
 
-    /// Rest positions by vertex number, m.
-    pub fn points(&self) -> &[Vector3<f64>] {
-        self.mesh.points()
-    }
-
-    /// Its outer faces, counter-clockwise as seen from outside.
-    pub fn boundary_faces(&self) -> Vec<[u32; 3]> {
-        self.mesh.boundary_faces()
-    }
-
     /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
     pub fn state(&self, holds: &[Hold], body: Body) -> BodyState {
         let mut state = BodyState::new(body);
-        for (i, &x) in self.points().iter().enumerate() {
+        for (i, &x) in self.mesh.points().iter().enumerate() {
             state.add_vertex(VertexId(i as u32), x, x, holds[i]);
         }
         for (i, (corners, tag)) in self.mesh.tets().iter().zip(self.mesh.tags()).enumerate() {
@@ -104,35 +92,20 @@ impl FileMesh {
 fn read(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
-        "msh" => read_msh(path, unit_m),
-        "vtu" => read_vtu(path, unit_m),
-        _ => Err(SimError::Value {
-            place: path.display().to_string(),
-            key: "mesh.path".into(),
-            value: format!("{:?}", path.file_name().unwrap_or_default()),
-            want: "a name that ends in .msh (Gmsh) or .vtu (VTK)".into(),
-        }),
+        #[cfg(feature = "gmsh")]
+        "msh" => Ok(yawara_mesh::tet_file::read_msh(path, unit_m)?),
+        #[cfg(not(feature = "gmsh"))]
+        "msh" => Err(SimError::FeatureMissing(path.display().to_string(), "gmsh")),
+        #[cfg(feature = "vtu")]
+        "vtu" => Ok(yawara_mesh::tet_file::read_vtu(path, unit_m)?),
+        #[cfg(not(feature = "vtu"))]
+        "vtu" => Err(SimError::FeatureMissing(path.display().to_string(), "vtu")),
+        _ => {
+            let name = format!("{:?}", path.file_name().unwrap_or_default());
+            let want = "a name that ends in .msh (Gmsh) or .vtu (VTK)";
+            Err(SimError::value(&path.display().to_string(), "mesh.path", name, want))
+        }
     }
-}
-
-#[cfg(feature = "gmsh")]
-fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
-    Ok(yawara_mesh::tet_file::read_msh(path, unit_m)?)
-}
-
-#[cfg(not(feature = "gmsh"))]
-fn read_msh(path: &Path, _: f64) -> Result<LoadedMesh, SimError> {
-    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "gmsh" })
-}
-
-#[cfg(feature = "vtu")]
-fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
-    Ok(yawara_mesh::tet_file::read_vtu(path, unit_m)?)
-}
-
-#[cfg(not(feature = "vtu"))]
-fn read_vtu(path: &Path, _: f64) -> Result<LoadedMesh, SimError> {
-    Err(SimError::FeatureMissing { what: path.display().to_string(), feature: "vtu" })
 }
 
 fn describe(loaded: &LoadedMesh, unit_m: f64) -> String {
@@ -165,11 +138,8 @@ fn held_parts(
     organ: &OrganBox,
     mesh: PlainMesh,
 ) -> Result<(PlainMesh, usize, usize), SimError> {
-    let fixed: Vec<bool> = mesh
-        .points()
-        .iter()
-        .map(|x| scene.fixed.iter().any(|region| region.contains(organ, x)))
-        .collect();
+    let fixed: Vec<bool> =
+        mesh.points().iter().map(|x| scene.fixed.iter().any(|r| r.contains(organ, x))).collect();
     let components = mesh.components();
     let (mut kept, mut excluded) = (Vec::new(), 0);
     for component in &components {
@@ -186,7 +156,7 @@ fn held_parts(
         }
     }
     if kept.is_empty() {
-        return Err(SimError::MeshNotFixed { mesh: name.into() });
+        return Err(SimError::MeshNotFixed(name.into()));
     }
     if excluded == 0 {
         return Ok((mesh, 0, 0));
@@ -216,11 +186,9 @@ fn materials(
     let mut materials = BTreeMap::new();
     for (tag, count) in counts {
         let Some(position) = scene.material_of(tag) else {
-            return Err(SimError::TagWithoutMaterial { tag, mesh: name.into(), tets: count });
+            return Err(SimError::TagWithoutMaterial(tag, name.into(), count));
         };
-        let entry = &scene.materials[position];
-        let (e, nu) = (entry.young_modulus_pa, entry.poisson_ratio);
-        materials.insert(tag, Material::new(e, nu, entry.density_kg_m3)?);
+        materials.insert(tag, scene.materials[position].material()?);
     }
     Ok(materials)
 }

@@ -27,6 +27,6 @@ pub use summary::{
 pub(crate) use image_body::{ImageBody, touches_solid};
 pub(crate) use mesh_file::FileMesh;
 pub(crate) use organ_box::OrganBox;
-pub(crate) use outline::{Cut, same_cells, surface_level};
+pub(crate) use outline::{cut, same_cells, surface_level};
 pub(crate) use start::{Origin, Start};
-pub(crate) use state::{Cell, Hold};
+pub(crate) use state::{Cell, Hold, Standing};

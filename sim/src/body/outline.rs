@@ -1,45 +1,24 @@
 //! The fine mesh on which outlines of labels are cut.
 
-use nalgebra::Vector3;
-use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
+use yawara_mesh::isosurface::{Outline, Outlines};
 use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{BisectionForest, Domain, Lattice, Placement};
+use yawara_mesh::{BisectionForest, Domain, Lattice};
 
 use super::image_body::ImageBody;
 use crate::error::SimError;
 use crate::scene::Scene;
 
-/// Outlines of labels, bound to the edges of a mesh refined towards them.
-pub(crate) struct Cut {
-    pub forest: BisectionForest,
-    pub placement: Placement,
-    /// Rest positions by vertex number, m.
-    pub rest: Vec<Vector3<f64>>,
-    /// One per outline, in that order.
-    pub surfaces: Vec<IsoSurface>,
-}
-
-impl Cut {
-    /// Cuts the blurred labels of `volume`, which has the grid of `setup`, at level ½.
-    pub fn new(
-        scene: &Scene,
-        setup: &ImageBody,
-        volume: &LabelVolume,
-        outlines: &[Outline],
-    ) -> Result<Self, SimError> {
-        let level = surface_level(scene, setup);
-        let domain = same_cells(&setup.forest, level);
-        let voxel_m = volume.grid().spacing_mm * 1e-3;
-        let placement = setup.tree.grid().placement(voxel_m, domain.lattice());
-        let Outlines { forest, surfaces } =
-            Outlines::new(volume, &setup.tree, domain, level, outlines)?;
-        let mut rest = vec![Vector3::zeros(); forest.vertex_capacity()];
-        for v in forest.vertices() {
-            rest[v.index()] = placement.position(forest.point(v));
-        }
-        Ok(Self { forest, placement, rest, surfaces })
-    }
+/// Cuts the blurred labels of `volume`, which has the grid of `setup`, at level ½.
+pub(crate) fn cut(
+    scene: &Scene,
+    setup: &ImageBody,
+    volume: &LabelVolume,
+    outlines: &[Outline],
+) -> Result<Outlines, SimError> {
+    let level = surface_level(scene, setup);
+    let domain = same_cells(&setup.forest, level);
+    Ok(Outlines::new(volume, &setup.tree, domain, level, outlines)?)
 }
 
 /// The root cubes of a mesh on a lattice of `level`.

@@ -62,7 +62,7 @@ impl Start {
     }
 
     fn of_file(mesh: FileMesh) -> Self {
-        let rest = mesh.points().to_vec();
+        let rest = mesh.mesh.points().to_vec();
         Self {
             name: mesh.name.clone(),
             axes: ScannerAxes::identity(),

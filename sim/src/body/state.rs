@@ -50,8 +50,8 @@ pub struct BodyState {
 
 /// Where the body stands, to come back to: positions, and pressures if it has any.
 pub(crate) struct Standing {
-    positions: Vec<Vector3<f64>>,
-    pressures: Vec<f64>,
+    pub positions: Vec<Vector3<f64>>,
+    pub pressures: Vec<f64>,
 }
 
 impl BodyState {
@@ -65,8 +65,8 @@ impl BodyState {
         Standing { positions: self.positions.clone(), pressures: self.body.pressures() }
     }
 
-    /// Moves the body back to where it stood.
-    pub(crate) fn return_to(&mut self, standing: Standing) {
+    /// Moves the body to where it stood, or is to stand.
+    pub(crate) fn put(&mut self, standing: Standing) {
         self.positions = standing.positions;
         self.body.set_pressures(&standing.pressures);
     }
@@ -90,6 +90,13 @@ impl BodyState {
     /// The tetrahedra with their rest geometry, elasticity and rotation, in no order.
     pub fn elements(&self) -> &[Element] {
         self.body.elements()
+    }
+
+    /// The same by ascending number, each with its place in [`elements`](Self::elements).
+    pub(crate) fn elements_by_number(&self) -> Vec<(usize, &Element)> {
+        let mut elements: Vec<(usize, &Element)> = self.elements().iter().enumerate().collect();
+        elements.sort_unstable_by_key(|(_, element)| element.tet);
+        elements
     }
 
     /// The tetrahedron of a number, if it is in the current mesh.

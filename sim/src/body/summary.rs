@@ -25,7 +25,7 @@ pub struct MaterialVoxels {
 }
 
 /// The image as it was read, after resampling and classification.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ImageSummary {
     /// The file, or which phantom.
     pub name: String,

@@ -23,7 +23,6 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
 /// The built-in element whose forces a scene's body has. With an element of one's own it is the one
 /// with the same unknowns; else the one asked for; for `auto` the one that suits its materials if
 /// the other stages work with it.
-///
 /// # Errors
 /// That of [`check_mixed`] if an element with pressures is asked for and another stage does not
 /// work with it; [`SimError::ElementUnknowns`] for unknowns that no body has.
@@ -56,7 +55,6 @@ pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, S
 }
 
 /// An empty body of an element.
-///
 /// # Errors
 /// [`SimError::Embed`] for a name that no element has.
 pub(crate) fn empty_body(element: &str) -> Result<Body, SimError> {
@@ -86,26 +84,20 @@ pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
     let better = choose_element(ratios(scene));
     let has_pressures =
         |name: &str| formulation_by_name(name).is_ok_and(|e| carries_pressures(e.as_ref()));
-    match (has_pressures(element), has_pressures(better), works) {
-        (false, false, _) => {
-            format!("{asked}linear displacement; no Poisson ratio reaches {MIXED_FROM}")
-        }
-        (false, true, Ok(())) => format!(
-            "{asked}linear displacement, which locks at a Poisson ratio of {highest} ({better} would \
-             not)"
-        ),
+    let locks = format!("locks at a Poisson ratio of {highest}");
+    let why = match (has_pressures(element), has_pressures(better), works) {
+        (false, false, _) => format!("linear displacement; no Poisson ratio reaches {MIXED_FROM}"),
+        (false, true, Ok(())) => format!("linear displacement, which {locks} ({better} would not)"),
         (false, true, Err(why)) => format!(
-            "{asked}linear displacement, which locks at a Poisson ratio of {highest}; {better} is \
-             recommended from {MIXED_FROM} on, but {why}"
+            "linear displacement, which {locks}; {better} is recommended from {MIXED_FROM} on, but \
+             {why}"
         ),
         (true, false, _) => format!(
-            "{asked}displacement and pressure, which no Poisson ratio calls for below {MIXED_FROM}"
+            "displacement and pressure, which no Poisson ratio calls for below {MIXED_FROM}"
         ),
-        (true, true, _) => format!(
-            "{asked}displacement and pressure: displacement alone locks at a Poisson ratio of \
-             {highest}"
-        ),
-    }
+        (true, true, _) => format!("displacement and pressure: displacement alone {locks}"),
+    };
+    format!("{asked}{why}")
 }
 
 #[cfg(test)]

@@ -54,7 +54,7 @@ fn mesh_file(scene: &Scene, mesh: &FileMesh, stages: &Stages) -> Vec<PlanRow> {
             ),
         ),
     };
-    let why = format!("every tetrahedron has one of {} material(s)", mesh.material_count);
+    let why = format!("every tetrahedron has one of {} material(s)", mesh.materials.len());
     vec![
         row("image", "none", false, "the scene names a mesh file"),
         row("mesh", &mesh.name, true, &mesh.done),

@@ -5,7 +5,7 @@ use yawara_corot::{
     forces_by_name, integrator_by_name, law_by_name,
 };
 use yawara_embed::{ElementFormulation, Homogenisation};
-use yawara_inverse_update::{SparseStiffness, choose};
+use yawara_inverse_update::choose;
 
 use crate::error::SimError;
 use crate::inverse::InverseFactory;
@@ -43,27 +43,12 @@ pub struct Stages {
 
 impl Stages {
     /// The built-in implementations of these names.
-    ///
     /// # Errors
     /// The stage's own error, listing its choices. An unknown inverse is refused when the
     /// simulation is made. [`SimError::FeatureMissing`] for an inverse on a device that this
     /// program was built without; `SimError::Gpu` if there is no device, `SimError::Adapter` if not
     /// exactly one is the one that the scene names: nothing takes its place.
     pub fn by_name(names: &StageNames) -> Result<Self, SimError> {
-        if ON_DEVICE.contains(&&names.inverse[..]) {
-            return Ok(Self { inverse: on_device(names)?, ..Self::on_host(names)? });
-        }
-        Self::on_host(names)
-    }
-
-    /// With the inverse in the host's memory.
-    fn on_host(names: &StageNames) -> Result<Self, SimError> {
-        let inverse = names.inverse.clone();
-        // A scene's tools read compliance blocks, no full columns, where columns are not at hand.
-        let name = move |k: &SparseStiffness| match &inverse[..] {
-            AUTO => choose(k.vertices(), 0).to_owned(),
-            name => name.to_owned(),
-        };
         let forces = forces_by_name(&names.corotation)?;
         let equilibrium = equilibrium_by_name(&names.equilibrium)?;
         yawara_corot::check_pair(forces.as_ref(), equilibrium.as_ref())?;
@@ -78,12 +63,14 @@ impl Stages {
             },
             equilibrium,
             indicator: indicator::by_name(&names.indicator)?,
-            inverse: Box::new(move |k| yawara_inverse_update::build(&name(&k), k)),
+            inverse: match ON_DEVICE.contains(&&names.inverse[..]) {
+                true => on_device(names)?,
+                false => on_host(names.inverse.clone()),
+            },
         })
     }
 
     /// The law: the one given, else that of the scene.
-    ///
     /// # Errors
     /// [`SimError::Corot`] for a name or a damping that no law has.
     pub(crate) fn take_law(&mut self, scene: &Scene) -> Result<Box<dyn ConstitutiveLaw>, SimError> {
@@ -97,9 +84,6 @@ impl Stages {
     }
 
     /// The integrator: the one given, else implicit Euler where the scene has inertia.
-    ///
-    /// # Errors
-    /// None of the built-in names.
     pub(crate) fn take_integrator(
         &mut self,
         scene: &Scene,
@@ -107,6 +91,17 @@ impl Stages {
         let name = if scene.dynamics.is_some() { "implicit_euler" } else { "quasi_static" };
         self.integrator.take().map_or_else(|| Ok(integrator_by_name(name)?), Ok)
     }
+}
+
+fn on_host(inverse: String) -> InverseFactory {
+    Box::new(move |k| {
+        let name = match &inverse[..] {
+            // Tools read compliance blocks, no full columns, where columns are not at hand.
+            AUTO => choose(k.vertices(), 0),
+            name => name,
+        };
+        yawara_inverse_update::build(name, k)
+    })
 }
 
 /// Opens the adapter that the scene names, or else the first of `yawara devices`.
@@ -131,6 +126,5 @@ fn on_device(names: &StageNames) -> Result<InverseFactory, SimError> {
 
 #[cfg(not(feature = "gpu"))]
 fn on_device(names: &StageNames) -> Result<InverseFactory, SimError> {
-    let what = format!("stages.inverse = {:?}", names.inverse);
-    Err(SimError::FeatureMissing { what, feature: "gpu" })
+    Err(SimError::FeatureMissing(format!("stages.inverse = {:?}", names.inverse), "gpu"))
 }

@@ -38,7 +38,7 @@ pub enum Command {
     Devices,
 }
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct RunArguments {
     /// A TOML file, or the name of a built-in scene.
     #[arg(default_value = DEFAULT_SCENE)]
@@ -58,13 +58,8 @@ pub struct RunArguments {
     pub force: bool,
 }
 
-const DEFAULT_SCENE: &str = "liver";
-
-impl Default for RunArguments {
-    fn default() -> Self {
-        Self { scene: DEFAULT_SCENE.into(), out: None, set: Vec::new(), steps: None, force: false }
-    }
-}
+/// The scene of a command that names none.
+pub const DEFAULT_SCENE: &str = "liver";
 
 #[derive(Debug, Args)]
 pub struct PlanArguments {

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-use yawara::report::{BodySummary, InverseSummary, PlanRow, Summary};
+use yawara::report::{
+    BodySummary, InverseSummary, MeshSummary, Momentum, PlanRow, StepSummary, Summary,
+    SurfaceSummary,
+};
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {
@@ -22,104 +25,62 @@ pub fn plan(rows: &[PlanRow]) -> String {
 
 /// The summary, a line per subject.
 pub fn summary(summary: &Summary) -> String {
-    let Summary { body, mesh, steps, inverse, force, .. } = summary;
+    let Summary { body, mesh, steps, inverse, force, wall_s, setup_s, .. } = summary;
     let mut text = String::from("\n");
     let mut line = |title: &str, words: String| {
         let _ = writeln!(text, "{title:<9} {words}");
     };
-    if let Some(body) = body {
-        let image = &body.image;
+    if let Some(BodySummary { image, domain, .. }) = body {
         let mut done = format!("{} {}", image.format, image.content);
         if image.resampled {
             done += &format!(", {} to {} mm", image.resampling(), image.voxel_mm);
         }
         line("image", done);
-        let (parts, cells, voxels) = body.domain.total(true);
-        line(
-            "domain",
-            format!(
-                "{parts} of {} part(s), {cells} base cells, {voxels} voxels",
-                body.domain.components
-            ),
-        );
+        let ((kept, cells, voxels), parts) = (domain.total(true), domain.components);
+        let kept = format!("{kept} of {parts} part(s)");
+        line("domain", format!("{kept}, {cells} base cells, {voxels} voxels"));
     }
-    let range = |r: &yawara::report::Range| format!("{} → {} → {}", r.start, r.max, r.end);
-    line(
-        "mesh",
-        format!(
-            "{} vertices, {} tetrahedra (start → most → end); {} splits, {} merges",
-            range(&mesh.vertices),
-            range(&mesh.tets),
-            mesh.splits,
-            mesh.merges
-        ),
-    );
-    if mesh.waiting_max > 0 {
-        let (most, end) = (mesh.waiting_max, mesh.waiting_end);
-        line("budget", format!("up to {most} wanted splits had to wait, {end} do at the end"));
+    let MeshSummary { vertices, tets, splits, merges, waiting_max, waiting_end, .. } = mesh;
+    let size = format!("{vertices} vertices, {tets} tetrahedra (start → most → end)");
+    line("mesh", format!("{size}; {splits} splits, {merges} merges"));
+    if *waiting_max > 0 {
+        let most = format!("up to {waiting_max} wanted splits had to wait");
+        line("budget", format!("{most}, {waiting_end} do at the end"));
     }
-    line(
-        "shapes",
-        format!(
-            "worst 3r/R {:.4}, worst circumradius over shortest edge {:.4}",
-            mesh.worst_radius_ratio, mesh.worst_circumradius_over_shortest_edge
-        ),
-    );
-    let time = &steps.time_ms;
-    line(
-        "steps",
-        format!(
-            "{} of {} converged, largest relative residual {:.2e}; {:.1} ms each (99 %: {:.1}, most {:.1})",
-            steps.converged, steps.count, steps.residual_max, time.p50, time.p99, time.max
-        ),
-    );
+    let (flat, slim) = (mesh.worst_radius_ratio, mesh.worst_circumradius_over_shortest_edge);
+    let worst = "worst circumradius over shortest edge";
+    line("shapes", format!("worst 3r/R {flat:.4}, {worst} {slim:.4}"));
+    let StepSummary { count, converged, residual_max, time_ms: time, .. } = steps;
+    let solved = format!("{converged} of {count} converged");
+    let each = format!("{:.1} ms each (99 %: {:.1}, most {:.1})", time.p50, time.p99, time.max);
+    line("steps", format!("{solved}, largest relative residual {residual_max:.2e}; {each}"));
     line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
-    if let Some(motion) = &summary.motion {
-        let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        line(
-            "motion",
-            format!(
-                "{:.4} kg, {:.3e} N s, {:.3e} N m s about the centre of mass, {:.3e} J kinetic",
-                motion.mass_kg,
-                size(motion.linear_n_s),
-                size(motion.angular_n_m_s),
-                motion.kinetic_j
-            ),
-        );
+    if let Some(Momentum { mass_kg, linear_n_s, angular_n_m_s, kinetic_j, .. }) = &summary.motion {
+        let size = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (linear, angular) = (size(linear_n_s), size(angular_n_m_s));
+        let momenta = format!("{linear:.3e} N s, {angular:.3e} N m s about the centre of mass");
+        line("motion", format!("{mass_kg:.4} kg, {momenta}, {kinetic_j:.3e} J kinetic"));
     }
     for surface in &summary.surfaces {
+        let SurfaceSummary { label, triangles, pieces, .. } = surface;
+        let [rest, end] = [surface.volume_rest_m3, surface.volume_end_m3].map(|m3| 1e6 * m3);
+        let volumes = format!("{rest:.2} mL at rest, {end:.2} mL at the end");
         line(
             "surface",
-            format!(
-                "label {}: {} triangles in {} pieces, {:.2} mL at rest, {:.2} mL at the end",
-                surface.label,
-                surface.triangles,
-                surface.pieces,
-                1e6 * surface.volume_rest_m3,
-                1e6 * surface.volume_end_m3
-            ),
+            format!("label {label}: {triangles} triangles in {pieces} pieces, {volumes}"),
         );
     }
-    line(
-        "time",
-        format!(
-            "{:.2} s in all, {:.2} s of them before the first step",
-            summary.wall_s, summary.setup_s
-        ),
-    );
+    line("time", format!("{wall_s:.2} s in all, {setup_s:.2} s of them before the first step"));
     for warning in body.iter().flat_map(body_warnings) {
         line("warning", warning);
     }
     for row in summary.plan.iter().filter(|row| !row.runs) {
         line("left out", format!("{}: {}", row.stage, row.why));
     }
-    if steps.converged < steps.count {
-        let missed = steps.count - steps.converged;
-        line(
-            "warning",
-            format!("{missed} of {} steps did not converge; see steps.csv", steps.count),
-        );
+    if converged < count {
+        let missed = count - converged;
+        line("warning", format!("{missed} of {count} steps did not converge; see steps.csv"));
     }
     text
 }

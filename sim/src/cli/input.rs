@@ -1,4 +1,4 @@
-//! What the commands on images share: reading labels, choosing a writer, refusing options.
+//! What the commands on images share: reading labels, choosing a writer.
 
 use std::path::Path;
 
@@ -22,12 +22,6 @@ pub fn writer<W: Copy>(command: &str, file: &Path, writers: &[(&str, W)]) -> Res
     let names: Vec<String> = writers.iter().map(|(name, _)| format!(".{name}")).collect();
     found.map(|(_, writer)| *writer).ok_or_else(|| {
         let want = format!("a file name that ends in {}", names.join(" or "));
-        refuse(command, "--out", file.display(), want)
+        SimError::value(command, "--out", file.display(), want)
     })
-}
-
-/// The error for an option of `yawara COMMAND`.
-pub fn refuse(command: &str, key: &str, value: impl ToString, want: impl Into<String>) -> SimError {
-    let place = format!("yawara {command}");
-    SimError::Value { place, key: key.into(), value: value.to_string(), want: want.into() }
 }

@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use yawara::SimError;
-use yawara_mesh::image::gaussian_blur;
-use yawara_mesh::image::{ReadReport, read_intensities_with, read_labels_with};
-use yawara_mesh::image::{ValueRange, classify};
+use yawara_mesh::image::{
+    ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
+};
 use yawara_mesh::volume::LabelVolume;
 
 use super::arguments::LabelsArguments;
-use super::input::refuse;
 use super::printer::Printer;
 
 pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimError> {
@@ -17,7 +16,7 @@ pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimErro
     let ranges: Vec<ValueRange> = range.iter().map(|text| parse(text)).collect::<Result<_, _>>()?;
     if let Some(blur) = blur_mm.filter(|_| ranges.is_empty()) {
         let want = "no such option without --range: only intensities can be smoothed";
-        return Err(refuse("labels", "--blur-mm", blur, want));
+        return Err(SimError::value("yawara labels", "--blur-mm", blur, want));
     }
     let (volume, report) = if ranges.is_empty() {
         read_labels_with(image, *voxel_mm)?
@@ -34,15 +33,13 @@ pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimErro
 /// LABEL:LOW:HIGH; whether low is below high, [`classify`] checks.
 fn parse(text: &str) -> Result<ValueRange, SimError> {
     let parts: Vec<&str> = text.split(':').collect();
-    let parsed = match parts[..] {
-        [label, low, high] => match (label.parse(), low.parse(), high.parse()) {
-            (Ok(label), Ok(low), Ok(high)) => Some(ValueRange { label, low, high }),
-            _ => None,
-        },
-        _ => None,
-    };
+    if let [label, low, high] = parts[..]
+        && let (Ok(label), Ok(low), Ok(high)) = (label.parse(), low.parse(), high.parse())
+    {
+        return Ok(ValueRange { label, low, high });
+    }
     let want = "LABEL:LOW:HIGH with a whole number and two numbers, e.g. 3:150:inf";
-    parsed.ok_or_else(|| refuse("labels", "--range", text, want))
+    Err(SimError::value("yawara labels", "--range", text, want))
 }
 
 #[cfg(feature = "nifti")]
@@ -52,7 +49,7 @@ fn write(file: &Path, volume: &LabelVolume) -> Result<(), SimError> {
 
 #[cfg(not(feature = "nifti"))]
 fn write(_: &Path, _: &LabelVolume) -> Result<(), SimError> {
-    Err(SimError::FeatureMissing { what: "yawara labels".into(), feature: "nifti" })
+    Err(SimError::FeatureMissing("yawara labels".into(), "nifti"))
 }
 
 /// The grid, what was done, and the voxels of each label.

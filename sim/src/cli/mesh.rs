@@ -13,7 +13,7 @@ use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, Quality};
 
 use super::arguments::MeshArguments;
-use super::input::{labels, refuse, writer};
+use super::input::{labels, writer};
 use super::printer::Printer;
 
 /// The most tetrahedra of a uniform mesh: about 10 GB on the way to the file.
@@ -24,9 +24,9 @@ const MAX_DOUBLINGS: f64 = MAX_LEVEL as f64 / 3.0;
 
 pub fn run(arguments: &MeshArguments, out: &mut Printer) -> Result<(), SimError> {
     let MeshArguments { image, base_mm, level, out: file } = arguments;
-    let write = writer("mesh", file, WRITERS)?;
+    let write = writer("yawara mesh", file, WRITERS)?;
     if let Some(base) = base_mm.filter(|base| !(*base > 0.0 && base.is_finite())) {
-        return Err(refuse("mesh", "--base-mm", base, "finite and more than 0"));
+        return Err(SimError::value("yawara mesh", "--base-mm", base, "finite and more than 0"));
     }
     let volume = labels(image)?;
     let mesh = UniformMesh::new(image, &volume, *base_mm, *level)?;
@@ -62,14 +62,19 @@ impl UniformMesh {
         level: u8,
     ) -> Result<Self, SimError> {
         let grid = volume.grid().clone();
-        let empty = || SimError::Empty { image: image.into() };
+        let empty = || SimError::Empty(image.into());
         let [low, high] = volume.bounding_box().ok_or_else(empty)?;
         let longest = (0..3).map(|i| high[i] + 1 - low[i]).max().unwrap_or(1) as f64;
         let voxels = base_mm.map_or(longest / 8.0, |base| base / grid.spacing_mm);
         let doublings = voxels.log2().round().clamp(0.0, MAX_DOUBLINGS);
         let voxels_per_cell = 1usize << doublings as u32;
         if level > MAX_LEVEL {
-            return Err(refuse("mesh", "--level", level, format!("at most {MAX_LEVEL}")));
+            return Err(SimError::value(
+                "yawara mesh",
+                "--level",
+                level,
+                format!("at most {MAX_LEVEL}"),
+            ));
         }
         let cells = CellGrid::around(volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(volume, cells)?);
@@ -83,7 +88,7 @@ impl UniformMesh {
                  {MAX_TETS} (or choose a larger --base-mm)",
                 roots << level
             );
-            return Err(refuse("mesh", "--level", level, want));
+            return Err(SimError::value("yawara mesh", "--level", level, want));
         }
         let placement = cells.placement(grid.spacing_mm * 1e-3, &lattice);
         let forest = BisectionForest::new(domain, tree.clone(), level, level)?;

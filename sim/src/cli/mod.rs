@@ -5,7 +5,6 @@
 
 mod arguments;
 mod console;
-mod devices;
 mod haptic;
 mod input;
 mod labels;
@@ -14,15 +13,14 @@ mod printer;
 mod run;
 mod surface;
 
-use std::io::IsTerminal;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
 use yawara::{SimError, Simulation, scene_file};
 
-use arguments::{Arguments, Command, PlanArguments, RunArguments, paragraph};
+use arguments::{Arguments, Command, DEFAULT_SCENE, PlanArguments, RunArguments, paragraph};
 use printer::Printer;
 
 /// Refused input or a failure; also what clap uses for wrong usage.
@@ -49,7 +47,8 @@ pub fn run() -> ExitCode {
         .with_target(false)
         .without_time()
         .init();
-    match execute(arguments.command.unwrap_or(Command::Run(RunArguments::default()))) {
+    let run = RunArguments { scene: DEFAULT_SCENE.into(), ..RunArguments::default() };
+    match execute(arguments.command.unwrap_or(Command::Run(run))) {
         Ok(code) => code,
         Err(error) => refuse(&error.to_string()),
     }
@@ -77,7 +76,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Surface(arguments) => surface::run(&arguments, &mut out)?,
         Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
         Command::Scenes => scenes(&mut out)?,
-        Command::Devices => devices::run(&mut out)?,
+        Command::Devices => devices(&mut out)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -89,7 +88,7 @@ fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {
         return out.print(&console::plan(simulation.plan()));
     }
     let json = serde_json::to_string_pretty(simulation.plan())
-        .map_err(|error| SimError::Io { path: "<stdout>".into(), source: error.into() })?;
+        .map_err(|error| SimError::Io("<stdout>".into(), error.into()))?;
     out.print(&format!("{json}\n"))
 }
 
@@ -99,4 +98,17 @@ fn scenes(out: &mut Printer) -> Result<(), SimError> {
         let description = table.get("description").and_then(toml::Value::as_str);
         out.print(&format!("{name:<11} {}\n", description.unwrap_or_default()))
     })
+}
+
+/// The graphics adapters of this machine.
+#[cfg(feature = "gpu")]
+fn devices(out: &mut Printer) -> Result<(), SimError> {
+    (0..)
+        .zip(yawara_gpu::adapters()?)
+        .try_for_each(|(index, adapter): (usize, _)| out.print(&format!("{index}: {adapter}\n")))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn devices(_: &mut Printer) -> Result<(), SimError> {
+    Err(SimError::FeatureMissing("yawara devices".into(), "gpu"))
 }

@@ -22,7 +22,7 @@ impl Printer {
                 self.closed = true;
                 Ok(())
             }
-            other => other.map_err(|source| SimError::Io { path: "<stdout>".into(), source }),
+            other => other.map_err(|source| SimError::Io("<stdout>".into(), source)),
         }
     }
 }

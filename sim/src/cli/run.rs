@@ -1,6 +1,5 @@
 //! `yawara run`: a scene from its file to its run directory.
 
-use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +20,7 @@ pub fn run(arguments: &RunArguments, out: &mut Printer) -> Result<bool, SimError
     overrides.extend(arguments.steps.map(|steps| format!("time.steps={steps}")));
     let (scene, _) = scene_file::load(&arguments.scene, &overrides)?;
     if scene.output.field && !cfg!(feature = "nifti") {
-        return Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" });
+        return Err(SimError::FeatureMissing("output.field".into(), "nifti"));
     }
     let target = match &arguments.out {
         Some(path) => path.clone(),
@@ -119,11 +118,8 @@ fn write_frame(
 /// The length of a bar that shows a fraction.
 const PERMILLE: u64 = 1000;
 
-/// A bar on stderr if people watch it.
+/// A bar on stderr, hidden unless that is a terminal.
 fn bar(length: u64, template: &str) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
     let bar = ProgressBar::new(length);
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);

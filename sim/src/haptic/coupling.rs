@@ -8,7 +8,6 @@ use nalgebra::{Matrix3, Vector3};
 /// and damper B that are computed, stays passive (no hand can make it oscillate) if and only if
 ///
 /// b > K T/2 + |B|.
-///
 /// # Source
 /// Colgate, Schenkel, Passivity of a class of sampled-data systems: application to haptic
 /// interfaces, J. Robotic Systems 14(1), 1997; the coupling: Colgate, Stanley, Brown, Issues in the

@@ -1,6 +1,7 @@
 //! The loop that keeps time with the device, in a thread of its own.
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -10,8 +11,29 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
+use super::coupling::ForceModel;
 use super::options::{Device, HapticOptions};
-use super::shared::{Shared, lock};
+
+/// What the solver tells the device's loop.
+#[derive(Clone, Copy)]
+pub(super) struct Snapshot {
+    pub model: ForceModel,
+    /// When the tool was asked to go there.
+    pub asked: Instant,
+}
+
+/// What the two loops share; each side holds the lock for a copy alone.
+pub(super) struct Shared {
+    pub snapshot: Mutex<Snapshot>,
+    /// Where the tool is to go next, m, and when that was said.
+    pub target: Mutex<(Vector3<f64>, Instant)>,
+    pub ended: AtomicBool,
+}
+
+/// The lock, whatever happened to the thread that held it before.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// What the device's loop has seen.
 #[derive(Default)]

@@ -7,7 +7,6 @@ mod coupling;
 mod device_loop;
 mod options;
 mod session;
-mod shared;
 mod summary;
 
 pub use coupling::{ForceModel, VirtualCoupling};

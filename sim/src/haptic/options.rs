@@ -38,7 +38,6 @@ impl HapticOptions {
     /// Refuses options out of range.
     pub(super) fn check(&self) -> Result<(), SimError> {
         let Self { seconds, period_s, coupling, device_damping_n_s_m, .. } = *self;
-        let within = |value: f64, low: f64, high: f64| value >= low && value <= high;
         for (key, value, low, high) in [
             ("seconds", seconds, 1e-3, 86_400.0),
             ("period_s", period_s, 1e-4, 1.0),
@@ -46,8 +45,9 @@ impl HapticOptions {
             ("damping_n_s_m", coupling.damping_n_s_m, 0.0, 1e9),
             ("device_damping_n_s_m", device_damping_n_s_m, 0.0, 1e9),
         ] {
-            if !within(value, low, high) {
-                return Err(SimError::Haptic { key, value, low, high });
+            if !(low..=high).contains(&value) {
+                let want = format!("{low} to {high}");
+                return Err(SimError::value("haptic loop", key, value, want));
             }
         }
         Ok(())

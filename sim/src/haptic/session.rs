@@ -8,9 +8,8 @@ use std::time::Instant;
 use nalgebra::{Matrix3, Vector3};
 
 use super::coupling::ForceModel;
-use super::device_loop::tick;
+use super::device_loop::{Shared, Snapshot, lock, tick};
 use super::options::{Device, HapticOptions};
-use super::shared::{Shared, Snapshot, lock};
 use super::summary::{HapticSummary, Made, summary};
 use crate::error::SimError;
 use crate::step::Simulation;
@@ -24,7 +23,7 @@ use crate::tools::Pose;
 /// Results depend on wall-clock time: two runs differ. The scene's clock goes on by
 /// its `step_s` a step; paths of other tools and pressures follow that.
 /// # Errors
-/// [`SimError::NoSuchTool`]; [`SimError::Haptic`] for options out of range; those of
+/// [`SimError::NoSuchTool`]; [`SimError::Value`] for options out of range; those of
 /// [`Simulation::step`].
 pub fn run(
     simulation: &mut Simulation,

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::device_loop::Ticks;
 use super::options::HapticOptions;
 use crate::error::SimError;
-use crate::output::write_file;
+use crate::output::write_json;
 use crate::report::Percentiles;
 
 /// How a haptic loop went.
@@ -62,13 +62,10 @@ pub struct StepRate {
 
 impl HapticSummary {
     /// Writes it as JSON, replacing what stands at `path` only once the file is whole.
-    ///
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_json(&self, path: &Path) -> Result<(), SimError> {
-        let io = |source| SimError::Io { path: path.into(), source };
-        let json = serde_json::to_string_pretty(self).map_err(|error| io(error.into()))?;
-        write_file(path, json + "\n")
+        write_json(path, self)
     }
 }
 

@@ -29,7 +29,7 @@ impl InverseLink {
             let hh = Mat::from_fn(h, h, |i, j| all[(of(n + i), of(n + j))]);
             let hp = Mat::from_fn(h, n, |i, j| all[(of(n + i), of(j))]);
             let factor = Llt::new(hh.as_ref(), faer::Side::Lower)
-                .map_err(|_| SimError::ComplianceNotPositive { vertices: held.len() })?;
+                .map_err(|_| SimError::ComplianceNotPositive(held.len()))?;
             block -= hp.transpose() * factor.solve(&hp);
         }
         Ok((0..n * n).map(|at| block[(at / n, at % n)]).collect())

@@ -25,7 +25,6 @@ pub(super) struct Held {
 
 impl Held {
     /// Factors the compliance of the vertices in `slots`.
-    ///
     /// # Errors
     /// [`SimError::Inverse`]; [`SimError::ComplianceNotPositive`] if the inverse is damaged.
     pub fn new(
@@ -52,7 +51,7 @@ impl Held {
             (None, Mat::from_fn(n, n, |i, j| all[(of(i), of(j))]))
         };
         let factor = Llt::new(block.as_ref(), faer::Side::Lower)
-            .map_err(|_| SimError::ComplianceNotPositive { vertices: slots.len() })?;
+            .map_err(|_| SimError::ComplianceNotPositive(slots.len()))?;
         Ok(Self { updates, slots, columns, factor })
     }
 }

@@ -44,28 +44,13 @@ pub struct InverseLink {
 impl InverseLink {
     /// Assembles the stiffness of `body` in the unknowns of `element` on `vertices` and inverts it.
     ///
-    /// `is_fixed` tells by vertex number whose displacements are fixed.
-    /// `order_key` tells where a vertex lies, see [`SparseStiffness::set_order_keys`].
-    ///
+    /// `density` of a tetrahedron, kg/m³, is asked where the element's
+    /// [matrix](ElementFormulation::matrix) has a mass. `is_fixed` tells by vertex number whose
+    /// displacements are fixed, `order_key` where a vertex lies, see
+    /// [`SparseStiffness::set_order_keys`].
     /// # Errors
     /// [`SimError::Inverse`] if that stiffness is not (quasi-)definite.
     pub fn new(
-        body: &Body,
-        element: Box<dyn ElementFormulation>,
-        vertices: impl Iterator<Item = VertexId>,
-        is_fixed: impl Fn(usize) -> bool,
-        order_key: impl Fn(VertexId) -> u64,
-        factory: &InverseFactory,
-    ) -> Result<Self, SimError> {
-        Self::with_densities(body, &|_| 0.0, element, vertices, is_fixed, order_key, factory)
-    }
-
-    /// As [`new`](Self::new), for an element whose [matrix](ElementFormulation::matrix) has a mass;
-    /// `density` by tetrahedron, kg/m³.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_densities(
         body: &Body,
         density: &dyn Fn(TetId) -> f64,
         element: Box<dyn ElementFormulation>,
@@ -137,7 +122,6 @@ impl InverseLink {
     }
 
     /// Makes all splits and merges since the last call, in one batch.
-    ///
     /// # Errors
     /// [`SimError::Inverse`] if the maintainer refuses one: those before it are made, and the body
     /// can't go on.

@@ -8,16 +8,6 @@ use yawara_mesh::VertexId;
 ///
 /// Vertices without unknowns (fixed ones, mostly) have no slot. All operations on one vertex cost
 /// O(1).
-///
-/// ```
-/// use yawara::inverse::SlotMap;
-/// use yawara_mesh::VertexId;
-///
-/// let mut slots = SlotMap::new([7, 2, 9].map(VertexId));
-/// assert_eq!(slots.swap_remove(VertexId(7)), Some(0));
-/// assert_eq!(slots.get(VertexId(9)), Some(0));
-/// assert_eq!(slots.push(VertexId(4)), 2);
-/// ```
 #[derive(Clone, Debug, Default)]
 pub struct SlotMap {
     vertex_of: Vec<VertexId>,

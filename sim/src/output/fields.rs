@@ -14,25 +14,18 @@ pub(super) const FILES: [&str; 3] =
 
 /// Writes the three fields into a run directory's folder; each appears under its name when it is
 /// complete.
-///
-/// # Errors
-/// [`SimError::Io`], or [`SimError::Image`] with the file, if they can't be written.
 #[cfg(feature = "nifti")]
 pub(super) fn write(directory: &Path, fields: &Fields) -> Result<(), SimError> {
     use yawara_mesh::image::{write_field, write_labels};
     let folder = directory.join(FOLDER);
-    std::fs::create_dir_all(&folder).map_err(|source| SimError::Io { path: folder, source })?;
+    std::fs::create_dir_all(&folder).map_err(|source| SimError::Io(folder, source))?;
     let [displacement, stress, label] = FILES.map(|name| directory.join(name));
     write_field(&displacement, &fields.displacement_mm)?;
     write_field(&stress, &fields.von_mises_pa)?;
     Ok(write_labels(&label, &fields.label)?)
 }
 
-/// Refuses, as this build has no NIfTI.
-///
-/// # Errors
-/// [`SimError::FeatureMissing`].
 #[cfg(not(feature = "nifti"))]
 pub(super) fn write(_: &Path, _: &Fields) -> Result<(), SimError> {
-    Err(SimError::FeatureMissing { what: "output.field".into(), feature: "nifti" })
+    Err(SimError::FeatureMissing("output.field".into(), "nifti"))
 }

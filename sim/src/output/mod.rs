@@ -4,12 +4,11 @@ mod atomic_file;
 mod fields;
 #[cfg(feature = "gmsh")]
 mod msh;
-mod pvd;
 mod run_directory;
 mod steps_csv;
 mod vtu;
 
-pub(crate) use atomic_file::write_file;
+pub(crate) use atomic_file::{write_file, write_json};
 #[cfg(feature = "gmsh")]
 pub use msh::write_msh;
 pub use run_directory::RunDirectory;

@@ -15,7 +15,6 @@ use crate::report::Frame;
 ///
 /// Points in scanner RAS, mm, as deformed; labels become physical groups. Inverted tetrahedra
 /// are written with positive winding. Cost: O(n log n).
-///
 /// # Errors
 /// [`SimError::TetMesh`] for a flat tetrahedron, a label beyond 0 to 2³¹ − 1, or if the file can't
 /// be written.

@@ -9,7 +9,7 @@ use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 use crate::SimError;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
-use crate::output::{fields, pvd, steps_csv, write_vtu};
+use crate::output::{fields, steps_csv, write_file, write_json, write_vtu};
 use crate::report::{Fields, Frame, StepReport, Summary};
 use crate::scene::Scene;
 
@@ -28,21 +28,18 @@ const FRAMES: &str = "frames";
 pub struct RunDirectory {
     target: PathBuf,
     aside: PathBuf,
-    /// Parents of `target` that did not exist before, outermost first.
-    made: Vec<PathBuf>,
     steps: BufWriter<File>,
     has_header: bool,
     /// Times and files of the frames; files that no collection lists.
     frames: Vec<(f64, Vec<String>)>,
     others: Vec<String>,
-    finished: bool,
+    made: Made,
 }
 
 impl RunDirectory {
     /// Begins a run directory at `target`, which must be new or empty unless `force` is set.
     /// With `force` the files of an earlier run there are replaced at the end and foreign files
     /// stay. Missing parents are made.
-    ///
     /// # Errors
     /// [`SimError::NotEmpty`], [`SimError::NotADirectory`], [`SimError::Io`] if it can't be
     /// written there. Then nothing is left behind.
@@ -52,41 +49,25 @@ impl RunDirectory {
         let partial = format!(".{name}.{}.partial", std::process::id());
         // Inside a directory that exists (it may be a mount point), beside one that does not.
         let aside = if exists { target.join(partial) } else { target.with_file_name(partial) };
-        let mut made = Made { paths: Vec::new(), keep: false };
-        made.ancestors(&aside)?;
-        made.directory(&aside)?;
-        made.directory(&aside.join(FRAMES))?;
+        let made = Made::new(&aside)?;
+        let path = aside.join(FRAMES);
+        fs::create_dir(&path).map_err(at(&path))?;
         let path = aside.join(STEPS);
         let steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
-        made.keep = true;
-        let parents = made.paths.iter().filter(|path| !path.starts_with(&aside));
-        Ok(Self {
-            target: target.into(),
-            made: parents.cloned().collect(),
-            aside,
-            steps,
-            has_header: false,
-            frames: Vec::new(),
-            others: Vec::new(),
-            finished: false,
-        })
+        let (frames, others) = (Vec::new(), Vec::new());
+        Ok(Self { target: target.into(), aside, steps, has_header: false, frames, others, made })
     }
 
     /// Writes the scene with all defaults and overrides filled in.
-    ///
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_scene(&mut self, scene: &Scene) -> Result<(), SimError> {
         let path = self.aside.join(SCENE);
-        let text = toml::to_string(scene).map_err(|error| SimError::Io {
-            path: path.clone(),
-            source: io::Error::other(error),
-        })?;
-        fs::write(&path, text).map_err(at(&path))
+        let text = toml::to_string(scene).map_err(|error| at(&path)(io::Error::other(error)))?;
+        write_file(&path, text)
     }
 
     /// Appends a row to `steps.csv`, below a line of names if it is the first.
-    ///
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_step(&mut self, step: &StepReport) -> Result<(), SimError> {
@@ -105,7 +86,6 @@ impl RunDirectory {
 
     /// Writes the frame after step number `step` (0 for the start): tetrahedra, one file per
     /// surface, and lists them in `frames.pvd`.
-    ///
     /// # Errors
     /// As [`write_vtu`]; [`SimError::Surface`] for a surface.
     pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
@@ -127,7 +107,6 @@ impl RunDirectory {
     }
 
     /// Writes the frame after step number `step` as a Gmsh mesh, labels as groups.
-    ///
     /// # Errors
     /// As [`write_msh`].
     #[cfg(feature = "gmsh")]
@@ -140,7 +119,6 @@ impl RunDirectory {
 
     /// Writes the fields on the image's grid: `fields/displacement_mm.nii.gz`,
     /// `fields/von_mises_pa.nii.gz` and `fields/label.nii.gz`.
-    ///
     /// # Errors
     /// [`SimError::Io`]; [`SimError::Image`], which names the file; [`SimError::FeatureMissing`] in
     /// a build without NIfTI.
@@ -149,37 +127,30 @@ impl RunDirectory {
     }
 
     /// Writes `summary.json`.
-    ///
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_summary(&mut self, summary: &Summary) -> Result<(), SimError> {
-        let path = self.aside.join(SUMMARY);
-        let mut text = serde_json::to_string_pretty(summary)
-            .map_err(|error| SimError::Io { path: path.clone(), source: error.into() })?;
-        text.push('\n');
-        fs::write(&path, text).map_err(at(&path))
+        write_json(&self.aside.join(SUMMARY), summary)
     }
 
     /// Completes the files and moves them to where they belong, `summary.json` last. Returns
     /// that directory.
-    ///
     /// # Errors
     /// [`SimError::Io`]; [`SimError::NotEmpty`] if the directory came into being meanwhile.
     pub fn finish(mut self) -> Result<PathBuf, SimError> {
         self.write_header(&StepReport::default())?;
         let path = self.aside.join(STEPS);
         self.steps.flush().map_err(at(&path))?;
-        let path = self.aside.join(COLLECTION);
-        fs::write(&path, pvd::collection(&self.frames)).map_err(at(&path))?;
+        write_file(&self.aside.join(COLLECTION), collection(&self.frames))?;
         if self.aside.parent() == Some(&self.target) {
             self.move_files()?;
             fs::remove_dir(&self.aside).map_err(at(&self.aside))?;
         } else if inspect(&self.target, false)? {
-            return Err(SimError::NotEmpty { path: self.target.clone() });
+            return Err(SimError::NotEmpty(self.target.clone()));
         } else {
             fs::rename(&self.aside, &self.target).map_err(at(&self.target))?;
         }
-        self.finished = true;
+        self.made.0.clear();
         Ok(self.target.clone())
     }
 
@@ -225,57 +196,41 @@ impl RunDirectory {
     }
 }
 
-impl Drop for RunDirectory {
-    fn drop(&mut self) {
-        if self.finished {
-            return;
-        }
-        // A destructor can't report an error; the first one has been reported already.
-        let _ = fs::remove_dir_all(&self.aside);
-        for parent in self.made.iter().rev() {
-            let _ = fs::remove_dir(parent);
-        }
-    }
-}
-
-/// Directories made so far; removed again when dropped unless kept.
-struct Made {
-    paths: Vec<PathBuf>,
-    keep: bool,
-}
+/// Directories made so far, each after the one it lies in. Dropped, it removes the last with all
+/// that is in it, and the others if nothing is.
+#[derive(Debug)]
+struct Made(Vec<PathBuf>);
 
 impl Made {
-    fn directory(&mut self, path: &Path) -> Result<(), SimError> {
-        fs::create_dir(path).map_err(at(path))?;
-        self.paths.push(path.into());
-        Ok(())
-    }
-
-    /// Makes the missing ancestors of `path`, outermost first.
-    fn ancestors(&mut self, path: &Path) -> Result<(), SimError> {
-        let missing: Vec<&Path> = path
-            .ancestors()
-            .skip(1)
-            .take_while(|parent| !parent.as_os_str().is_empty() && !parent.exists())
-            .collect();
-        missing.into_iter().rev().try_for_each(|parent| self.directory(parent))
+    /// Makes a directory and its missing ancestors.
+    fn new(path: &Path) -> Result<Self, SimError> {
+        let is_missing = |parent: &&Path| !parent.as_os_str().is_empty() && !parent.exists();
+        let missing = path.ancestors().skip(1).take_while(is_missing).count();
+        let directories: Vec<&Path> = path.ancestors().take(missing + 1).collect();
+        let mut made = Self(Vec::new());
+        for directory in directories.into_iter().rev() {
+            fs::create_dir(directory).map_err(at(directory))?;
+            made.0.push(directory.into());
+        }
+        Ok(made)
     }
 }
 
 impl Drop for Made {
     fn drop(&mut self) {
-        if self.keep {
-            return;
+        // A destructor can't report an error; the first one has been reported already.
+        if let Some(last) = self.0.pop() {
+            let _ = fs::remove_dir_all(last);
         }
-        if let Some(outermost) = self.paths.first() {
-            let _ = fs::remove_dir_all(outermost);
+        for parent in self.0.iter().rev() {
+            let _ = fs::remove_dir(parent);
         }
     }
 }
 
 fn at(path: &Path) -> impl FnOnce(io::Error) -> SimError {
     let path = path.to_owned();
-    move |source| SimError::Io { path, source }
+    move |source| SimError::Io(path, source)
 }
 
 /// Whether the directory exists; refuses what can't become a run directory.
@@ -283,16 +238,16 @@ fn inspect(target: &Path, force: bool) -> Result<bool, SimError> {
     match fs::metadata(target) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             if target.file_name().is_none() {
-                return Err(SimError::NotADirectory { path: target.into() });
+                return Err(SimError::NotADirectory(target.into()));
             }
             Ok(false)
         }
-        Err(source) => Err(SimError::Io { path: target.into(), source }),
-        Ok(found) if !found.is_dir() => Err(SimError::NotADirectory { path: target.into() }),
+        Err(source) => Err(SimError::Io(target.into(), source)),
+        Ok(found) if !found.is_dir() => Err(SimError::NotADirectory(target.into())),
         Ok(_) => {
             let mut entries = fs::read_dir(target).map_err(at(target))?;
             if !force && entries.next().is_some() {
-                return Err(SimError::NotEmpty { path: target.into() });
+                return Err(SimError::NotEmpty(target.into()));
             }
             Ok(true)
         }
@@ -318,6 +273,22 @@ fn is_frame(path: &Path) -> bool {
         ("vtp", Some((digits, label))) => is_number(digits) && label.parse::<i64>().is_ok(),
         _ => false,
     }
+}
+
+/// The text of a ParaView collection of `(time, files)`, files relative to it; the files of one
+/// time are its parts 0, 1, … Times in s.
+fn collection(frames: &[(f64, Vec<String>)]) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n",
+    );
+    for (time_s, files) in frames {
+        for (part, file) in files.iter().enumerate() {
+            let attributes = format!("timestep=\"{time_s:?}\" part=\"{part}\" file=\"{file}\"");
+            text += &format!("    <DataSet {attributes}/>\n");
+        }
+    }
+    text.push_str("  </Collection>\n</VTKFile>\n");
+    text
 }
 
 #[cfg(test)]
@@ -384,7 +355,7 @@ mod tests {
             fs::write(target.join(name), name).unwrap();
         }
         let error = RunDirectory::create(target, false).unwrap_err();
-        assert!(matches!(error, SimError::NotEmpty { .. }), "{error}");
+        assert!(matches!(error, SimError::NotEmpty(_)), "{error}");
         // Given up: all is as it was.
         drop(RunDirectory::create(target, true).unwrap());
         assert_eq!(names(target), ["frames", "notes.txt", "summary.json"]);
@@ -411,7 +382,7 @@ mod tests {
         let file = root.path().join("file");
         fs::write(&file, "x").unwrap();
         let error = RunDirectory::create(&file, true).unwrap_err();
-        assert!(matches!(error, SimError::NotADirectory { .. }), "{error}");
+        assert!(matches!(error, SimError::NotADirectory(_)), "{error}");
         let error = RunDirectory::create(&file.join("below/run"), true).unwrap_err();
         assert!(error.to_string().contains("file"), "{error}");
         assert_eq!(names(root.path()), ["file"]);
@@ -423,7 +394,7 @@ mod tests {
         // Valid itself, but too long for the system with the suffix of the directory aside.
         let target = root.path().join("new/deep").join("n".repeat(250));
         let error = RunDirectory::create(&target, false).unwrap_err();
-        assert!(matches!(error, SimError::Io { .. }), "{error}");
+        assert!(matches!(error, SimError::Io(..)), "{error}");
         assert!(names(root.path()).is_empty());
     }
 
@@ -434,7 +405,7 @@ mod tests {
         let run = RunDirectory::create(&target, false).unwrap();
         fs::create_dir(&target).unwrap();
         fs::write(target.join("notes.txt"), "x").unwrap();
-        assert!(matches!(run.finish().unwrap_err(), SimError::NotEmpty { .. }));
+        assert!(matches!(run.finish().unwrap_err(), SimError::NotEmpty(_)));
         assert_eq!(names(root.path()), ["run"]);
         assert_eq!(names(&target), ["notes.txt"]);
     }

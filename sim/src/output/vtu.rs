@@ -1,5 +1,6 @@
 //! One frame as a VTK unstructured grid (XML, base64 binary) for ParaView and meshio.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use yawara_mesh::tet_file::{VtkArray, VtkValues, tetrahedra_xml};
@@ -13,9 +14,8 @@ use crate::report::Frame;
 /// Points in scanner RAS, mm; point data `displacement` (mm); cell data `level`, `label`,
 /// `young_modulus_pa`, `von_mises_pa`, `indicator`. A field of no values is left out. The same
 /// frame gives the same bytes. Cost: O(points + tetrahedra).
-///
 /// # Errors
-/// [`SimError::Frame`] if the fields do not fit together, a number is not finite or a corner is
+/// [`SimError::Value`] if the fields do not fit together, a number is not finite or a corner is
 /// no point; [`SimError::Io`] if the file can't be written. Then no file is left that was not there
 /// before.
 pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
@@ -52,10 +52,10 @@ fn check(frame: &Frame) -> Result<(), SimError> {
     for (field, found, want) in lengths {
         if found != 0 && found != want {
             let want = format!("{want}, one each");
-            return Err(SimError::Frame { field, index: found, value: "the length".into(), want });
+            return Err(refusal(field, found, "the length", want));
         }
     }
-    let series: [(&'static str, &[f64]); 5] = [
+    let series: [(&str, &[f64]); 5] = [
         ("points_mm", frame.points_mm.as_flattened()),
         ("displacement_mm", frame.displacement_mm.as_flattened()),
         ("young_modulus_pa", &frame.young_modulus_pa),
@@ -64,16 +64,18 @@ fn check(frame: &Frame) -> Result<(), SimError> {
     ];
     for (field, values) in series {
         if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-            let (value, want) = (values[index].to_string(), "a finite number".into());
-            return Err(SimError::Frame { field, index, value, want });
+            return Err(refusal(field, index, values[index], "a finite number".into()));
         }
     }
     let corners = frame.tets.as_flattened();
     if let Some(index) = corners.iter().position(|&v| v as usize >= points) {
-        let (value, want) = (corners[index].to_string(), format!("a point below {points}"));
-        return Err(SimError::Frame { field: "tets", index, value, want });
+        return Err(refusal("tets", index, corners[index], format!("a point below {points}")));
     }
     Ok(())
+}
+
+fn refusal(field: &str, index: usize, value: impl Display, want: String) -> SimError {
+    SimError::value("frame", &format!("{field}[{index}]"), value, want)
 }
 
 #[cfg(test)]
@@ -157,14 +159,14 @@ mod tests {
             let mut spoiled = frame();
             spoil(&mut spoiled);
             let error = write_vtu(&path, &spoiled).unwrap_err();
-            assert!(matches!(error, SimError::Frame { .. }), "{error}");
+            assert!(matches!(error, SimError::Value { .. }), "{error}");
             assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
         }
         // A directory can't be replaced by a file.
         fs::create_dir(&path).unwrap();
-        assert!(matches!(write_vtu(&path, &frame()).unwrap_err(), SimError::Io { .. }));
+        assert!(matches!(write_vtu(&path, &frame()).unwrap_err(), SimError::Io(..)));
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         let nowhere = dir.path().join("no such folder/frame.vtu");
-        assert!(matches!(write_vtu(&nowhere, &frame()).unwrap_err(), SimError::Io { .. }));
+        assert!(matches!(write_vtu(&nowhere, &frame()).unwrap_err(), SimError::Io(..)));
     }
 }

@@ -1,7 +1,6 @@
 //! The deformed mesh as arrays for output.
 
 use nalgebra::{Matrix6, Vector3};
-use yawara_corot::Element;
 use yawara_embed::Strain;
 use yawara_mesh::TetId;
 use yawara_mesh::geometry::signed_volume;
@@ -25,9 +24,7 @@ pub(crate) fn capture(
         frame.points_mm.push(axes.to_ras_mm(&now).into());
         frame.displacement_mm.push(axes.to_ras_direction(&((now - rest) * 1e3)).into());
     }
-    let mut elements: Vec<(usize, &Element)> = state.body.elements().iter().enumerate().collect();
-    elements.sort_unstable_by_key(|(_, element)| element.tet);
-    for (of_body, element) in elements {
+    for (of_body, element) in state.elements_by_number() {
         let mut corners = element.vertices;
         if signed_volume(&corners.map(|v| state.rest[v])) < 0.0 {
             corners.swap(2, 3);
@@ -37,9 +34,8 @@ pub(crate) fn capture(
         frame.level.push(cell.level);
         frame.label.push(cell.label);
         frame.young_modulus_pa.push(isotropic_part(&element.elasticity));
-        frame
-            .von_mises_pa
-            .push(von_mises(&state.body.stress_without_pressure(of_body, &state.positions)));
+        let stress = state.body.stress_without_pressure(of_body, &state.positions);
+        frame.von_mises_pa.push(von_mises(&stress));
         frame.indicator.extend(indicator.map(|measured| measured(element.tet)));
     }
     frame

@@ -80,6 +80,7 @@ impl Probe {
 #[cfg(test)]
 mod tests {
     use yawara_mesh::bisection::lattice::MAX_LEVEL;
+    use yawara_mesh::geometry::signed_volume;
 
     use super::*;
     use crate::{Simulation, Stages, scene_file};
@@ -100,14 +101,8 @@ mod tests {
         assert_eq!(a.vertex_count(), a.rest().len(), "no void in a block");
         assert_eq!(a.rest(), b.rest());
         assert_eq!(a.tets(), b.tets());
-        let volume: f64 = a
-            .tets()
-            .iter()
-            .map(|tet| {
-                let x = tet.map(|v| a.rest()[v as usize]);
-                yawara_mesh::geometry::signed_volume(&x).abs()
-            })
-            .sum();
+        let corners = |tet: &[u32; 4]| tet.map(|v| a.rest()[v as usize]);
+        let volume: f64 = a.tets().iter().map(|tet| signed_volume(&corners(tet)).abs()).sum();
         assert!((volume - 0.16 * 0.04 * 0.04).abs() < 1e-15, "{volume}");
         let now = coarse.probe_positions(&mut a).unwrap();
         let off = now.iter().zip(a.rest()).map(|(x, y)| (x - y).norm());

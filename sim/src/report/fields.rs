@@ -1,7 +1,6 @@
 //! The state of a simulation as volumes on the image's grid, in material coordinates.
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::Element;
 use yawara_mesh::volume::{IntensityVolume, LabelVolume};
 
 use super::capture::von_mises;
@@ -35,9 +34,7 @@ impl Fields {
         let mut stress = vec![0f32; count];
         let mut label = vec![0u16; count];
         let BodyState { body, rest, positions, .. } = state;
-        let mut elements: Vec<(usize, &Element)> = body.elements().iter().enumerate().collect();
-        elements.sort_unstable_by_key(|(_, element)| element.tet);
-        for (number, element) in elements {
+        for (number, element) in state.elements_by_number() {
             let moved = element.vertices.map(|v| positions[v] - rest[v]);
             let rest = element.vertices.map(|v| rest[v]);
             let here = von_mises(&body.stress_without_pressure(number, positions));

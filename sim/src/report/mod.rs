@@ -1,15 +1,14 @@
 //! What a simulation reports: a row per step, frames, fields, surfaces and the summary.
 //!
 //! `records` is the file to open first: the types that leave the simulation. `capture`, `fields`,
-//! `surfaces` and `comparison_points` take them from a body, `run_statistics` adds up a run,
-//! `recorder` keeps what all of these need.
+//! `surfaces` and `comparison_points` take them from a body, `recorder` keeps what these need and
+//! adds up a run.
 
 mod capture;
 mod comparison_points;
 mod fields;
 mod recorder;
 mod records;
-mod run_statistics;
 mod surfaces;
 mod tool;
 
@@ -25,7 +24,6 @@ pub use records::{
 };
 pub use tool::{ToolReport, ToolSummary};
 
-pub(crate) use recorder::Recorder;
+pub(crate) use recorder::{Recorder, RunStatistics, Work};
 pub(crate) use records::milliseconds;
-pub(crate) use run_statistics::{RunStatistics, Work};
 pub(crate) use surfaces::Surfaces;

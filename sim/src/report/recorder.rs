@@ -1,19 +1,26 @@
-//! What a run keeps for its output.
+//! What a run keeps and adds up for its output.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{BisectionForest, TetId};
+use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
 use super::fields::Fields;
-use super::records::{Frame, PlanRow, Summary};
-use super::run_statistics::RunStatistics;
+use super::records::{
+    ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
+    StepSummary, Summary,
+};
 use super::surfaces::Surfaces;
+use super::tool::ToolSummary;
 use crate::body::{BodyState, BodySummary, ScannerAxes};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::scene::Scene;
+
+/// Layout version of [`Summary`].
+const SCHEMA: u32 = 1;
 
 /// Takes frames, fields and the summary of a body.
 pub(crate) struct Recorder {
@@ -57,11 +64,133 @@ impl Recorder {
         forest: Option<&BisectionForest>,
         inverse: &InverseLink,
     ) -> Result<Summary, SimError> {
-        let surfaces = match (&self.surfaces, forest) {
-            (Some(surfaces), Some(forest)) => surfaces.summary(forest, &state.positions)?,
-            _ => Vec::new(),
-        };
-        let body = self.body.as_ref();
-        Ok(self.statistics.summary(scene, &self.plan, body, inverse, surfaces))
+        let RunStatistics { mesh, worst, steps, step_ms, solve_ms, .. } = &self.statistics;
+        let counts = inverse.maintainer().counts();
+        Ok(Summary {
+            schema: SCHEMA,
+            scene: scene.name.clone(),
+            seed: scene.seed,
+            plan: self.plan.clone(),
+            body: self.body.clone(),
+            mesh: MeshSummary {
+                worst_radius_ratio: worst.radius_ratio,
+                worst_circumradius_over_shortest_edge: worst.circumradius_over_shortest_edge,
+                ..*mesh
+            },
+            steps: StepSummary { time_ms: Percentiles::of(step_ms), ..steps.clone() },
+            inverse: InverseSummary {
+                choice: inverse.maintainer().name().into(),
+                updates: inverse.updates,
+                rebuilds: counts.rebuilds,
+                drift_rebuilds: counts.drift_rebuilds,
+                failed_pivots: counts.failed_pivots,
+                refinement_steps: counts.refinement_steps,
+                batches: inverse.batches,
+                time_ms: Percentiles::of(&inverse.update_ms),
+                solve_ms: Percentiles::of(solve_ms),
+                drift_max: inverse.drift_max,
+            },
+            force: self.statistics.force,
+            motion: None,
+            tools: self.statistics.tools.clone(),
+            surfaces: match (&self.surfaces, forest) {
+                (Some(surfaces), Some(forest)) => surfaces.summary(forest, &state.positions)?,
+                _ => Vec::new(),
+            },
+            setup_s: self.statistics.setup_s,
+            wall_s: self.statistics.begin.elapsed().as_secs_f64(),
+        })
     }
+}
+
+/// What the solver did in a step besides what its report tells.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Work {
+    /// How often the step or a part of it was cut in two.
+    pub halvings: usize,
+    /// The method of the solver that brought each attempt to its tolerance.
+    pub converged_by: Vec<&'static str>,
+    /// Time of each application of the inverse, ms.
+    pub solve_ms: Vec<f64>,
+}
+
+/// Sums, extremes and times over the steps of a run.
+pub(crate) struct RunStatistics {
+    begin: Instant,
+    setup_s: f64,
+    mesh: MeshSummary,
+    worst: Quality,
+    steps: StepSummary,
+    step_ms: Vec<f64>,
+    /// Time of each application of the inverse.
+    solve_ms: Vec<f64>,
+    force: ForceSummary,
+    tools: Vec<ToolSummary>,
+}
+
+impl RunStatistics {
+    /// For a body that is set up, `begin` being when that began.
+    pub fn new(begin: Instant, state: &BodyState) -> Self {
+        let count = |n| Range { start: n, max: n, end: n };
+        let (vertices, tets) = (count(state.vertex_count()), count(state.tet_count()));
+        Self {
+            begin,
+            setup_s: begin.elapsed().as_secs_f64(),
+            mesh: MeshSummary { vertices, tets, ..MeshSummary::default() },
+            worst: worst_quality(state),
+            steps: StepSummary::default(),
+            step_ms: Vec::new(),
+            solve_ms: Vec::new(),
+            force: ForceSummary::default(),
+            tools: Vec::new(),
+        }
+    }
+
+    pub fn steps(&self) -> usize {
+        self.steps.count
+    }
+
+    /// Adds a step that took `step_ms` in all.
+    pub fn add(&mut self, report: &StepReport, work: &Work, state: &BodyState, step_ms: f64) {
+        let Self { mesh, steps, force, .. } = self;
+        steps.count += 1;
+        steps.halvings += work.halvings;
+        steps.converged += usize::from(report.converged);
+        // A NaN must stay visible: `max` would drop it.
+        if !(report.residual <= steps.residual_max) {
+            steps.residual_max = report.residual;
+        }
+        for method in &work.converged_by {
+            *steps.converged_by.entry(method).or_default() += 1;
+        }
+        self.solve_ms.extend_from_slice(&work.solve_ms);
+        self.step_ms.push(step_ms);
+        mesh.splits += report.splits;
+        mesh.merges += report.merges;
+        mesh.waiting_max = mesh.waiting_max.max(report.waiting);
+        mesh.waiting_end = report.waiting;
+        for (range, now) in [(&mut mesh.vertices, report.vertices), (&mut mesh.tets, report.tets)] {
+            range.max = range.max.max(now);
+            range.end = now;
+        }
+        if report.splits > 0 {
+            self.worst = self.worst.worse(worst_quality(state));
+        }
+        force.end_n = report.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+        force.max_n = force.max_n.max(force.end_n);
+        if self.tools.is_empty() {
+            let unfelt = |kind| ToolSummary { kind, ..ToolSummary::default() };
+            self.tools.extend(report.tools.iter().map(|tool| unfelt(tool.kind)));
+        }
+        for (summary, tool) in self.tools.iter_mut().zip(&report.tools) {
+            summary.add(tool);
+        }
+    }
+}
+
+fn worst_quality(state: &BodyState) -> Quality {
+    let perfect = Quality { radius_ratio: 1.0, circumradius_over_shortest_edge: 0.0 };
+    let elements = state.body.elements().iter();
+    let qualities = elements.map(|e| Quality::of(&e.vertices.map(|v| state.rest[v])));
+    qualities.fold(perfect, Quality::worse)
 }

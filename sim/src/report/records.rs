@@ -1,6 +1,7 @@
 //! What a simulation reports: the plan, a row per step, frames and the summary.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -168,8 +169,14 @@ pub struct Range {
     pub end: usize,
 }
 
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} → {} → {}", self.start, self.max, self.end)
+    }
+}
+
 /// The mesh over the run.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MeshSummary {
     /// Active vertices.
     pub vertices: Range,
@@ -190,7 +197,7 @@ pub struct MeshSummary {
 }
 
 /// The steps.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct StepSummary {
     /// How many were made.
     pub count: usize,
@@ -233,7 +240,7 @@ pub struct InverseSummary {
 }
 
 /// The force on the tools.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ForceSummary {
     /// Largest magnitude, N.
     pub max_n: f64,

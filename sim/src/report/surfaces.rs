@@ -6,11 +6,11 @@ use nalgebra::{Matrix3, Vector3};
 use yawara_corot::rotation::polar_warm;
 use yawara_embed::{DetailMesh, Embedding, Follower};
 use yawara_mesh::BisectionForest;
-use yawara_mesh::isosurface::{IsoSurface, Outline};
+use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
 use yawara_mesh::volume::LabelVolume;
 
 use super::records::{SurfaceFrame, SurfaceSummary};
-use crate::body::{Cut, ImageBody, ScannerAxes};
+use crate::body::{ImageBody, ScannerAxes, cut};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -21,13 +21,8 @@ pub(crate) struct Surfaces {
     follower: RefCell<Follower>,
     /// Rest positions of the fine mesh, m.
     rest: Vec<Vector3<f64>>,
-    parts: Vec<Part>,
-}
-
-struct Part {
-    /// As in the image.
-    label: i64,
-    surface: IsoSurface,
+    /// With their labels as in the image.
+    parts: Vec<(i64, IsoSurface)>,
 }
 
 impl Surfaces {
@@ -44,16 +39,15 @@ impl Surfaces {
         }
         let mut outlines = Vec::new();
         for (i, one) in asked.iter().enumerate() {
-            let label = dense_label(&setup.volume, one.label).ok_or_else(|| SimError::Value {
-                place: scene.name.clone(),
-                key: format!("output.surfaces[{i}].label"),
-                value: one.label.to_string(),
-                want: format!("a label that occurs in {}", setup.image_name()),
+            let label = dense_label(&setup.volume, one.label).ok_or_else(|| {
+                let want = format!("a label that occurs in {}", setup.image_name());
+                let key = format!("output.surfaces[{i}].label");
+                SimError::value(&scene.name, &key, one.label, want)
             })?;
             outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
         }
-        let Cut { forest, placement, rest, surfaces } =
-            Cut::new(scene, setup, &setup.volume, &outlines)?;
+        let Outlines { forest, placement, rest, surfaces } =
+            cut(scene, setup, &setup.volume, &outlines)?;
         let mut parts = Vec::new();
         for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
             if surface.triangles.is_empty() {
@@ -64,10 +58,10 @@ impl Surfaces {
                     one.sigma_voxels
                 );
             }
-            parts.push(Part { label: one.label, surface });
+            parts.push((one.label, surface));
         }
         let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
-        let ends = parts.iter().flat_map(|part| &part.surface.vertices).flat_map(|v| v.edge);
+        let ends = parts.iter().flat_map(|(_, surface)| &surface.vertices).flat_map(|v| v.edge);
         let follower = RefCell::new(Follower::new(&detail, ends));
         Ok(Some(Self { detail, follower, rest, parts }))
     }
@@ -83,16 +77,13 @@ impl Surfaces {
         let now = follower.follow(&self.detail, forest, positions, &rotation)?;
         self.parts
             .iter()
-            .map(|part| {
-                let (rest, now) =
-                    (part.surface.positions(&self.rest)?, part.surface.positions(now)?);
-                let pairs = rest.iter().zip(&now);
+            .map(|(label, surface)| {
+                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
+                let moved = rest.iter().zip(&now).map(|(rest, now)| (now - rest) * 1e3);
                 Ok(SurfaceFrame {
-                    label: part.label,
-                    triangles: part.surface.triangles.clone(),
-                    displacement_mm: pairs
-                        .map(|(rest, now)| axes.to_ras_direction(&((now - rest) * 1e3)))
-                        .collect(),
+                    label: *label,
+                    triangles: surface.triangles.clone(),
+                    displacement_mm: moved.map(|u| axes.to_ras_direction(&u)).collect(),
                     points_mm: now.iter().map(|x| axes.to_ras_mm(x)).collect(),
                 })
             })
@@ -109,7 +100,7 @@ impl Surfaces {
         let now = follower.follow(&self.detail, forest, positions, &rotation)?;
         self.parts
             .iter()
-            .map(|Part { label, surface }| {
+            .map(|(label, surface)| {
                 let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
                 Ok(SurfaceSummary {
                     label: *label,

@@ -24,7 +24,7 @@ pub struct ToolReport {
 }
 
 /// A tool over the run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ToolSummary {
     /// Its kind, as in the scene.
     pub kind: &'static str,
@@ -43,19 +43,6 @@ pub struct ToolSummary {
 }
 
 impl ToolSummary {
-    /// Nothing felt yet.
-    pub(crate) fn new(kind: &'static str) -> Self {
-        Self {
-            kind,
-            force_max_n: 0.0,
-            force_end_n: 0.0,
-            torque_max_n_m: 0.0,
-            torque_end_n_m: 0.0,
-            contacts_max: 0,
-            penetration_max_m: 0.0,
-        }
-    }
-
     /// Takes a step into account.
     pub(crate) fn add(&mut self, report: &ToolReport) {
         let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::region::Region;
 use super::stage_names::StageNames;
-use super::tool::ToolEntry;
+use super::tool::{Region, ToolEntry};
 
 /// A scene: body, loads, stages and budgets. Unknown keys are refused.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     /// Name in summaries and file names.
@@ -43,7 +43,6 @@ pub struct Scene {
     /// Steps and their length.
     pub time: Time,
     /// Motion with inertia; without it every step is an equilibrium.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dynamics: Option<Dynamics>,
     /// Which implementation of each stage.
     #[serde(default)]
@@ -64,27 +63,21 @@ pub struct Scene {
 
 /// A volume: a file if `path` is given, else a phantom. A file holds intensities if the materials
 /// have ranges, else labels.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Image {
     /// Label map or intensity image (NIfTI, NRRD, MetaImage); replaces the phantom.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathBuf>,
     /// Procedural body.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub phantom: Option<Phantom>,
     /// Left-right length of the `liver` phantom, mm.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub length_mm: Option<f64>,
     /// Size of the `block` phantom, mm: a whole number of voxels each.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 3]>,
     /// Voxel edge of a phantom, mm; or the voxel edge to which a file is resampled, by default
     /// its smallest one.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_mm: Option<f64>,
     /// Standard deviation of a Gaussian that smooths intensities before they are classified, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blur_mm: Option<f64>,
     /// Labels of a label map that become void.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -92,7 +85,7 @@ pub struct Image {
 }
 
 /// Procedural bodies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Phantom {
     /// Liver (1) with vessels (2), gallbladder (3) and a tumour (4).
@@ -102,15 +95,13 @@ pub enum Phantom {
 }
 
 /// Material of a label, of a range of intensities, or of all labels that no other entry names.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialEntry {
     /// The label as it stands in the image; with `range`, the label in outputs (by default the
     /// entry's position counted from 1).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label: Option<i64>,
     /// Intensities from the first number on and below the second, in the image's unit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
     /// Takes all labels that neither another entry nor `ignore_labels` names.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -128,7 +119,7 @@ pub struct MaterialEntry {
 }
 
 /// The ersatz material of void.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Void {
     /// Its Young's modulus as a fraction of the softest material's, 0 < … ≤ 1.
@@ -138,33 +129,28 @@ pub struct Void {
 }
 
 /// Base cells and levels, or a mesh from a file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshOptions {
     /// Tetrahedra from a Gmsh (.msh) or VTK (.vtu) file in place of an image; never refined.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<PathBuf>,
     /// Length of a unit of that file, m.
     #[serde(default = "default_unit")]
     pub unit_m: f64,
     /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base_mm: Option<f64>,
     /// Level of the uniform mesh at the start, the floor of merging.
     #[serde(default)]
     pub start_level: u8,
     /// Finest level the simulation may refine to; not beyond `start_level` if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_level: Option<u8>,
     /// Most vertices the mesh may have.
     #[serde(default = "default_max_vertices")]
     pub max_vertices: usize,
     /// Level down to which the start mesh is refined where tetrahedra hold several labels, which
     /// merging keeps; `start_level` if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label_level: Option<u8>,
     /// Where `label_level` applies; everywhere if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label_region: Option<Region>,
 }
 
@@ -181,7 +167,7 @@ impl MeshOptions {
 }
 
 /// Steps and their length.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
     /// How many steps.
@@ -191,7 +177,7 @@ pub struct Time {
 }
 
 /// When to split and merge.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Refinement {
     /// Indicator above which a vertex comes in: J for `energy`, relative volume for `volume`.
@@ -205,7 +191,7 @@ pub struct Refinement {
 }
 
 /// Motion with inertia, by implicit Euler.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Dynamics {
     /// How mass lies on vertices.
@@ -221,7 +207,7 @@ pub struct Dynamics {
 }
 
 /// How mass lies on vertices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MassModel {
     /// That of velocities linear in every tetrahedron.
@@ -232,18 +218,17 @@ pub enum MassModel {
 }
 
 /// How much time a step has for refinement.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Budget {
     /// No vertex comes in later than this after the step began, ms; acts with `realtime` alone.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub step_ms: Option<f64>,
     /// Whether the clock may decide: the same scene then no longer gives the same bytes.
     pub realtime: bool,
 }
 
 /// When a step counts as solved.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Solver {
     /// Relative residual at which a step has converged.
@@ -255,7 +240,7 @@ pub struct Solver {
 }
 
 /// What is written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
     /// A frame every so many steps (and at the start and the end); 0 for none.
@@ -265,14 +250,13 @@ pub struct Output {
     /// Fields on the image's grid at the end, as NIfTI.
     pub field: bool,
     /// Finest level of the mesh that carries the surfaces; that of one voxel if absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub surface_level: Option<u8>,
     /// Labels whose outlines every frame has.
     pub surfaces: Vec<SurfaceEntry>,
 }
 
 /// The outline of a label.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceEntry {
     /// The label as it stands in the image.

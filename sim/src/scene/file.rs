@@ -40,9 +40,8 @@ pub fn built_in() -> &'static [(&'static str, &'static str)] {
 /// Keys are dotted, with entries of lists by number from 0 (`materials.0.young_modulus_pa`, or
 /// `materials[0].young_modulus_pa`); the number after the last one appends. VALUE is a TOML
 /// value, or else a string. A relative `image.path` starts from the current directory.
-///
 /// # Errors
-/// [`SimError::UnknownScene`], [`SimError::Io`], [`SimError::Syntax`], [`SimError::Override`];
+/// [`SimError::UnknownScene`], [`SimError::Io`], [`SimError::Syntax`];
 /// [`SimError::UnknownKey`], [`SimError::MissingKey`] or [`SimError::Value`] naming file and
 /// line, or the override.
 pub fn load(scene: &str, overrides: &[String]) -> Result<(Scene, String), SimError> {
@@ -72,7 +71,7 @@ fn read(scene: &str) -> Result<(String, String), SimError> {
         let choices = BUILT_IN.map(|(name, _)| name).join(", ");
         return Err(SimError::UnknownScene { name: scene.into(), choices });
     }
-    let io = |source| SimError::Io { path: path.into(), source };
+    let io = |source| SimError::Io(path.into(), source);
     Ok((fs::read_to_string(path).map_err(io)?, scene.into()))
 }
 
@@ -87,30 +86,27 @@ struct Source<'a> {
 impl Source<'_> {
     /// The override that set `path`, or else the file and the line of its deepest known part.
     fn place(&self, path: &KeyPath) -> String {
-        if let Some(last) = self.overrides.iter().rev().find(|one| one.sets(path)) {
-            return format!("--set {}", last.argument());
+        if let Some(last) = self.overrides.iter().rev().find(|one| path.starts_with(&one.path)) {
+            return last.place.clone();
         }
         let found = deepest(self.lines, path.steps());
         // A table that only an override made.
-        let made = |one: &&Override| one.path().starts_with(path);
+        let made = |one: &&Override| one.path.starts_with(path);
         match (found, self.overrides.iter().rev().find(made)) {
             (Some((offset, true)), _) | (Some((offset, false)), None) => {
                 format!("{}, line {}", self.name, line_and_column(self.text, offset).0)
             }
-            (_, Some(last)) if !path.steps().is_empty() => format!("--set {}", last.argument()),
+            (_, Some(last)) if !path.steps().is_empty() => last.place.clone(),
             _ => self.name.into(),
         }
     }
 
     /// Adds the line to an error that names a key.
-    fn locate(&self, error: SimError) -> SimError {
-        match error {
-            SimError::Value { key, value, want, .. } => {
-                let place = self.place(&KeyPath::parse(&key));
-                SimError::Value { place, key, value, want }
-            }
-            other => other,
+    fn locate(&self, mut error: SimError) -> SimError {
+        if let SimError::Value { place, key, .. } = &mut error {
+            *place = self.place(&KeyPath::parse(key));
         }
+        error
     }
 }
 
@@ -224,66 +220,32 @@ max = [0, 1, 1]
         assert_eq!(scene.name, "quoted");
     }
 
+    /// What stands in the scene, what in its place is wrong, and what is said of it.
+    const WRONG: &str = "\
+steps = 2 | stesp = 2 | line 14: unknown key `time.stesp`; did you mean `steps`?
+young_modulus_pa | young | line 8: unknown key `materials[0].young`; \
+    did you mean `young_modulus_pa`?
+5e3 | '5 kPa' | line 8: materials[0].young_modulus_pa is \"5 kPa\", want a number
+steps = 2 | # | line 13: time.steps is missing, want a whole number
+max_level = 6 | max_level = 300 | line 12: mesh.max_level is 300, \
+    want a whole number from 0 to 255
+steps = 2 | steps = -2 | line 14: time.steps is -2, want a whole number, at least 0
+\"block\" | 'blok' | line 3: image.phantom is \"blok\", want `liver` or `block`
+\"box\" | 'cube' | line 17: fixed[0].shape is \"cube\", want `box` or `sphere`
+max = [0, 1, 1] | max = [0, 1] | line 19: fixed[0].max is an array of 2, \
+    want an array of 3 numbers
+max = [0, 1, 1] | radius_m = 1 | line 19: unknown key `fixed[0].radius_m`; \
+    valid keys here are `max`, `min`, `shape`
+0.3 | nan | line 9: materials[0].poisson_ratio is NaN, want more than -1 and less than 0.5
+[mesh] | [time] | line 13, column 2: duplicate key (at `time`)
+steps = 2 | steps = | line 14, column";
+
     #[test]
     fn what_is_wrong_is_named_with_its_line() {
-        let cases = [
-            (
-                "steps = 2",
-                "stesp = 2",
-                "FILE, line 14: unknown key `time.stesp`; did you mean `steps`?",
-            ),
-            (
-                "young_modulus_pa",
-                "young",
-                "FILE, line 8: unknown key `materials[0].young`; did you mean `young_modulus_pa`?",
-            ),
-            (
-                "5e3",
-                "\"5 kPa\"",
-                "FILE, line 8: materials[0].young_modulus_pa is \"5 kPa\", want a number",
-            ),
-            ("steps = 2\n", "", "FILE, line 13: time.steps is missing, want a whole number"),
-            (
-                "max_level = 6",
-                "max_level = 300",
-                "FILE, line 12: mesh.max_level is 300, want a whole number from 0 to 255",
-            ),
-            (
-                "steps = 2",
-                "steps = -2",
-                "FILE, line 14: time.steps is -2, want a whole number, at least 0",
-            ),
-            (
-                "\"block\"",
-                "\"blok\"",
-                "FILE, line 3: image.phantom is \"blok\", want `liver` or `block`",
-            ),
-            (
-                "\"box\"",
-                "\"cube\"",
-                "FILE, line 17: fixed[0].shape is \"cube\", want `box` or `sphere`",
-            ),
-            (
-                "max = [0, 1, 1]",
-                "max = [0, 1]",
-                "FILE, line 19: fixed[0].max is an array of 2, want an array of 3 numbers",
-            ),
-            (
-                "max = [0, 1, 1]",
-                "radius_m = 1",
-                "FILE, line 19: unknown key `fixed[0].radius_m`; valid keys here are `max`, `min`, `shape`",
-            ),
-            (
-                "0.3",
-                "nan",
-                "FILE, line 9: materials[0].poisson_ratio is NaN, want more than -1 and less than 0.5",
-            ),
-            ("[mesh]", "[time]", "FILE, line 13, column 2: duplicate key (at `time`)"),
-            ("steps = 2", "steps = ", "FILE, line 14, column"),
-        ];
-        for (from, to, want) in cases {
+        for case in WRONG.lines() {
+            let [from, to, want] = case.split(" | ").collect::<Vec<_>>()[..] else { panic!() };
             let message = try_load(&SMALL.replacen(from, to, 1), &[]).unwrap_err();
-            assert!(message.starts_with(want), "{message}\nwant {want}");
+            assert!(message.starts_with(&format!("FILE, {want}")), "{message}\nwant {want}");
             assert!(!message.contains('\n'), "{message}");
         }
     }
@@ -291,28 +253,20 @@ max = [0, 1, 1]
     #[test]
     fn what_is_wrong_with_an_override_names_the_override() {
         let cases = [
-            ("tim.steps=3", "--set tim.steps=3: unknown key `tim`; did you mean `time`?"),
-            (
-                "stages.invers=lu",
-                "--set stages.invers=lu: unknown key `stages.invers`; did you mean `inverse`?",
-            ),
-            (
-                "materials.0.poisson_ratio=0.5",
-                "--set materials.0.poisson_ratio=0.5: materials[0].poisson_ratio is 0.5, want",
-            ),
-            ("materials.3.label=1", "--set materials.3.label=1: materials has 1 entries"),
-            (
-                "time.steps=many",
-                "--set time.steps=many: time.steps is \"many\", want a whole number",
-            ),
-            ("time.steps.x=1", "--set time.steps.x=1: time.steps is no table"),
-            ("time", "--set time: want KEY=VALUE"),
-            ("=3", "--set =3: want KEY=VALUE"),
-            ("a..b=3", "--set a..b=3: want KEY=VALUE"),
+            ("tim.steps=3", "unknown key `tim`; did you mean `time`?"),
+            ("stages.invers=lu", "unknown key `stages.invers`; did you mean `inverse`?"),
+            ("materials.0.poisson_ratio=0.5", "materials[0].poisson_ratio is 0.5, want"),
+            ("materials.3.label=1", "materials has 1 entries"),
+            ("time.steps=many", "time.steps is \"many\", want a whole number"),
+            ("time.steps.x=1", "time.steps is no table"),
+            ("time", "want KEY=VALUE"),
+            ("=3", "want KEY=VALUE"),
+            ("a..b=3", "want KEY=VALUE"),
         ];
         for (argument, want) in cases {
             let message = try_load(SMALL, &[argument]).unwrap_err();
-            assert!(message.starts_with(want), "{message}\nwant {want}");
+            let want = format!("--set {argument}: {want}");
+            assert!(message.starts_with(&want), "{message}\nwant {want}");
         }
     }
 
@@ -335,7 +289,7 @@ max = [0, 1, 1]
         assert!(error.contains("liver, liver_ct, beam, twist"), "{error}");
         let error = load("liver_ct", &[]).unwrap_err().to_string();
         assert!(error.contains("--set image.path=FILE.nii.gz"), "{error}");
-        assert!(matches!(load("no/such.toml", &[]), Err(SimError::Io { .. })));
+        assert!(matches!(load("no/such.toml", &[]), Err(SimError::Io(..))));
     }
 
     #[test]

@@ -2,23 +2,11 @@
 
 use std::fmt;
 
-use toml::Value;
-
 /// One step down.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     Key(String),
     Index(usize),
-}
-
-impl Step {
-    /// What is one step below `value`.
-    pub fn of<'a>(&self, value: &'a mut Value) -> Option<&'a mut Value> {
-        match self {
-            Self::Key(key) => value.get_mut(key),
-            Self::Index(index) => value.get_mut(index),
-        }
-    }
 }
 
 /// A place in a scene, e.g. `materials[2].poisson_ratio`.

@@ -7,37 +7,24 @@ use crate::SimError;
 
 /// One override.
 pub(super) struct Override {
-    argument: String,
-    path: KeyPath,
+    /// What messages call it.
+    pub place: String,
+    pub path: KeyPath,
     value: Value,
 }
 
 impl Override {
     pub fn parse(argument: &str) -> Result<Self, SimError> {
-        let refuse = || SimError::Override {
-            argument: argument.into(),
-            reason: "want KEY=VALUE, e.g. time.steps=20 or materials.0.young_modulus_pa=5e3".into(),
-        };
+        let reason = "want KEY=VALUE, e.g. time.steps=20 or materials.0.young_modulus_pa=5e3";
+        let place = format!("--set {argument}");
+        let refuse = || SimError::Syntax { place: place.clone(), reason: reason.into() };
         let (key, value) = argument.split_once('=').ok_or_else(refuse)?;
         let path = KeyPath::parse(key.trim());
         if !path.is_complete() {
             return Err(refuse());
         }
         let value = value.parse().unwrap_or_else(|_| Value::String(value.into()));
-        Ok(Self { argument: argument.into(), path, value })
-    }
-
-    pub fn argument(&self) -> &str {
-        &self.argument
-    }
-
-    pub fn path(&self) -> &KeyPath {
-        &self.path
-    }
-
-    /// True where what stands at `path` comes from this override.
-    pub fn sets(&self, path: &KeyPath) -> bool {
-        path.starts_with(&self.path)
+        Ok(Self { place, path, value })
     }
 
     /// Puts the value in its place; missing tables and the next entry of a list are made.
@@ -76,6 +63,6 @@ impl Override {
     }
 
     fn refuse(&self, reason: String) -> SimError {
-        SimError::Override { argument: self.argument.clone(), reason }
+        SimError::Syntax { place: self.place.clone(), reason }
     }
 }

@@ -1,8 +1,9 @@
-//! Which implementation of each stage a scene names.
+//! Which implementation of each stage a scene names, and which graphics adapter.
 
+use std::fmt;
+
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use super::adapter::Adapter;
 
 /// The name that leaves the choice to the plan.
 pub(crate) const AUTO: &str = "auto";
@@ -11,7 +12,7 @@ pub(crate) const AUTO: &str = "auto";
 pub(crate) const ON_DEVICE: &[&str] = &["gpu", "gpu_f32"];
 
 /// Implementation names of the swappable stages.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StageNames {
     /// What a tetrahedron's vertices carry; `auto` picks by Poisson's ratios.
@@ -33,7 +34,6 @@ pub struct StageNames {
     /// How the inverse is kept; `auto` picks by size.
     pub inverse: String,
     /// The device of an inverse that lives on one; the first of `yawara devices` if absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu_adapter: Option<Adapter>,
 }
 
@@ -53,6 +53,30 @@ impl Default for StageNames {
             indicator: "energy".into(),
             inverse: AUTO.into(),
             gpu_adapter: None,
+        }
+    }
+}
+
+/// What [`Adapter`] wants, in words.
+pub(super) const ADAPTER: &str = "an adapter's number in `yawara devices` or a part of its name";
+
+/// A graphics adapter by its number in `yawara devices` or by a part of its name.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Adapter {
+    /// A part of its name, in upper or lower case, that no other adapter's name has.
+    Name(String),
+    /// Its number.
+    #[schemars(extend("format" = "adapter"))]
+    Index(usize),
+}
+
+/// Prints the number, or the name in quotation marks.
+impl fmt::Display for Adapter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Index(index) => write!(f, "{index}"),
+            Self::Name(name) => write!(f, "{name:?}"),
         }
     }
 }

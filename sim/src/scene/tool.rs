@@ -1,13 +1,33 @@
-//! What a scene file says of tools.
+//! What a scene file says of tools and of the places that they act on.
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::region::Region;
+/// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
+/// side, 1 the high side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "shape", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Region {
+    /// All points between two corners.
+    Box {
+        /// Low corner, fractions.
+        min: [f64; 3],
+        /// High corner, fractions.
+        max: [f64; 3],
+    },
+    /// All points near a centre.
+    Sphere {
+        /// Centre, fractions.
+        centre: [f64; 3],
+        /// Radius, m.
+        radius_m: f64,
+    },
+}
 
 /// A tool by its `kind`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum ToolEntry {
     /// Takes hold of vertices and moves them.
@@ -19,7 +39,7 @@ pub enum ToolEntry {
 }
 
 /// Takes hold of the body's vertices in a region and moves them rigidly along a path.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrabEntry {
     /// What it takes hold of, at rest.
@@ -28,18 +48,16 @@ pub struct GrabEntry {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub path: Vec<Key>,
     /// The same from a file with the columns time_s, x_m, y_m, z_m and, if there, turn_deg.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path_csv: Option<PathBuf>,
     /// Axis of `turn_deg` in scanner axes, through the region's centre.
     #[serde(default = "default_axis")]
     pub turn_axis: [f64; 3],
     /// When it lets go, s; never if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub release_s: Option<f64>,
 }
 
 /// A ball without friction that pushes the body's surface along a path, and never pulls.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeEntry {
     /// Where its centre is before it moves, fractions of the organ's bounding box.
@@ -50,18 +68,15 @@ pub struct ProbeEntry {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub path: Vec<Key>,
     /// As for a grab.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path_csv: Option<PathBuf>,
     /// Distance between the surface points that may touch it, m; a quarter of the radius if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spacing_m: Option<f64>,
     /// When it is taken away, s; never if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub release_s: Option<f64>,
 }
 
 /// A pressure on the part of the surface that lies in a region at rest.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PressureEntry {
     /// Where.
@@ -74,7 +89,7 @@ pub struct PressureEntry {
 }
 
 /// Which way a pressure acts on a surface that has moved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Normal {
     /// Along the normal and on the area as they are now, as a fluid does.
@@ -85,7 +100,7 @@ pub enum Normal {
 }
 
 /// A pressure at a time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PressureKey {
     /// When, s.
@@ -95,7 +110,7 @@ pub struct PressureKey {
 }
 
 /// A point of a tool's path.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
     /// When, s.

@@ -51,7 +51,6 @@ impl Simulation {
     }
 
     /// Reads the image, homogenises its material, assembles and inverts the start mesh.
-    ///
     /// # Errors
     /// As [`SimulationBuilder::build`].
     pub fn new(scene: &Scene, stages: Stages) -> Result<Self, SimError> {
@@ -91,7 +90,6 @@ impl<'a> SimulationBuilder<'a> {
     }
 
     /// Reads the image, homogenises its material, assembles and inverts the start mesh.
-    ///
     /// # Errors
     /// [`SimError`] for a scene that can't be simulated, or that contradicts what was given in
     /// memory; [`EmbedError::Stopped`](yawara_embed::EmbedError::Stopped) by
@@ -185,7 +183,7 @@ fn invert(
         Some(refiner) => Lattice::key(refiner.content.forest.point(v)),
         None => organ.grid_key(&state.rest[v.index()]),
     };
-    InverseLink::with_densities(
+    InverseLink::new(
         &state.body,
         &|tet| state.cell(tet).density_kg_m3,
         formulation,

@@ -156,7 +156,6 @@ impl Motion {
 
 /// The element of a scene's steps: with the mass that the integrator and the stiffness that the law
 /// gives it.
-///
 /// # Errors
 /// [`SimError::Embed`] for weights out of range.
 pub(crate) fn formulation(
@@ -200,15 +199,11 @@ impl BodyState {
     /// and a vertex that went has taken its velocity along.
     pub(super) fn pass_on(&mut self, vertices: &[usize], before: Vector3<f64>) {
         let lack = before - self.momentum_of(vertices);
-        let free = |v: &&usize| self.holds[**v] == Hold::Free;
-        let mass: f64 = vertices.iter().filter(free).map(|&v| self.masses[v]).sum();
-        if !(mass > 0.0) {
-            return;
-        }
-        for &v in vertices {
-            if self.holds[v] == Hold::Free {
-                self.velocities[v] += lack / mass;
-            }
+        let is_free = |v: &usize| self.holds[*v] == Hold::Free;
+        let free: Vec<usize> = vertices.iter().copied().filter(is_free).collect();
+        let mass: f64 = free.iter().map(|&v| self.masses[v]).sum();
+        if mass > 0.0 {
+            free.into_iter().for_each(|v| self.velocities[v] += lack / mass);
         }
     }
 }

@@ -17,20 +17,15 @@ use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
-use crate::report::{Momentum, StageTimes, Work, milliseconds};
+use crate::report::{Momentum, StepReport, Work, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;
 
 /// How the parts of a step went together.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StepOutcome {
-    pub iterations: usize,
-    /// Parts that converged.
-    pub substeps: usize,
-    pub fallbacks: usize,
-    pub residual: f64,
-    /// Whether all of it converged.
-    pub converged: bool,
+    /// Their iterations, fallbacks, residual and times; how many converged, and whether all did.
+    pub report: StepReport,
     pub work: Work,
 }
 
@@ -129,9 +124,9 @@ impl StepSolver {
         &mut self,
         step: Span,
         acting: &mut Acting<'_>,
-        times: &mut StageTimes,
     ) -> Result<StepOutcome, SimError> {
-        let mut total = StepOutcome { converged: true, ..StepOutcome::default() };
+        let mut total = StepOutcome::default();
+        total.report.converged = true;
         self.set_off(step, acting.state);
         self.predictor.begin(&acting.state.positions);
         acting.contact.begin();
@@ -139,20 +134,20 @@ impl StepSolver {
         let mut waiting = vec![step];
         while let Some(span) = waiting.pop() {
             let before = acting.state.standing();
-            let mut outcome = self.attempt(step, span, acting, &mut total, times)?;
+            let mut outcome = self.attempt(step, span, acting, &mut total)?;
             if !outcome.converged && !self.fading.is_empty() && span.to == step.to {
                 // Under a dead load the pulled shape may be unstable where the tool's hold made it
                 // stable: there is no path to follow, but the released shape may be near rest.
                 acting.state.rest();
-                outcome = self.attempt(step, span, acting, &mut total, times)?;
+                outcome = self.attempt(step, span, acting, &mut total)?;
             }
             if outcome.converged {
-                total.substeps += 1;
-                total.residual = total.residual.max(outcome.residual);
+                total.report.substeps += 1;
+                total.report.residual = total.report.residual.max(outcome.residual);
                 self.reached_s = span.to;
                 continue;
             }
-            acting.state.return_to(before);
+            acting.state.put(before);
             if span.to - span.from > 1.5 * smallest {
                 total.work.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
@@ -167,12 +162,12 @@ impl StepSolver {
                 outcome.residual,
                 self.reached_s
             );
-            total.residual = outcome.residual;
-            total.converged = false;
+            total.report.residual = outcome.residual;
+            total.report.converged = false;
             self.evaluate_forces(acting.state);
             break;
         }
-        self.arrive(step, &total, acting);
+        self.arrive(step, &total.report, acting);
         Ok(total)
     }
 
@@ -189,7 +184,7 @@ impl StepSolver {
     }
 
     /// Ends a step: states of the law, velocities, and what the next step may start from.
-    fn arrive(&mut self, step: Span, total: &StepOutcome, acting: &mut Acting<'_>) {
+    fn arrive(&mut self, step: Span, total: &StepReport, acting: &mut Acting<'_>) {
         let left = step.left_at(self.reached_s);
         for (_, force) in &mut self.fading {
             *force *= left;
@@ -216,7 +211,6 @@ impl StepSolver {
         span: Span,
         acting: &mut Acting<'_>,
         total: &mut StepOutcome,
-        times: &mut StageTimes,
     ) -> Result<Outcome, SimError> {
         let Acting { state, contact, tools, inverse } = acting;
         let (tools, inverse) = (*tools, *inverse);
@@ -228,7 +222,7 @@ impl StepSolver {
         let share = if span == step { self.predict(&probing, state) } else { 0.0 };
         let held = Held::new(state, inverse)?;
         let moved = held.drag(state, tools, span.to)?;
-        times.tool_ms += milliseconds(begin);
+        total.report.times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
         let timing = RefCell::new((Vec::new(), None));
@@ -242,8 +236,7 @@ impl StepSolver {
                 timing.1 = Some(error);
             }
         };
-        state.positions = moved.positions;
-        state.body.set_pressures(&moved.pressures);
+        state.put(moved);
         let tolerance =
             Tolerance { residual: self.rules.residual, max_iterations: self.rules.max_iterations };
         let around =
@@ -275,9 +268,9 @@ impl StepSolver {
             }
             pressed = renewed;
         };
-        times.solve_ms += milliseconds(begin);
-        total.iterations += outcome.iterations;
-        total.fallbacks += outcome.fallbacks;
+        total.report.times.solve_ms += milliseconds(begin);
+        total.report.iterations += outcome.iterations;
+        total.report.fallbacks += outcome.fallbacks;
         if outcome.converged {
             contact.add_loads(&mut pressed);
             self.tool_loads = pressed;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::body::{BodyState, Hold};
+use crate::body::{BodyState, Hold, Standing};
 use crate::error::SimError;
 use crate::inverse::{Constrained, InverseLink};
 use crate::tools::Tool;
@@ -16,12 +16,6 @@ pub(super) struct Held<'a> {
     pub constrained: Constrained<'a>,
     /// Whether a vertex is free to move, by number.
     pub free: Vec<bool>,
-}
-
-/// A first iterate.
-pub(super) struct Moved {
-    pub positions: Vec<Vector3<f64>>,
-    pub pressures: Vec<f64>,
 }
 
 impl<'a> Held<'a> {
@@ -41,19 +35,19 @@ impl<'a> Held<'a> {
         Ok(Held { constrained: inverse.constrained(&vertices)?, vertices, tools, free })
     }
 
-    /// Positions and pressures with the held vertices at their targets, and the others moved along
+    /// A first iterate with the held vertices at their targets, and the others moved along
     /// as in the linear body with its current rotations.
     pub fn drag(
         &self,
         state: &BodyState,
         tools: &[Box<dyn Tool>],
         t: f64,
-    ) -> Result<Moved, SimError> {
-        let mut positions = state.positions.clone();
-        let mut pressures = state.body.pressures();
+    ) -> Result<Standing, SimError> {
+        let mut moved = state.standing();
         if self.vertices.is_empty() {
-            return Ok(Moved { positions, pressures });
+            return Ok(moved);
         }
+        let Standing { positions, pressures } = &mut moved;
         let rotations = state.body.vertex_rotations();
         let held = || self.vertices.iter().zip(&self.tools);
         let targets: Vec<Vector3<f64>> =
@@ -75,6 +69,6 @@ impl<'a> Held<'a> {
         for (&v, target) in at_targets() {
             positions[v] = *target;
         }
-        Ok(Moved { positions, pressures })
+        Ok(moved)
     }
 }

@@ -7,7 +7,7 @@ use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
 use super::contact::ContactState;
-use super::equilibrium::{Acting, StepSolver};
+use super::equilibrium::{Acting, StepOutcome, StepSolver};
 use super::refinement::{Refiner, Remeshed, Round};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -19,7 +19,7 @@ use crate::report::{
     milliseconds,
 };
 use crate::scene::Scene;
-use crate::tools::{Pose, Tool, check_pose, path_of};
+use crate::tools::{Pose, Tool, path_of};
 
 /// A body, its tools and the stages that move it.
 pub struct Simulation {
@@ -75,25 +75,23 @@ impl Simulation {
 
     /// One step: move the tools, find equilibrium, refine and merge. A step that does not
     /// converge is reported, not an error.
-    ///
     /// # Errors
     /// [`SimError::Inverse`] if an update of the inverse fails.
     pub fn step(&mut self) -> Result<StepReport, SimError> {
         let begin = Instant::now();
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
-        let mut times = StageTimes::default();
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, tools);
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
-        let outcome = solver.advance(span, &mut acting, &mut times)?;
+        let StepOutcome { mut report, work } = solver.advance(span, &mut acting)?;
         let felt = self.felt();
         let (support, reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
-        let remeshed = match outcome.converged {
-            true => self.remesh(step, begin, &mut times)?,
+        let remeshed = match report.converged {
+            true => self.remesh(step, begin, &mut report.times)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &self.body;
@@ -105,16 +103,11 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
-            iterations: outcome.iterations,
-            substeps: outcome.substeps,
-            fallbacks: outcome.fallbacks,
-            residual: outcome.residual,
-            converged: outcome.converged,
             force_n,
             tools: reports,
-            times,
+            ..report
         };
-        self.recorder.statistics.add(&report, &outcome.work, state, milliseconds(begin));
+        self.recorder.statistics.add(&report, &work, state, milliseconds(begin));
         Ok(report)
     }
 
@@ -149,20 +142,18 @@ impl Simulation {
 
     /// Leads a tool from where it is to `pose` over the next step, in place of its path; it stays
     /// there until it is led elsewhere. Results are those of a path with the same poses.
-    ///
     /// # Errors
     /// [`SimError::NoSuchTool`] if there is none of that number or it does not move (a pressure);
     /// [`SimError::Pose`] for values that are not finite or farther than 1000 m. Nothing has
     /// changed then.
     pub fn set_tool_pose(&mut self, tool: usize, pose: Pose) -> Result<(), SimError> {
         let Span { from, to } = self.next_span();
-        check_pose(tool, &pose)?;
+        pose.check(tool)?;
         path_of(&mut self.tools, tool)?.lead(from, to, pose);
         Ok(())
     }
 
     /// Where a tool is asked to be at time `t`, s: its path, or where it was last led.
-    ///
     /// # Errors
     /// As [`set_tool_pose`](Self::set_tool_pose).
     pub fn tool_pose(&mut self, tool: usize, t: f64) -> Result<Pose, SimError> {
@@ -198,7 +189,6 @@ impl Simulation {
     }
 
     /// The current mesh with its fields and surfaces, for output.
-    ///
     /// # Errors
     /// [`SimError::Surface`] if a position is not finite.
     pub fn frame(&self) -> Result<Frame, SimError> {
@@ -213,7 +203,6 @@ impl Simulation {
     /// The current state on the image's grid, or `None` unless the scene sets `output.field`.
     ///
     /// Cost: O(voxels + tetrahedra); 10 bytes per voxel.
-    ///
     /// # Errors
     /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
@@ -221,7 +210,6 @@ impl Simulation {
     }
 
     /// Everything that happened so far.
-    ///
     /// # Errors
     /// As [`Self::frame`].
     pub fn summary(&self) -> Result<Summary, SimError> {
@@ -240,20 +228,15 @@ impl Simulation {
     /// [`SimError::Value`] for a mesh from a file, which has no levels, or a level beyond
     /// [`MAX_LEVEL`]; [`SimError::Bisection`], [`SimError::Embed`].
     pub fn probe(&self, level: u8) -> Result<Probe, SimError> {
-        let refused = |key: &str, value: String, want: &str| SimError::Value {
-            place: self.scene.name.clone(),
-            key: key.into(),
-            value,
-            want: want.into(),
-        };
+        let name = &self.scene.name;
         let Some(Refiner { content, .. }) = &self.body.refiner else {
             let path = format!("{:?}", self.scene.mesh.path);
             let want = "an image: a mesh from a file has no finer levels to measure it on";
-            return Err(refused("mesh.path", path, want));
+            return Err(SimError::value(name, "mesh.path", path, want));
         };
         if level > MAX_LEVEL {
             let want = format!("at most {MAX_LEVEL}");
-            return Err(refused("level of the probe", level.to_string(), &want));
+            return Err(SimError::value(name, "level of the probe", level, want));
         }
         Probe::new(&content.forest, &content.embedding, content.placement, level)
     }

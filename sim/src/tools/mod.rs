@@ -7,7 +7,6 @@
 
 mod at_rest;
 mod grab;
-mod leading;
 mod path;
 mod path_csv;
 mod pressure;
@@ -25,7 +24,6 @@ pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
 pub use tool::Tool;
 
-pub(crate) use leading::{check_pose, path_of};
 pub(crate) use regions::Regions;
 
 use grab::Grab;
@@ -43,4 +41,14 @@ pub(crate) fn by_name(
         ToolEntry::Probe(probe) => Box::new(Probe::new(probe, body)?),
         ToolEntry::Pressure(pressure) => Box::new(Pressure::new(pressure, key, body)?),
     })
+}
+
+/// The path of a tool by its number.
+/// # Errors
+/// [`SimError::NoSuchTool`] if there is none of that number or it does not move.
+pub(crate) fn path_of(tools: &mut [Box<dyn Tool>], tool: usize) -> Result<&mut ToolPath, SimError> {
+    let count = tools.len();
+    let refused = |reason| SimError::NoSuchTool { tool, reason, count };
+    let found = tools.get_mut(tool).ok_or_else(|| refused("is missing"))?;
+    found.path_mut().ok_or_else(|| refused("does not move"))
 }

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::body::ScannerAxes;
 use crate::error::SimError;
 use crate::scene::Key;
+use crate::scene::checks::FARTHEST_M;
 
 use super::path_csv;
 
@@ -15,6 +16,20 @@ pub struct Pose {
     pub move_m: [f64; 3],
     /// Turn about the tool's axis, degrees.
     pub turn_deg: f64,
+}
+
+impl Pose {
+    /// Refuses a pose of a tool that is not finite, or out of reach.
+    pub(crate) fn check(&self, tool: usize) -> Result<(), SimError> {
+        let far = self.move_m.iter().find(|x| !(x.abs() <= FARTHEST_M));
+        if let Some(&value) = far {
+            return Err(SimError::Pose { tool, value, want: "at most 1000 m in each axis" });
+        }
+        match self.turn_deg.is_finite() {
+            true => Ok(()),
+            false => Err(SimError::Pose { tool, value: self.turn_deg, want: "a finite turn" }),
+        }
+    }
 }
 
 /// A path in scanner axes, which solver axes read.
@@ -41,21 +56,12 @@ impl ToolPath {
 
     /// The pose at time `t`: linear between keys, held at both ends.
     pub fn pose(&self, t: f64) -> Pose {
-        let after = self.keys.partition_point(|key| key.time_s <= t);
-        match (after.checked_sub(1).map(|i| &self.keys[i]), self.keys.get(after)) {
-            (Some(a), Some(b)) => {
-                let s = (t - a.time_s) / (b.time_s - a.time_s);
-                let (move_a, move_b) = (Vector3::from(a.move_m), Vector3::from(b.move_m));
-                Pose {
-                    move_m: move_a.lerp(&move_b, s).into(),
-                    turn_deg: a.turn_deg + s * (b.turn_deg - a.turn_deg),
-                }
-            }
-            (Some(key), None) | (None, Some(key)) => {
-                Pose { move_m: key.move_m, turn_deg: key.turn_deg }
-            }
-            (None, None) => Pose::default(),
-        }
+        let Some((a, b, s)) = around(&self.keys, |key| key.time_s, t) else {
+            return Pose::default();
+        };
+        let (move_a, move_b) = (Vector3::from(a.move_m), Vector3::from(b.move_m));
+        let turn_deg = a.turn_deg + s * (b.turn_deg - a.turn_deg);
+        Pose { move_m: move_a.lerp(&move_b, s).into(), turn_deg }
     }
 
     /// Displacement (solver axes, m) and turn (rad) at time `t`.
@@ -70,6 +76,17 @@ impl ToolPath {
         let key = |time_s, Pose { move_m, turn_deg }: Pose| Key { time_s, move_m, turn_deg };
         self.keys.clear();
         self.keys.extend([key(from_s, now), key(to_s, pose)]);
+    }
+}
+
+/// The keys before and after time `t`, and which part of the time between them is over; beyond the
+/// ends the last one twice. None without keys.
+pub(super) fn around<K>(keys: &[K], time_s: impl Fn(&K) -> f64, t: f64) -> Option<(&K, &K, f64)> {
+    let after = keys.partition_point(|key| time_s(key) <= t);
+    match (after.checked_sub(1).map(|i| &keys[i]), keys.get(after)) {
+        (Some(a), Some(b)) => Some((a, b, (t - time_s(a)) / (time_s(b) - time_s(a)))),
+        (Some(key), None) | (None, Some(key)) => Some((key, key, 0.0)),
+        (None, None) => None,
     }
 }
 

@@ -26,56 +26,44 @@ const LONGEST_LINE: u64 = 4096;
 /// # Errors
 /// [`SimError::Io`]; [`SimError::Value`] with the file, the line, the value and what it has to be.
 pub(super) fn read(file: &Path) -> Result<Vec<Key>, SimError> {
-    let io = |source| SimError::Io { path: file.into(), source };
+    let io = |source| SimError::Io(file.into(), source);
     let bytes = File::open(file).map_err(io)?;
     let length = bytes.metadata().map_err(io)?.len();
     let name = file.display().to_string();
     if length > MOST_BYTES {
         let want = format!("at most {MOST_BYTES} bytes");
-        return Err(refusal(name, "path_csv", format!("{length} bytes"), want));
+        return Err(SimError::value(&name, "path_csv", format!("{length} bytes"), want));
     }
-    parse(&name, &mut BufReader::new(bytes.take(MOST_BYTES))).map_err(|error| match error {
-        Refused::Io(source) => io(source),
-        Refused::Value(error) => error,
-    })
+    parse(&name, &mut BufReader::new(bytes.take(MOST_BYTES)))
 }
 
-/// What stops a reader.
-enum Refused {
-    Io(std::io::Error),
-    Value(SimError),
-}
-
-fn refusal(place: String, key: &str, value: String, want: String) -> SimError {
-    SimError::Value { place, key: key.into(), value, want }
-}
-
-fn parse(name: &str, lines: &mut impl BufRead) -> Result<Vec<Key>, Refused> {
+fn parse(name: &str, lines: &mut impl BufRead) -> Result<Vec<Key>, SimError> {
     let mut order: Option<Vec<usize>> = None;
     let mut keys: Vec<Key> = Vec::new();
     let mut line = String::new();
     for number in 1.. {
         line.clear();
-        let read = lines.by_ref().take(LONGEST_LINE).read_line(&mut line).map_err(Refused::Io)?;
+        let read = lines.by_ref().take(LONGEST_LINE).read_line(&mut line);
+        let read = read.map_err(|source| SimError::Io(name.into(), source))?;
         let place = format!("{name}, line {number}");
         if read as u64 == LONGEST_LINE {
             let want = format!("fewer than {LONGEST_LINE} bytes");
-            return Err(Refused::Value(refusal(place, "its length", "longer".into(), want)));
+            return Err(SimError::value(&place, "its length", "longer", want));
         }
         let text = line.trim().trim_start_matches('\u{feff}');
         match &order {
             _ if read == 0 => break,
             _ if text.is_empty() || text.starts_with('#') => {}
-            None => order = Some(columns(text, &place).map_err(Refused::Value)?),
+            None => order = Some(columns(text, &place)?),
             Some(order) => {
                 let last = keys.last().map(|key| key.time_s);
-                keys.push(key(text, order, &place, last).map_err(Refused::Value)?);
+                keys.push(key(text, order, &place, last)?);
             }
         }
     }
     if keys.is_empty() {
-        let want = "a line of column names and at least one line of numbers".into();
-        return Err(Refused::Value(refusal(name.into(), "path_csv", "empty".into(), want)));
+        let want = "a line of column names and at least one line of numbers";
+        return Err(SimError::value(name, "path_csv", "empty", want));
     }
     Ok(keys)
 }
@@ -89,14 +77,13 @@ fn columns(text: &str, place: &str) -> Result<Vec<usize>, SimError> {
             Some(at) => order.push(at),
             None => {
                 let want = format!("each of {} once", COLUMNS.join(", "));
-                return Err(refusal(place.into(), "a column", format!("{name:?}"), want));
+                return Err(SimError::value(place, "a column", format!("{name:?}"), want));
             }
         }
     }
     match COLUMNS[..NEEDED].iter().enumerate().find(|(at, _)| !order.contains(at)) {
         Some((_, missing)) => {
-            let want = "a column of that name".to_owned();
-            Err(refusal(place.into(), missing, "missing".into(), want))
+            Err(SimError::value(place, missing, "missing", "a column of that name"))
         }
         None => Ok(order),
     }
@@ -106,11 +93,11 @@ fn key(text: &str, order: &[usize], place: &str, last: Option<f64>) -> Result<Ke
     let fields: Vec<&str> = text.split(',').map(str::trim).collect();
     if fields.len() != order.len() {
         let want = format!("{} values, as in the line of names", order.len());
-        return Err(refusal(place.into(), "the line", format!("{} values", fields.len()), want));
+        return Err(SimError::value(place, "the line", format!("{} values", fields.len()), want));
     }
     let mut values = [0.0; COLUMNS.len()];
     for (field, &at) in fields.iter().zip(order) {
-        let wrong = |want: String| refusal(place.into(), COLUMNS[at], format!("{field:?}"), want);
+        let wrong = |want: String| SimError::value(place, COLUMNS[at], format!("{field:?}"), want);
         let value: f64 = field.parse().map_err(|_| wrong("a number".into()))?;
         let limit = if (1..NEEDED).contains(&at) { FARTHEST_M } else { f64::MAX };
         if !(value.abs() <= limit) {
@@ -126,7 +113,7 @@ fn key(text: &str, order: &[usize], place: &str, last: Option<f64>) -> Result<Ke
     match last.filter(|last| !(time_s > *last)) {
         Some(last) => {
             let want = format!("more than the time before it, {last:?}");
-            Err(refusal(place.into(), COLUMNS[0], format!("{time_s:?}"), want))
+            Err(SimError::value(place, COLUMNS[0], format!("{time_s:?}"), want))
         }
         None => Ok(Key { time_s, move_m: [x, y, z], turn_deg }),
     }
@@ -137,10 +124,7 @@ mod tests {
     use super::*;
 
     fn try_parse(text: &str) -> Result<Vec<Key>, String> {
-        parse("p.csv", &mut text.as_bytes()).map_err(|error| match error {
-            Refused::Io(error) => error.to_string(),
-            Refused::Value(error) => error.to_string(),
-        })
+        parse("p.csv", &mut text.as_bytes()).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::at_rest::BodyAtRest;
+use super::path::around;
 use super::surface_points::SurfacePoints;
 use super::tool::Tool;
 use crate::body::BodyState;
@@ -35,15 +36,8 @@ impl Pressure {
 
     /// p(t), Pa: linear between keys, held at both ends.
     fn pressure(&self, t: f64) -> f64 {
-        let after = self.keys.partition_point(|key| key.time_s <= t);
-        match (after.checked_sub(1).map(|i| &self.keys[i]), self.keys.get(after)) {
-            (Some(a), Some(b)) => {
-                let s = (t - a.time_s) / (b.time_s - a.time_s);
-                a.pressure_pa + s * (b.pressure_pa - a.pressure_pa)
-            }
-            (Some(key), None) | (None, Some(key)) => key.pressure_pa,
-            (None, None) => 0.0,
-        }
+        around(&self.keys, |key| key.time_s, t)
+            .map_or(0.0, |(a, b, s)| a.pressure_pa + s * (b.pressure_pa - a.pressure_pa))
     }
 }
 

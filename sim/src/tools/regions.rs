@@ -90,32 +90,25 @@ mod tests {
         }
     }
 
-    /// Tool 0 holds a ball of 0.1 m in the middle, tool 1 one of 0.3 m.
-    fn hold_at(rest: Vector3<f64>, ring: &[Hold]) -> Hold {
+    #[test]
+    fn fixed_regions_hold_first_then_the_tools_beside() {
+        // In the middle.
         let tools: [Box<dyn Tool>; 2] = [Box::new(Ball(0.1)), Box::new(Ball(0.3))];
-        regions().hold(&rest, ring.iter().copied(), &tools)
-    }
-
-    fn hold(x: f64, ring: &[Hold]) -> Hold {
-        hold_at(Vector3::new(x, 0.5, 0.5), ring)
-    }
-
-    #[test]
-    fn what_comes_into_a_fixed_region_is_fixed() {
-        assert_eq!(hold(0.1, &[FREE]), FIXED);
-        assert_eq!(hold(0.1, &[FREE, Hold::Grabbed(1)]), FIXED);
-        assert_eq!(hold(0.5, &[FIXED, FIXED]), FREE, "between the slabs");
-    }
-
-    #[test]
-    fn a_tool_takes_what_comes_into_its_region() {
         let (small, large) = (Hold::Grabbed(0), Hold::Grabbed(1));
-        assert_eq!(hold(0.45, &[FREE, small]), small);
-        assert_eq!(hold(0.35, &[small, small]), FREE, "outside of its ball");
-        assert_eq!(hold(0.35, &[small, large]), large);
-        assert_eq!(hold(0.45, &[FREE, FIXED]), FREE, "a tool that is gone");
-        let below = |y: f64| hold_at(Vector3::new(0.5, y, 0.5), &[large]);
-        assert_eq!(below(0.41), large);
-        assert_eq!(below(0.39), FREE, "in void");
+        let cases: [(f64, f64, &[Hold], Hold, &str); 9] = [
+            (0.1, 0.5, &[FREE], FIXED, "in a fixed region"),
+            (0.1, 0.5, &[FREE, large], FIXED, "in a fixed region beside a tool"),
+            (0.5, 0.5, &[FIXED, FIXED], FREE, "between the slabs"),
+            (0.45, 0.5, &[FREE, small], small, "in a tool's ball"),
+            (0.35, 0.5, &[small, small], FREE, "outside of its ball"),
+            (0.35, 0.5, &[small, large], large, "in one ball of two"),
+            (0.45, 0.5, &[FREE, FIXED], FREE, "a tool that is gone"),
+            (0.5, 0.41, &[large], large, "above the void"),
+            (0.5, 0.39, &[large], FREE, "in void"),
+        ];
+        for (x, y, ring, want, place) in cases {
+            let rest = Vector3::new(x, y, 0.5);
+            assert_eq!(regions().hold(&rest, ring.iter().copied(), &tools), want, "{place}");
+        }
     }
 }

@@ -88,10 +88,7 @@ impl SurfacePoints {
             if state.cell(element.tet).is_void {
                 continue;
             }
-            let corners = element.vertices.map(|v| state.rest[v]);
-            let low = corners.iter().fold(corners[0], |low, x| low.inf(x)).add_scalar(-self.reach);
-            let high =
-                corners.iter().fold(corners[0], |high, x| high.sup(x)).add_scalar(self.reach);
+            let (low, high) = bounds(&element.vertices.map(|v| state.rest[v]), self.reach);
             let first = lost.partition_point(|&i| self.rest[i].x < low.x);
             for &i in &lost[first..] {
                 let x = &self.rest[i];
@@ -140,15 +137,8 @@ impl SurfacePoints {
         let wide = distance + self.reach;
         for (_, range) in &self.groups {
             let Some(first) = self.point(self.order[range.start]) else { continue };
-            let corners = first.vertices.map(|v| positions[v]);
-            let apart = |axis: usize| {
-                let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-                for corner in &corners {
-                    low = low.min(corner[axis]);
-                    high = high.max(corner[axis]);
-                }
-                low > centre[axis] + wide || high < centre[axis] - wide
-            };
+            let (low, high) = bounds(&first.vertices.map(|v| positions[v]), 0.0);
+            let apart = |i: usize| low[i] > centre[i] + wide || high[i] < centre[i] - wide;
             if (0..3).any(apart) {
                 continue;
             }
@@ -159,6 +149,13 @@ impl SurfacePoints {
             }
         }
     }
+}
+
+/// The box around a tetrahedron, wider by `reach` on each side.
+fn bounds(corners: &[Vector3<f64>; 4], reach: f64) -> (Vector3<f64>, Vector3<f64>) {
+    let low = corners.iter().fold(corners[0], |low, x| low.inf(x));
+    let high = corners.iter().fold(corners[0], |high, x| high.sup(x));
+    (low.add_scalar(-reach), high.add_scalar(reach))
 }
 
 /// λ_a(x) = ¼ + ∇λ_a · (x − centroid).

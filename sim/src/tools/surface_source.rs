@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
-use yawara_mesh::isosurface::Outline;
+use yawara_mesh::isosurface::{Outline, Outlines};
 use yawara_mesh::volume::LabelVolume;
 
 use super::surface_points::SurfacePoints;
-use crate::body::{Cut, ImageBody, Origin, Start};
+use crate::body::{ImageBody, Origin, Start, cut};
 use crate::error::SimError;
 use crate::scene::{Region, Scene};
 
@@ -43,8 +43,13 @@ impl<'a> SurfaceSource<'a> {
             None => match &self.start.origin {
                 Origin::Image(setup) => outline(self.scene, setup)?,
                 Origin::MeshFile(mesh) => Triangles {
-                    points: mesh.points().to_vec(),
-                    corners: mesh.boundary_faces().iter().map(|f| f.map(|v| v as usize)).collect(),
+                    points: mesh.mesh.points().to_vec(),
+                    corners: mesh
+                        .mesh
+                        .boundary_faces()
+                        .iter()
+                        .map(|f| f.map(|v| v as usize))
+                        .collect(),
                     off: 1e-6 * self.start.edge_m,
                 },
             },
@@ -87,7 +92,7 @@ fn outline(scene: &Scene, setup: &ImageBody) -> Result<Triangles, SimError> {
     let solid = setup.volume.labels().iter().map(|&label| u16::from(label > 0)).collect();
     let volume = LabelVolume::new(setup.volume.grid().clone(), solid, vec![0, 1])?;
     let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
-    let Cut { rest, surfaces, .. } = Cut::new(scene, setup, &volume, &asked)?;
+    let Outlines { rest, surfaces, .. } = cut(scene, setup, &volume, &asked)?;
     Ok(Triangles {
         points: surfaces[0].positions(&rest)?,
         corners: surfaces[0].triangles.iter().map(|t| t.map(|i| i as usize)).collect(),

@@ -85,7 +85,6 @@ pub trait Tool {
 
     /// The vertices of the start mesh that it holds, out of those that are
     /// [`available`](BodyAtRest::available).
-    ///
     /// # Errors
     /// [`SimError`] if it finds nothing to hold; the simulation is not made then.
     fn grasp(&self, body: &BodyAtRest<'_>) -> Result<Vec<VertexId>, SimError> {

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::row::{Figures, Row};
 use super::selection::Shard;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::folder::Folder;
 use crate::harness::machine::Place;
 use crate::harness::progress::Progress;
@@ -23,7 +23,7 @@ pub struct Findings {
 pub type Advance<'a> = &'a mut dyn FnMut(f64);
 
 /// What a case does.
-pub type Work<'a> = Box<dyn Fn(Advance<'_>) -> Result<Findings, BenchError> + 'a>;
+pub type Work<'a> = Box<dyn Fn(Advance<'_>) -> Result<Findings> + 'a>;
 
 /// One unit of a study.
 pub struct Case<'a> {
@@ -31,20 +31,18 @@ pub struct Case<'a> {
     pub name: String,
     /// What it belongs to, e.g. the factor that is varied.
     pub group: String,
-    /// How long it takes, in whatever unit the study's other cases count by.
-    pub weight: f64,
     /// Its work; an error, and a panic too, becomes a row with a reason.
     pub work: Work<'a>,
 }
 
 impl<'a> Case<'a> {
-    /// A case of weight 1.
+    /// A case.
     pub fn new(
         group: impl Into<String>,
         name: impl Into<String>,
-        work: impl Fn(Advance<'_>) -> Result<Findings, BenchError> + 'a,
+        work: impl Fn(Advance<'_>) -> Result<Findings> + 'a,
     ) -> Self {
-        Self { name: name.into(), group: group.into(), weight: 1.0, work: Box::new(work) }
+        Self { name: name.into(), group: group.into(), work: Box::new(work) }
     }
 
     fn run(&self, advance: Advance<'_>) -> Row {
@@ -78,11 +76,10 @@ pub enum Measured {
 /// is finished. Returns the rows of all cases, in order, if every one of them is there, and else
 /// says how many are. Processes that mpirun has started together share them, whoever is free taking
 /// the next; all wait for the last, and the rows are for the first alone.
-///
 /// # Errors
-/// [`BenchError::Io`] if a row can't be kept, [`BenchError::Damaged`] if a kept one can't be read;
+/// `BenchError::Io` if a row can't be kept, `BenchError::Damaged` if a kept one can't be read;
 /// those of [`ranks`].
-pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured, BenchError> {
+pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured> {
     let place = Place::here();
     let mut waiting = Vec::new();
     for (number, case) in cases.iter().enumerate() {
@@ -90,68 +87,58 @@ pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured
             waiting.push(number);
         }
     }
-    let weight = |&number: &usize| cases[number].weight;
-    let mut progress = Progress::new(waiting.iter().map(weight).sum());
+    let mut progress = Progress::new(waiting.len() as f64);
     let mut turns = ranks::give_out(waiting.clone())?;
     let mut passed = waiting.iter();
     while let Some(number) = turns.next_case()? {
         let case = &cases[number];
         let mut done = 0.0;
         // Those between its own are with other processes.
-        let elsewhere = passed.by_ref().take_while(|one| **one != number).map(weight).sum();
-        progress.advance(&case.name, elsewhere);
+        let elsewhere = passed.by_ref().take_while(|one| **one != number).count();
+        progress.advance(&case.name, elsewhere as f64);
         let mut row = case.run(&mut |fraction: f64| {
             let fraction = fraction.clamp(done, 1.0);
-            progress.advance(&case.name, case.weight * (fraction - done));
+            progress.advance(&case.name, fraction - done);
             done = fraction;
         });
         row.on = place.clone();
-        progress.advance(&case.name, case.weight * (1.0 - done));
+        progress.advance(&case.name, 1.0 - done);
         folder.keep(number, &row)?;
     }
     if !ranks::is_first() {
         return Ok(Measured::Waiting(String::new()));
     }
     let kept = cases.iter().enumerate().map(|(number, case)| folder.row(number, &case.name));
-    let kept: Vec<Option<Row>> = kept.collect::<Result<_, _>>()?;
-    let done = kept.iter().flatten().count();
-    if done == cases.len() {
-        return Ok(Measured::All(kept.into_iter().flatten().collect()));
+    let kept: Vec<Row> = kept.filter_map(Result::transpose).collect::<Result<_, _>>()?;
+    let (done, all) = (kept.len(), cases.len());
+    if done == all {
+        return Ok(Measured::All(kept));
     }
     Ok(Measured::Waiting(format!(
-        "{done} of {} cases are done; the tables come with the last one (run the other parts, or \
-         again without --shard, over the same folder)\n",
-        cases.len()
+        "{done} of {all} cases are done; the tables come with the last one (run the other parts, or \
+         again without --shard, over the same folder)\n"
     )))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::BenchError;
     use std::cell::RefCell;
 
-    fn findings(value: f64) -> Findings {
-        let mut found = Findings::default();
-        found.figures.put("value", value);
-        found
-    }
-
     /// Three cases, the second of which fails and the third of which panics; `log` tells who ran.
-    fn cases<'a>(log: &'a RefCell<Vec<&'static str>>) -> Vec<Case<'a>> {
-        vec![
-            Case::new("g", "one", |_| {
-                log.borrow_mut().push("one");
-                Ok(findings(1.0 / 3.0))
-            }),
-            Case::new("g", "two", |_| {
-                log.borrow_mut().push("two");
-                Err(BenchError::NoRing { vertices: 7 })
-            }),
-            Case::new("g", "three", |_| {
-                log.borrow_mut().push("three");
-                panic!("a bug")
-            }),
-        ]
+    fn cases<'a>(log: &'a RefCell<Vec<&'static str>>) -> [Case<'a>; 3] {
+        let work = |name| {
+            log.borrow_mut().push(name);
+            let mut found = Findings::default();
+            found.figures.put("value", 1.0 / 3.0);
+            match name {
+                "one" => Ok(found),
+                "two" => Err(BenchError::NoRing(7)),
+                _ => panic!("a bug"),
+            }
+        };
+        ["one", "two", "three"].map(|name| Case::new("g", name, move |_| work(name)))
     }
 
     fn all(measured: Measured) -> Vec<Row> {
@@ -192,8 +179,7 @@ mod tests {
         assert_eq!(*log.borrow(), ["two", "one", "three"]);
         let other = tempfile::tempdir().unwrap();
         let alone = all(run(&open(other.path()), &cases(&log), Shard::ALL).unwrap());
-        let names = |rows: &[Row]| rows.iter().map(|row| row.case.clone()).collect::<Vec<_>>();
-        assert_eq!(names(&rows), names(&alone));
-        assert!(rows.iter().zip(&alone).all(|(a, b)| a.figures == b.figures));
+        let known = |row: &Row| (row.case.clone(), row.figures.clone());
+        assert!(rows.iter().map(known).eq(alone.iter().map(known)));
     }
 }

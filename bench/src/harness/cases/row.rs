@@ -34,7 +34,7 @@ impl Figures {
 }
 
 /// A finished case.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// What it belongs to.
     pub group: String,
@@ -57,14 +57,7 @@ pub struct Row {
 impl Row {
     /// A row without any figure yet.
     pub fn new(group: &str, case: &str) -> Self {
-        Self {
-            group: group.into(),
-            case: case.into(),
-            failure: None,
-            figures: Figures::default(),
-            measured: Figures::default(),
-            on: Place::default(),
-        }
+        Self { group: group.into(), case: case.into(), ..Self::default() }
     }
 
     /// A figure or a measurement, by name.

@@ -59,14 +59,13 @@ impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let want = || format!("{text:?} is no part, want I/N with 1 <= I <= N <= {MOST}, e.g. 2/4");
-        let (number, of) = text.split_once('/').ok_or_else(want)?;
-        let number: usize = number.parse().map_err(|_| want())?;
-        let of: usize = of.parse().map_err(|_| want())?;
-        if (1..=of).contains(&number) && of <= MOST {
-            return Ok(Self { number, of });
-        }
-        Err(want())
+        let parsed = text.split_once('/').and_then(|(number, of)| {
+            Some(Self { number: number.parse().ok()?, of: of.parse().ok()? })
+        });
+        let valid = parsed.filter(|part| (1..=part.of).contains(&part.number) && part.of <= MOST);
+        valid.ok_or_else(|| {
+            format!("{text:?} is no part, want I/N with 1 <= I <= N <= {MOST}, e.g. 2/4")
+        })
     }
 }
 
@@ -75,17 +74,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_case_is_of_one_part() {
+    fn every_case_is_of_one_part_and_nonsense_is_refused() {
         for case in 0..20 {
             let parts: Vec<usize> =
                 (1..=3).filter(|&number| Shard { number, of: 3 }.takes(case)).collect();
             assert_eq!(parts, [case % 3 + 1]);
         }
         assert!((0..5).all(|case| Shard::ALL.takes(case)));
-    }
-
-    #[test]
-    fn nonsense_is_refused() {
         assert_eq!("2/4".parse(), Ok(Shard { number: 2, of: 4 }));
         for text in ["0/4", "5/4", "1", "a/b", "1/0", "-1/2", "1/99999"] {
             let error = text.parse::<Shard>().unwrap_err();

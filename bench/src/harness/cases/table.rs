@@ -1,27 +1,24 @@
 //! Rows of cases as tables.
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::case::{Case, Measured, run};
 use super::row::Row;
 use super::selection::Shard;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::folder::Folder;
 use crate::harness::machine::Machine;
 use crate::harness::report::{self, Summary, each_once, markdown};
 
 /// Runs the cases and writes the tables of a study that has nothing else to say than a remark; the
-/// table has the columns `names`. Returns what is printed.
-///
-/// # Errors
-/// Those of [`run`]; [`BenchError::Io`].
+/// table has the columns `names`, apart by blanks. Returns what is printed.
 pub(crate) fn write(
     folder: &Folder,
     study: &str,
     (cases, shard): (&[Case<'_>], Shard),
     remark: &str,
-    names: &[&str],
-) -> Result<String, BenchError> {
+    names: &str,
+) -> Result<String> {
     let rows = match run(folder, cases, shard)? {
         Measured::All(rows) => rows,
         Measured::Waiting(message) => return Ok(message),
@@ -41,42 +38,27 @@ pub(crate) fn write(
 /// Rows as lines of CSV: group, case, every figure and then every measurement that a row has, in
 /// order of first appearance, and why a row has none.
 pub(crate) fn lines(rows: &[Row]) -> Vec<Map<String, Value>> {
-    let columns = columns(rows);
+    let figures = rows.iter().flat_map(|row| row.figures.names());
+    let columns = each_once(figures.chain(rows.iter().flat_map(|row| row.measured.names())));
     let line = |row: &Row| {
-        let own = [("group", &row.group), ("case", &row.case)];
-        let mut line: Map<String, Value> =
-            own.into_iter().map(|(name, text)| (name.to_owned(), text.as_str().into())).collect();
-        let value = |name: &String| row.value(name).cloned().unwrap_or_default();
-        line.extend(columns.iter().map(|name| (name.clone(), value(name))));
-        line.insert("failure".into(), row.failure.clone().into());
-        line
+        let named = [("group", json!(row.group)), ("case", json!(row.case))];
+        let values = columns.iter().map(|&name| (name, json!(row.value(name))));
+        let all = named.into_iter().chain(values).chain([("failure", json!(row.failure))]);
+        all.map(|(name, value)| (name.to_owned(), value)).collect()
     };
     rows.iter().map(line).collect()
 }
 
-/// The columns `names` of all rows in Markdown, numbers to three digits; a row without figures has
+/// The columns `names` of all rows in Markdown, apart by blanks, numbers to three digits; a row without figures has
 /// its reason below the table.
-pub(crate) fn markdown(rows: &[Row], names: &[&str]) -> String {
-    let heads: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-    let line = |row: &Row| {
-        let cells = names.iter().map(|name| rounded(row, name)).collect();
-        (format!("{}: {}", row.group, row.case), cells)
-    };
+pub(crate) fn markdown(rows: &[Row], names: &str) -> String {
+    let heads: Vec<String> = names.split(' ').map(str::to_owned).collect();
+    let title = |row: &Row| format!("{}: {}", row.group, row.case);
+    let line = |row| (title(row), heads.iter().map(|name| rounded(row, name)).collect());
     let lines: Vec<_> = rows.iter().map(line).collect();
-    let mut text = markdown::table("case", &heads, &lines);
-    for row in rows {
-        if let Some(reason) = &row.failure {
-            text += &format!("- {}: {}: {reason}\n", row.group, row.case);
-        }
-    }
-    text
-}
-
-/// Names of all figures, then of all measurements.
-fn columns(rows: &[Row]) -> Vec<String> {
-    let figures = rows.iter().flat_map(|row| row.figures.names());
-    let names = figures.chain(rows.iter().flat_map(|row| row.measured.names()));
-    each_once(names.map(str::to_owned))
+    let failed = rows.iter().filter_map(|row| Some((title(row), row.failure.as_ref()?)));
+    let reasons: String = failed.map(|(title, reason)| format!("- {title}: {reason}\n")).collect();
+    markdown::table("case", &heads, &lines) + &reasons
 }
 
 /// A cell for people: three digits of what is not a whole number.
@@ -117,7 +99,7 @@ mod tests {
 
     #[test]
     fn markdown_rounds_and_gives_reasons() {
-        let text = markdown(&rows(), &["error", "drift", "ms"]);
+        let text = markdown(&rows(), "error drift ms");
         assert!(text.contains("| inverse: lu, dense | 0.0123 |"), "{text}");
         assert!(text.contains("| 1.25e-9 |"), "{text}");
         assert!(text.ends_with("- inverse: none: has \"no\" inverse\n"), "{text}");

@@ -30,26 +30,33 @@ impl Axes {
     /// The axes with their ticks, their titles and that of the chart.
     pub fn shapes(&self, title: &str, titles: [&str; 2]) -> Vec<Shape> {
         let [left, top, right, bottom] = FRAME;
-        let text =
-            |at, size, anchor, text: &str| Shape::Text { at, size, anchor, text: text.into() };
         let line = |points| Shape::Line { points, width: 1.0, role: Role::Faint };
-        let mut shapes = vec![text((left, 18.0), 16.0, Anchor::Start, title)];
+        let mut shapes = vec![Shape::text((left, 18.0), 16.0, Anchor::Start, title)];
         for value in self.x.ticks() {
             let at = left + self.x.at(value) * (right - left);
             shapes.push(line(vec![(at, top), (at, bottom)]));
-            shapes.push(text((at, bottom + 14.0), 12.0, Anchor::Middle, &tick_name(value)));
+            shapes.push(Shape::text((at, bottom + 14.0), 12.0, Anchor::Middle, tick_name(value)));
         }
         for value in self.y.ticks() {
             let at = bottom - self.y.at(value) * (bottom - top);
             shapes.push(line(vec![(left, at), (right, at)]));
-            shapes.push(text((left - 6.0, at), 12.0, Anchor::End, &tick_name(value)));
+            shapes.push(Shape::text((left - 6.0, at), 12.0, Anchor::End, tick_name(value)));
         }
         let frame = vec![(left, top), (left, bottom), (right, bottom)];
         shapes.push(Shape::Line { points: frame, width: 1.0, role: Role::Ink });
-        shapes.push(text((0.5 * (left + right), bottom + 38.0), 13.0, Anchor::Middle, titles[0]));
-        shapes.push(text((4.0, top - 16.0), 13.0, Anchor::Start, titles[1]));
+        let middle = (0.5 * (left + right), bottom + 38.0);
+        shapes.push(Shape::text(middle, 13.0, Anchor::Middle, titles[0]));
+        shapes.push(Shape::text((4.0, top - 16.0), 13.0, Anchor::Start, titles[1]));
         shapes
     }
+}
+
+/// The n-th line of a legend beside the plot, where nothing lies under it: a mark, and its name.
+pub(crate) fn key(number: usize, radius: f64, hollow: bool, name: &str) -> [Shape; 2] {
+    let (x, y) = (FRAME[2] + 28.0, FRAME[1] + 20.0 * number as f64);
+    let (role, title) = (Role::Series(number), name.to_owned());
+    let disc = Shape::Disc { at: (x, y), radius, hollow, role, title };
+    [disc, Shape::text((x + 12.0, y), 13.0, Anchor::Start, name)]
 }
 
 /// A logarithmic axis.

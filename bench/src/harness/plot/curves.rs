@@ -1,7 +1,7 @@
 //! Curves over logarithmic axes, as SVG.
 
-use super::axes::{Axes, FRAME, SIZE};
-use super::picture::{Anchor, Picture, Role, SERIES, Shape};
+use super::axes::{Axes, FRAME, SIZE, key};
+use super::picture::{Picture, Role, SERIES, Shape};
 use crate::harness::statistics::median;
 
 /// A named curve.
@@ -22,14 +22,10 @@ pub fn log_log(title: &str, titles: [&str; 2], curves: &[Curve]) -> Option<Strin
         let (role, hollow) = (Role::Series(number), number >= SERIES.len());
         let shown = points.iter().filter(|p| p.0 > 0.0 && p.1 > 0.0 && (p.0 * p.1).is_finite());
         let points: Vec<(f64, f64)> = shown.map(|&point| axes.place(point)).collect();
-        // Names stand beside the plot: no curve lies under them.
-        let key = (FRAME[2] + 28.0, FRAME[1] + 20.0 * number as f64);
-        for &at in points.iter().chain([&key]) {
-            shapes.push(Shape::Disc { at, radius: 4.0, hollow, role, title: name.clone() });
-        }
-        shapes.push(Shape::Line { points, width: 2.0, role });
-        let at = (key.0 + 12.0, key.1);
-        shapes.push(Shape::Text { at, size: 13.0, anchor: Anchor::Start, text: name.clone() });
+        let disc = |&at| Shape::Disc { at, radius: 4.0, hollow, role, title: name.clone() };
+        shapes.extend(points.iter().map(disc));
+        let [mark, name] = key(number, 4.0, hollow, name);
+        shapes.extend([mark, Shape::Line { points, width: 2.0, role }, name]);
     }
     let height = SIZE.1.max((2.0 * FRAME[1]) as u32 + 20 * curves.len() as u32);
     Some(Picture { width: SIZE.0, height, shapes }.svg())

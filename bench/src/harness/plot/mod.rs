@@ -7,6 +7,6 @@ mod axes;
 mod curves;
 mod picture;
 
-pub(crate) use axes::{Axes, FRAME, SIZE};
+pub(crate) use axes::{Axes, FRAME, SIZE, key};
 pub use curves::{Curve, log_log, slope};
 pub(crate) use picture::{Anchor, Picture, Role, Shape, escape};

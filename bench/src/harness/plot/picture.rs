@@ -1,6 +1,7 @@
 //! Pictures as lists of shapes: the same as SVG, for files and reports, and as pixels.
 
 use std::fmt::Write;
+use std::io::{Error, Result};
 use std::sync::Once;
 
 use plotters::prelude::*;
@@ -22,39 +23,20 @@ pub(crate) enum Role {
 }
 
 /// Colours that stay apart in print and for colour-blind eyes (Okabe and Ito), then darker ones.
-pub(crate) const SERIES: [[u8; 3]; 12] = [
-    [0, 0, 0],
-    [213, 94, 0],
-    [0, 114, 178],
-    [0, 158, 115],
-    [204, 121, 167],
-    [86, 180, 233],
-    [230, 159, 0],
-    [148, 128, 0],
-    [110, 64, 150],
-    [128, 128, 128],
-    [120, 60, 0],
-    [0, 90, 80],
+pub(crate) const SERIES: [u32; 12] = [
+    0x000000, 0xd55e00, 0x0072b2, 0x009e73, 0xcc79a7, 0x56b4e9, 0xe69f00, 0x948000, 0x6e4096,
+    0x808080, 0x783c00, 0x005a50,
 ];
 
 impl Role {
-    fn class(self) -> String {
+    /// Class and colour.
+    fn paint(self) -> (String, u32) {
         match self {
-            Self::Ground => "ground".into(),
-            Self::Ink => "ink".into(),
-            Self::Faint => "faint".into(),
-            Self::Series(n) => format!("series{}", n % SERIES.len()),
-            Self::Paint(_) => "paint".into(),
-        }
-    }
-
-    fn colour(self) -> [u8; 3] {
-        match self {
-            Self::Ground => [255; 3],
-            Self::Ink => [34; 3],
-            Self::Faint => [214; 3],
-            Self::Series(n) => SERIES[n % SERIES.len()],
-            Self::Paint(colour) => colour,
+            Self::Ground => ("ground".into(), 0xffffff),
+            Self::Ink => ("ink".into(), 0x222222),
+            Self::Faint => ("faint".into(), 0xd6d6d6),
+            Self::Series(n) => (format!("series{}", n % SERIES.len()), SERIES[n % SERIES.len()]),
+            Self::Paint([r, g, b]) => ("paint".into(), u32::from_be_bytes([0, r, g, b])),
         }
     }
 }
@@ -78,6 +60,12 @@ pub(crate) enum Shape {
     Polygon { points: Vec<(f64, f64)>, role: Role },
     /// A text, its middle at the height of `at`.
     Text { at: (f64, f64), size: f64, anchor: Anchor, text: String },
+}
+
+impl Shape {
+    pub fn text(at: (f64, f64), size: f64, anchor: Anchor, text: impl Into<String>) -> Self {
+        Self::Text { at, size, anchor, text: text.into() }
+    }
 }
 
 /// Shapes, later ones on top of earlier ones.
@@ -110,36 +98,20 @@ impl Picture {
     }
 
     /// As the bytes of a PNG file, twice as many pixels a side.
-    ///
-    /// # Errors
-    /// What the drawing library or the encoder says.
-    pub fn png(&self) -> Result<Vec<u8>, String> {
-        let size = [self.width, self.height].map(|n| (f64::from(n) * SCALE) as u32);
-        let mut pixels = vec![0; 3 * size[0] as usize * size[1] as usize];
-        self.draw(&mut pixels, (size[0], size[1])).map_err(|error| error.to_string())?;
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, size[0], size[1]);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(&pixels))
-            .map_err(|error| error.to_string())?;
-        Ok(bytes)
-    }
-
-    fn draw(
-        &self,
-        pixels: &mut [u8],
-        size: (u32, u32),
-    ) -> Result<(), Box<dyn std::error::Error + '_>> {
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let [width, height] = [self.width, self.height].map(|n| (f64::from(n) * SCALE) as u32);
+        let mut pixels = vec![255; 3 * width as usize * height as usize];
         register_font();
-        let root = BitMapBackend::with_buffer(pixels, size).into_drawing_area();
-        root.fill(&WHITE).map_err(|error| error.to_string())?;
+        let mut backend = BitMapBackend::with_buffer(&mut pixels, (width, height));
         for shape in &self.shapes {
-            paint(&root, shape).map_err(|error| error.to_string())?;
+            paint(&mut backend, shape)?;
         }
-        root.present().map_err(|error| error.to_string())?;
-        Ok(())
+        drop(backend);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.write_header()?.write_image_data(&pixels)?;
+        Ok(bytes)
     }
 }
 
@@ -164,8 +136,8 @@ fn element(svg: &mut String, shape: &Shape) {
         points.iter().map(one).collect::<Vec<_>>().join(" ")
     };
     let paint = |role: Role| {
-        let [r, g, b] = role.colour();
-        format!("class=\"{}\" color=\"#{r:02x}{g:02x}{b:02x}\"", role.class())
+        let (class, colour) = role.paint();
+        format!("class=\"{class}\" color=\"#{colour:06x}\"")
     };
     _ = match shape {
         Shape::Line { points, width, role } => writeln!(
@@ -210,33 +182,23 @@ fn element(svg: &mut String, shape: &Shape) {
     };
 }
 
-type Area<'a> = DrawingArea<BitMapBackend<'a>, plotters::coord::Shift>;
-
-fn paint(
-    root: &Area<'_>,
-    shape: &Shape,
-) -> Result<(), DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>> {
+fn paint(backend: &mut BitMapBackend<'_>, shape: &Shape) -> Result<()> {
     let pixel = |&(x, y): &(f64, f64)| ((x * SCALE).round() as i32, (y * SCALE).round() as i32);
+    let pixels = |points: &[(f64, f64)]| points.iter().map(pixel).collect::<Vec<_>>();
     let colour = |role: &Role| {
-        let [r, g, b] = role.colour();
+        let [_, r, g, b] = role.paint().1.to_be_bytes();
         RGBColor(r, g, b)
     };
-    let pixels = |points: &[(f64, f64)]| points.iter().map(pixel).collect::<Vec<_>>();
-    match shape {
+    let drawn = match shape {
         Shape::Line { points, width, role } => {
             let stroke = colour(role).stroke_width((width * SCALE).round().max(1.0) as u32);
-            root.draw(&PathElement::new(pixels(points), stroke))
+            backend.draw_path(pixels(points), &stroke)
         }
         Shape::Disc { at, radius, hollow, role, .. } => {
-            let style = match hollow {
-                true => colour(role).stroke_width(3),
-                false => colour(role).filled(),
-            };
-            root.draw(&Circle::new(pixel(at), (radius * SCALE).round() as i32, style))
+            let style = colour(role).stroke_width(3);
+            backend.draw_circle(pixel(at), (radius * SCALE).round() as u32, &style, !hollow)
         }
-        Shape::Polygon { points, role } => {
-            root.draw(&Polygon::new(pixels(points), colour(role).filled()))
-        }
+        Shape::Polygon { points, role } => backend.fill_polygon(pixels(points), &colour(role)),
         Shape::Text { at, size, anchor, text } => {
             let side = match anchor {
                 Anchor::Start => HPos::Left,
@@ -246,9 +208,10 @@ fn paint(
             let ink = colour(&Role::Ink);
             let font = ("sans-serif", size * SCALE).into_font();
             let style = TextStyle::from(font).color(&ink).pos(Pos::new(side, VPos::Center));
-            root.draw(&Text::new(text.clone(), pixel(at), style))
+            backend.draw_text(text, &style, pixel(at))
         }
-    }
+    };
+    drawn.map_err(|error| Error::other(error.to_string()))
 }
 
 #[cfg(test)]
@@ -257,13 +220,12 @@ mod tests {
 
     fn picture() -> Picture {
         let corner = vec![(0.0, 0.0), (20.0, 0.0), (0.0, 20.0)];
-        let text = "a < b & c".to_owned();
         Picture {
             width: 100,
             height: 50,
             shapes: vec![
                 Shape::Polygon { points: corner, role: Role::Paint([255, 0, 0]) },
-                Shape::Text { at: (90.0, 25.0), size: 12.0, anchor: Anchor::End, text },
+                Shape::text((90.0, 25.0), 12.0, Anchor::End, "a < b & c"),
             ],
         }
     }

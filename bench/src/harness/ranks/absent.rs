@@ -1,12 +1,12 @@
 //! What stands where MPI would, in a program without it: nothing can be of this type.
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// Has no value.
 pub(crate) enum Messenger {}
 
 impl Messenger {
-    pub fn join(processes: usize) -> Result<Self, BenchError> {
+    pub fn join(processes: usize) -> Result<Self> {
         Err(BenchError::NoMpi { processes })
     }
 
@@ -14,19 +14,19 @@ impl Messenger {
         match *self {}
     }
 
-    pub fn announce(&self) -> Result<(), BenchError> {
+    pub fn announce(&self) -> Result<()> {
         match *self {}
     }
 
-    pub fn wait_for_first(&self) -> Result<(), BenchError> {
+    pub fn wait_for_first(&self) -> Result<()> {
         match *self {}
     }
 
-    pub fn give_out(&self, _: Vec<usize>) -> Result<(), BenchError> {
+    pub fn give_out(&self, _: Vec<usize>) -> Result<()> {
         match *self {}
     }
 
-    pub fn ask(&self) -> Result<Option<usize>, BenchError> {
+    pub fn ask(&self) -> Result<Option<usize>> {
         match *self {}
     }
 

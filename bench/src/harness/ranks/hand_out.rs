@@ -61,10 +61,7 @@ mod tests {
         assert_eq!(hand_out.answers(), [], "1 still has a case");
         hand_out.ask(1);
         assert_eq!(hand_out.answers(), [(0, None), (2, None), (1, None)]);
-    }
-
-    #[test]
-    fn a_finished_study_ends_at_once() {
+        // A finished study ends at once.
         let mut hand_out = HandOut::new(2);
         hand_out.begin(Vec::new());
         hand_out.ask(1);

@@ -12,7 +12,7 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, Destination, Source};
 
 use super::hand_out::HandOut;
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// Between two looks for messages; a case takes much longer.
 const PAUSE: Duration = Duration::from_millis(10);
@@ -53,7 +53,7 @@ pub(crate) struct Messenger {
 
 impl Messenger {
     /// Starts MPI, which is to find as many processes as the launcher says.
-    pub fn join(processes: usize) -> Result<Self, BenchError> {
+    pub fn join(processes: usize) -> Result<Self> {
         let (orders, taken) = channel();
         let (said, replies) = channel();
         std::thread::spawn(move || serve(&taken, said));
@@ -61,9 +61,7 @@ impl Messenger {
             Ok(Reply::Joined { rank, size }) if size == processes => {
                 Ok(Self { rank, orders, replies: Mutex::new(replies) })
             }
-            Ok(Reply::Joined { size, .. }) => {
-                Err(BenchError::OtherMpi { started: processes, found: size })
-            }
+            Ok(Reply::Joined { size, .. }) => Err(BenchError::OtherMpi(processes, size)),
             _ => Err(BenchError::MpiOver),
         }
     }
@@ -74,12 +72,12 @@ impl Messenger {
     }
 
     /// Lets all others pass [`Self::wait_for_first`] once.
-    pub fn announce(&self) -> Result<(), BenchError> {
+    pub fn announce(&self) -> Result<()> {
         self.order(Order::Announce)
     }
 
     /// Waits until the first process announces something.
-    pub fn wait_for_first(&self) -> Result<(), BenchError> {
+    pub fn wait_for_first(&self) -> Result<()> {
         match self.reply()? {
             Reply::Announced => Ok(()),
             _ => Err(BenchError::OutOfStep),
@@ -87,12 +85,12 @@ impl Messenger {
     }
 
     /// Starts giving out these cases; for the first process.
-    pub fn give_out(&self, waiting: Vec<usize>) -> Result<(), BenchError> {
+    pub fn give_out(&self, waiting: Vec<usize>) -> Result<()> {
         self.order(Order::GiveOut(waiting))
     }
 
     /// The next case of this process; `None` when all are finished, and MPI with them.
-    pub fn ask(&self) -> Result<Option<usize>, BenchError> {
+    pub fn ask(&self) -> Result<Option<usize>> {
         self.order(Order::Ask)?;
         match self.reply()? {
             Reply::Case(case) => Ok(case),
@@ -108,11 +106,11 @@ impl Messenger {
         }
     }
 
-    fn order(&self, order: Order) -> Result<(), BenchError> {
+    fn order(&self, order: Order) -> Result<()> {
         self.orders.send(order).map_err(|_| BenchError::MpiOver)
     }
 
-    fn reply(&self) -> Result<Reply, BenchError> {
+    fn reply(&self) -> Result<Reply> {
         let replies = self.replies.lock().unwrap_or_else(PoisonError::into_inner);
         replies.recv().map_err(|_| BenchError::MpiOver)
     }

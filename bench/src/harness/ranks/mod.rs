@@ -17,7 +17,7 @@ mod messenger;
 
 use std::sync::OnceLock;
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 #[cfg(not(feature = "mpi"))]
 use absent::Messenger;
 #[cfg(feature = "mpi")]
@@ -37,14 +37,13 @@ pub fn started() -> usize {
 
 /// Refuses several processes that would all do the same: where the study does not share its cases,
 /// and where this program has no MPI to share them by.
-///
 /// # Errors
 /// [`BenchError::OneProcess`]; [`BenchError::NoMpi`] without the feature `mpi`.
-pub fn check(shares_cases: bool) -> Result<(), BenchError> {
+pub fn check(shares_cases: bool) -> Result<()> {
     match started() {
         0 | 1 => Ok(()),
-        processes if !shares_cases => Err(BenchError::OneProcess { processes }),
-        processes if cfg!(not(feature = "mpi")) => Err(BenchError::NoMpi { processes }),
+        processes if !shares_cases => Err(BenchError::OneProcess(processes)),
+        processes if cfg!(not(feature = "mpi")) => Err(BenchError::NoMpi(processes)),
         _ => Ok(()),
     }
 }
@@ -69,12 +68,7 @@ pub(crate) fn is_first() -> bool {
 
 /// Does `work` in the first process, and once that is done in all others; `work` is told whether
 /// it is in the first.
-///
-/// # Errors
-/// Those of `work` and of starting MPI.
-pub(crate) fn in_turn<T>(
-    work: impl FnOnce(bool) -> Result<T, BenchError>,
-) -> Result<T, BenchError> {
+pub(crate) fn in_turn<T>(work: impl FnOnce(bool) -> Result<T>) -> Result<T> {
     let Some(messenger) = messenger()? else { return work(true) };
     if messenger.rank() == 0 {
         let done = work(true)?;
@@ -94,10 +88,7 @@ pub(crate) enum Turns {
 }
 
 /// Gives out the cases `waiting`, in order; what others than the first process give is not asked for.
-///
-/// # Errors
-/// Those of starting MPI.
-pub(crate) fn give_out(waiting: Vec<usize>) -> Result<Turns, BenchError> {
+pub(crate) fn give_out(waiting: Vec<usize>) -> Result<Turns> {
     let Some(messenger) = messenger()? else { return Ok(Turns::Alone(waiting.into_iter())) };
     if messenger.rank() == 0 {
         messenger.give_out(waiting)?;
@@ -108,10 +99,7 @@ pub(crate) fn give_out(waiting: Vec<usize>) -> Result<Turns, BenchError> {
 impl Turns {
     /// The next case, to be asked for when the one before is kept; `None` when all cases of all
     /// processes are.
-    ///
-    /// # Errors
-    /// [`BenchError::MpiOver`], [`BenchError::OutOfStep`].
-    pub fn next_case(&mut self) -> Result<Option<usize>, BenchError> {
+    pub fn next_case(&mut self) -> Result<Option<usize>> {
         match self {
             Self::Alone(waiting) => Ok(waiting.next()),
             Self::Shared(messenger) => messenger.ask(),
@@ -120,7 +108,7 @@ impl Turns {
 }
 
 /// The line to the other processes, set up at the first call; `None` without others.
-fn messenger() -> Result<Option<&'static Messenger>, BenchError> {
+fn messenger() -> Result<Option<&'static Messenger>> {
     let processes = started();
     if processes < 2 {
         return Ok(None);

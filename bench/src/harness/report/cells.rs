@@ -15,11 +15,10 @@ pub(crate) fn csv(rows: &[Map<String, Value>]) -> String {
     let flat: Vec<Map<String, Value>> = rows.iter().map(|row| flattened(row, rows)).collect();
     let columns = super::each_once(flat.iter().flat_map(Map::keys));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let lines = flat.iter().map(|row| columns.iter().map(|&name| cell(row.get(name))).collect());
-    for line in std::iter::once(columns.iter().map(|&name| name.clone()).collect()).chain(lines) {
-        let line: Vec<String> = line;
-        // Memory takes everything.
-        let _ = writer.write_record(&line);
+    // Memory takes everything.
+    let _ = writer.write_record(&columns);
+    for row in &flat {
+        let _ = writer.write_record(columns.iter().map(|&name| cell(row.get(name))));
     }
     String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()
 }

@@ -36,6 +36,17 @@ pub(crate) fn table(corner: &str, heads: &[String], lines: &[Line]) -> String {
     text
 }
 
+/// A column of a table: its head, and a row's cell in it.
+pub(crate) type Column<R> = (&'static str, fn(&R) -> String);
+
+/// A line for each row, named by the first column.
+pub(crate) fn rows<R>(rows: &[R], columns: &[Column<R>]) -> String {
+    let [(corner, name), columns @ ..] = columns else { return String::new() };
+    let heads: Vec<String> = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
+    let line = |row| (name(row), columns.iter().map(|(_, cell)| cell(row)).collect());
+    table(corner, &heads, &rows.iter().map(line).collect::<Vec<Line>>())
+}
+
 /// Three significant digits, in tables of times.
 pub(crate) fn milliseconds(value: f64) -> String {
     match value {

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::cells::{csv, objects};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::folder::Folder;
 
 /// What a study says of its rows.
@@ -68,15 +68,14 @@ impl Summary {
 /// # std::fs::remove_dir_all(out)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-///
 /// # Errors
-/// [`BenchError::Io`].
+/// `BenchError::Io`.
 pub fn write(
     folder: &Folder,
     name: &str,
     rows: &[impl Serialize],
     summary: Summary,
-) -> Result<String, BenchError> {
+) -> Result<String> {
     let Summary { text, mut fields, table, files } = summary;
     let mut rows = objects(rows);
     folder.write(&format!("{name}.csv"), csv(table.as_ref().unwrap_or(&rows)))?;
@@ -84,10 +83,8 @@ pub fn write(
     fields.insert("rows".into(), json!(rows));
     folder.write(&format!("{name}.json"), format!("{:#}\n", Value::Object(fields)))?;
     folder.write(&format!("{name}.md"), &text)?;
-    for (name, content) in files {
-        if let Some(content) = content {
-            folder.write(&name, content)?;
-        }
+    for (name, content) in files.iter().filter_map(|(name, text)| Some((name, text.as_ref()?))) {
+        folder.write(name, content)?;
     }
     folder.tidy();
     Ok(text)

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 
 /// A row: what tells it from others, and everything else by its path within it.
 pub(super) struct Entry {
@@ -28,39 +28,34 @@ pub(super) fn is_measured(name: &str) -> bool {
 }
 
 /// The rows of a file, or of the one file in a folder that has rows.
-pub(super) fn read(path: &Path) -> Result<Vec<Entry>, BenchError> {
+pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
     if !path.is_dir() {
         let rows = rows(path)?;
         let reason = "it has no list `rows`".to_owned();
-        return rows.ok_or(BenchError::NoResult { path: path.into(), reason });
+        return rows.ok_or(BenchError::NoResult(path.into(), reason));
     }
-    let io = |source| BenchError::Io { path: path.into(), source };
-    let mut files: Vec<PathBuf> =
-        fs::read_dir(path).map_err(io)?.flatten().map(|entry| entry.path()).collect();
+    let entries = fs::read_dir(path).map_err(BenchError::at(path))?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     files.retain(|file| file.extension().is_some_and(|end| end == "json"));
     files.sort();
     let mut found = Vec::new();
     for file in &files {
         found.extend(rows(file)?.map(|rows| (file, rows)));
     }
-    match (found.pop(), found.pop()) {
-        (Some((_, rows)), None) => Ok(rows),
-        (None, _) => {
-            let reason = "no JSON file in it has rows".to_owned();
-            Err(BenchError::NoResult { path: path.into(), reason })
-        }
+    let reason = match (found.pop(), found.pop()) {
+        (Some((_, rows)), None) => return Ok(rows),
+        (None, _) => "no JSON file in it has rows".to_owned(),
         (Some((one, _)), Some((other, _))) => {
-            let reason = format!("{} and {} have rows; name one", one.display(), other.display());
-            Err(BenchError::NoResult { path: path.into(), reason })
+            format!("{} and {} have rows; name one", one.display(), other.display())
         }
-    }
+    };
+    Err(BenchError::NoResult(path.into(), reason))
 }
 
-fn rows(path: &Path) -> Result<Option<Vec<Entry>>, BenchError> {
-    let text =
-        fs::read_to_string(path).map_err(|source| BenchError::Io { path: path.into(), source })?;
+fn rows(path: &Path) -> Result<Option<Vec<Entry>>> {
+    let text = fs::read_to_string(path).map_err(BenchError::at(path))?;
     let value: Value = serde_json::from_str(&text)
-        .map_err(|error| BenchError::NoResult { path: path.into(), reason: error.to_string() })?;
+        .map_err(|error| BenchError::NoResult(path.into(), error.to_string()))?;
     let Some(rows) = value.get("rows").and_then(Value::as_array) else { return Ok(None) };
     let rows: Vec<&Map<String, Value>> = rows.iter().filter_map(Value::as_object).collect();
     let by_words: Vec<String> = rows.iter().map(|row| words(row)).collect();
@@ -69,10 +64,8 @@ fn rows(path: &Path) -> Result<Option<Vec<Entry>>, BenchError> {
         rows.iter().zip(&by_words).map(|(row, words)| words.clone() + &numbers(row)).collect();
     let mut entries = Vec::new();
     for (i, row) in rows.iter().enumerate() {
-        let mut key = match unique(&by_words, &by_words[i]) {
-            true => by_words[i].clone(),
-            false => by_numbers[i].clone(),
-        };
+        let keys = if unique(&by_words, &by_words[i]) { &by_words } else { &by_numbers };
+        let mut key = keys[i].clone();
         let before = by_numbers[..i].iter().filter(|one| **one == by_numbers[i]).count();
         if before > 0 {
             key += &format!(", {} of that name", before + 1);

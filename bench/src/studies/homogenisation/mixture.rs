@@ -8,14 +8,15 @@ use yawara_embed::{FineMaterial, Material, Materials};
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{CellGrid, LabelTree};
 
-use crate::error::BenchError;
+use crate::bodies::solid::places;
+use crate::error::Result;
 use crate::workloads::random::SplitMix64;
 
 /// Finest cubes along an edge.
-pub(crate) const VOXELS: usize = 16;
+const VOXELS: usize = 16;
 
 /// Finest cubes along a root cube: six levels.
-pub(crate) const VOXELS_PER_CELL: usize = 4;
+const VOXELS_PER_CELL: usize = 4;
 
 /// What the cube holds besides a matrix of E = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,12 +85,10 @@ impl Inside {
 
     fn young_moduli(self) -> Vec<f64> {
         let mut random = SplitMix64(7);
-        let mut moduli = Vec::with_capacity(VOXELS.pow(3));
-        for i in 0..VOXELS.pow(3) {
-            let voxel = [i % VOXELS, i / VOXELS % VOXELS, i / VOXELS.pow(2)];
+        let stiffer = |is: bool, ratio: f64| if is { ratio } else { 1.0 };
+        let mut modulus = |voxel: [usize; 3]| {
             let x = Vector3::from(voxel.map(|c| (c as f64 + 0.5) / VOXELS as f64));
-            let stiffer = |is: bool, ratio: f64| if is { ratio } else { 1.0 };
-            moduli.push(match self {
+            match self {
                 Self::Homogeneous => 1.0,
                 Self::Sphere(ratio) => {
                     stiffer((x - Vector3::new(0.53, 0.47, 0.51)).norm() < 0.3, ratio)
@@ -98,9 +97,9 @@ impl Inside {
                 Self::Strut(ratio) => stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio),
                 Self::LogNormal(sigma) => (sigma * normal(&mut random)).exp(),
                 Self::Layers(ratio) => stiffer(voxel[2] / (VOXELS / 8) % 2 == 1, ratio),
-            });
-        }
-        moduli
+            }
+        };
+        places([VOXELS; 3]).map(&mut modulus).collect()
     }
 }
 
@@ -116,7 +115,7 @@ fn normal(random: &mut SplitMix64) -> f64 {
 }
 
 impl Block {
-    pub fn new(inside: Inside) -> Result<Self, BenchError> {
+    pub fn new(inside: Inside) -> Result<Self> {
         let young_moduli = inside.young_moduli();
         let two = !matches!(inside, Inside::Homogeneous | Inside::LogNormal(_));
         let labels = young_moduli.iter().map(|&e| 1 + u16::from(two && e > 1.0)).collect();
@@ -140,7 +139,7 @@ impl Block {
     }
 
     /// Materials by label and by voxel with this Poisson's ratio.
-    pub fn materials(&self, poisson_ratio: f64) -> Result<Materials, BenchError> {
+    pub fn materials(&self, poisson_ratio: f64) -> Result<Materials> {
         let material = move |e: f64| Material::new(e, poisson_ratio, 0.0).map(FineMaterial::from);
         // Void does not occur.
         let by_label = [1.0, 1.0, self.ratio()].map(material);
@@ -173,11 +172,10 @@ mod tests {
         };
         assert!((1..40).contains(&touches(Inside::Vessel(10.0))));
         assert_eq!(share(Inside::Layers(10.0)), 0.5);
-        let logs: Vec<f64> =
-            Inside::LogNormal(2.0).young_moduli().iter().map(|e| e.ln() / 2.0).collect();
-        let n = logs.len() as f64;
-        let mean = logs.iter().sum::<f64>() / n;
-        let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
+        let moduli = Inside::LogNormal(2.0).young_moduli();
+        let (logs, n) = (moduli.iter().map(|e| e.ln() / 2.0), moduli.len() as f64);
+        let mean = logs.clone().sum::<f64>() / n;
+        let variance = logs.map(|x| (x - mean).powi(2)).sum::<f64>() / n;
         // Four standard errors.
         assert!(mean.abs() < 4.0 / n.sqrt() && (variance - 1.0).abs() < 4.0 * (2.0 / n).sqrt());
     }

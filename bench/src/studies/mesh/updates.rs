@@ -6,14 +6,13 @@ use std::time::Instant;
 use serde::Serialize;
 use yawara_mesh::{BisectionForest, MeshDelta, Point};
 
-use crate::error::BenchError;
-use crate::harness::plot::slope;
+use crate::error::Result;
 use crate::harness::statistics::{median, percentile, ratios};
 use crate::workloads::random::SplitMix64;
 
 /// The cost of a split and its merge at one kind of places.
 #[derive(Clone, Debug, Serialize)]
-pub struct UpdateCost {
+pub(super) struct UpdateCost {
     /// Time of a split with its merge, ns: the tenth percentile of the batches' means.
     pub split_and_merge_ns: f64,
     /// Reading and writing the memory of the same rings once, ns: the tenth percentile.
@@ -24,46 +23,14 @@ pub struct UpdateCost {
 
 /// A split and its merge in a mesh of fixed depth.
 #[derive(Clone, Debug, Serialize)]
-pub struct UpdateRow {
-    /// Leaves of the mesh.
+pub(super) struct UpdateRow {
     pub leaves: usize,
     /// Places drawn anew for every batch from the whole mesh: nearly none is in a cache when the
     /// mesh is larger than that.
     pub random: UpdateCost,
     /// Places one beside the other, in a sweep through the mesh.
     pub local: UpdateCost,
-    /// Bytes of the forest per leaf.
     pub bytes_per_leaf: f64,
-}
-
-/// Exponents over leaves.
-#[derive(Clone, Debug, Serialize)]
-pub struct UpdateSlopes {
-    /// Of the time at random places.
-    pub random: f64,
-    /// Of the time in a sweep.
-    pub local: f64,
-    /// Of one pass over the rings' memory at random places: what the machine's caches do.
-    pub ring_pass: f64,
-    /// Of the ratio to that pass at random places.
-    pub random_ratio: f64,
-}
-
-impl UpdateSlopes {
-    /// Fitted to rows of several sizes.
-    pub fn of(rows: &[UpdateRow]) -> Self {
-        let fit = |value: &dyn Fn(&UpdateRow) -> f64| {
-            let points: Vec<(f64, f64)> =
-                rows.iter().map(|r| (r.leaves as f64, value(r))).collect();
-            slope(&points)
-        };
-        Self {
-            random: fit(&|r| r.random.split_and_merge_ns),
-            local: fit(&|r| r.local.split_and_merge_ns),
-            ring_pass: fit(&|r| r.random.ring_pass_ns),
-            random_ratio: fit(&|r| r.random.ratio),
-        }
-    }
 }
 
 /// Places per batch: long enough for the clock, short enough for many batches.
@@ -79,10 +46,7 @@ const BYTES_PER_TET: usize = 40;
 const CHILDREN: usize = 16;
 
 /// Times splits with their merges in `forest`, which is as before afterwards.
-///
-/// # Errors
-/// [`BenchError`] of the forest: none where it has a candidate.
-pub fn update_row(forest: &mut BisectionForest) -> Result<UpdateRow, BenchError> {
+pub(super) fn row(forest: &mut BisectionForest) -> Result<UpdateRow> {
     let units = forest.domain().lattice().units;
     let mut places = forest.candidates();
     // Root cube by root cube.
@@ -105,10 +69,7 @@ pub fn update_row(forest: &mut BisectionForest) -> Result<UpdateRow, BenchError>
     })
 }
 
-fn cost(
-    forest: &mut BisectionForest,
-    batch: &mut dyn FnMut() -> Vec<Point>,
-) -> Result<UpdateCost, BenchError> {
+fn cost(forest: &mut BisectionForest, batch: &mut dyn FnMut() -> Vec<Point>) -> Result<UpdateCost> {
     let mut delta = MeshDelta::empty();
     let children = forest.tet_capacity();
     let mut memory = vec![[1u8; BYTES_PER_TET]; children + CHILDREN];

@@ -8,33 +8,29 @@ use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Region};
 
-use crate::error::BenchError;
+use crate::bodies::solid::places;
+use crate::error::Result;
 use crate::harness::machine;
-use crate::harness::report::markdown;
+use crate::harness::report::markdown::{self, Column};
 
 /// Voxels along a root cube.
 const VOXELS_PER_CELL: usize = 16;
 
 /// A cube of voxels with a liver phantom in its middle, taken in.
 #[derive(Clone, Debug, Serialize)]
-pub struct VolumeRow {
+pub(super) struct VolumeRow {
     /// Voxels along a side.
     pub size: usize,
-    /// Voxels in all.
     pub voxels: usize,
     /// Heterogeneous tetrahedra.
     pub nodes: usize,
-    /// Time of the label tree, which has the exact labels of every tetrahedron, s.
+    /// Time of the label tree, which has the exact labels of every tetrahedron.
     pub seconds: f64,
-    /// Voxels per second.
     pub voxels_per_second: f64,
-    /// Bytes per heterogeneous tetrahedron.
     pub bytes_per_node: f64,
     /// Leaves of a forest split, with closures, wherever labels meet, down to voxels.
     pub forest_leaves: usize,
-    /// Time of that forest, s.
     pub forest_seconds: f64,
-    /// Its bytes per leaf.
     pub forest_bytes_per_leaf: f64,
     /// Leaves that the uniform forest of that level would have.
     pub uniform_leaves: u64,
@@ -43,7 +39,7 @@ pub struct VolumeRow {
 }
 
 /// Measures a cube of `size`³ voxels.
-pub(super) fn row(size: usize) -> Result<VolumeRow, BenchError> {
+pub(super) fn row(size: usize) -> Result<VolumeRow> {
     let volume = cube(size)?;
     let voxels = volume.labels().len();
     let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
@@ -79,7 +75,7 @@ pub(super) fn row(size: usize) -> Result<VolumeRow, BenchError> {
 }
 
 /// The liver phantom, scaled to fill a cube of voxels along its longest side.
-fn cube(size: usize) -> Result<LabelVolume, BenchError> {
+fn cube(size: usize) -> Result<LabelVolume> {
     let length_mm = 200.0;
     // The organ with its margin of background fills the cube along its longest side.
     let voxel_mm = length_mm / (size as f64 - 4.0);
@@ -87,13 +83,9 @@ fn cube(size: usize) -> Result<LabelVolume, BenchError> {
     let from = organ.grid().dims;
     let first = from.map(|d| size.saturating_sub(d) / 2);
     let mut labels = vec![0; size.pow(3)];
-    for z in 0..from[2].min(size) {
-        for y in 0..from[1].min(size) {
-            for x in 0..from[0].min(size) {
-                let at = first[0] + x + size * (first[1] + y + size * (first[2] + z));
-                labels[at] = organ.get(x, y, z);
-            }
-        }
+    for [x, y, z] in places(from.map(|d| d.min(size))) {
+        let at = first[0] + x + size * (first[1] + y + size * (first[2] + z));
+        labels[at] = organ.get(x, y, z);
     }
     let grid = Grid::centred([size; 3], voxel_mm);
     Ok(LabelVolume::new(grid, labels, organ.values().to_vec())?)
@@ -101,33 +93,18 @@ fn cube(size: usize) -> Result<LabelVolume, BenchError> {
 
 /// The rows for people.
 pub(super) fn table(rows: &[VolumeRow]) -> String {
-    let heads = [
-        "Mvoxel",
-        "mixed tets",
-        "tree s",
-        "Mvoxel/s",
-        "bytes/tet",
-        "leaves where labels meet",
-        "uniform",
-        "forest s",
-        "bytes/leaf",
-        "peak MiB",
+    let columns: [Column<VolumeRow>; 11] = [
+        ("size³", |r| r.size.to_string()),
+        ("Mvoxel", |r| format!("{:.1}", r.voxels as f64 / 1e6)),
+        ("mixed tets", |r| r.nodes.to_string()),
+        ("tree s", |r| format!("{:.2}", r.seconds)),
+        ("Mvoxel/s", |r| format!("{:.1}", r.voxels_per_second / 1e6)),
+        ("bytes/tet", |r| format!("{:.1}", r.bytes_per_node)),
+        ("leaves where labels meet", |r| r.forest_leaves.to_string()),
+        ("uniform", |r| format!("{:.1e}", r.uniform_leaves as f64)),
+        ("forest s", |r| format!("{:.2}", r.forest_seconds)),
+        ("bytes/leaf", |r| format!("{:.0}", r.forest_bytes_per_leaf)),
+        ("peak MiB", |r| format!("{:.0}", r.peak_mib)),
     ];
-    let line = |r: &VolumeRow| {
-        let cells = [
-            format!("{:.1}", r.voxels as f64 / 1e6),
-            r.nodes.to_string(),
-            format!("{:.2}", r.seconds),
-            format!("{:.1}", r.voxels_per_second / 1e6),
-            format!("{:.1}", r.bytes_per_node),
-            r.forest_leaves.to_string(),
-            format!("{:.1e}", r.uniform_leaves as f64),
-            format!("{:.2}", r.forest_seconds),
-            format!("{:.0}", r.forest_bytes_per_leaf),
-            format!("{:.0}", r.peak_mib),
-        ];
-        (r.size.to_string(), cells.to_vec())
-    };
-    let lines: Vec<_> = rows.iter().map(line).collect();
-    markdown::table("size³", &heads.map(str::to_owned), &lines)
+    markdown::rows(rows, &columns)
 }

@@ -3,15 +3,16 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use faer::Mat;
 use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
 use yawara_mesh::Change;
 
 use super::samples::{Samples, timed};
 use super::settings::{BURST, Settings, is_sparse};
-use super::workload::{Burst, three_slots, unit_loads};
-use crate::error::BenchError;
-use crate::solvers::direct::{Direct, Solver};
-use crate::solvers::reference::{Reference, relative_error};
+use super::workload::Burst;
+use crate::error::Result;
+use crate::harness::statistics::milliseconds_since;
+use crate::solvers::{Direct, Reference, Solver, Trial};
 use crate::workloads::random::SplitMix64;
 
 /// Columns that the drift is measured on.
@@ -32,6 +33,7 @@ pub(crate) struct Errors {
     pub reference: &'static str,
 }
 
+#[derive(Default)]
 enum Runner {
     Kept(Box<dyn InverseMaintainer>),
     Direct {
@@ -40,10 +42,12 @@ enum Runner {
         solver: Option<Solver>,
     },
     /// Judged; its memory is free for others.
+    #[default]
     Done,
 }
 
 /// One method in one family.
+#[derive(Default)]
 pub(crate) struct Competitor {
     pub name: &'static str,
     pub workload: usize,
@@ -72,10 +76,10 @@ impl Competitor {
         name: &'static str,
         workload: usize,
         stiffness: SparseStiffness,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self> {
         let begin = Instant::now();
         let kept = build(name, stiffness)?;
-        let build_ms = Some(begin.elapsed().as_secs_f64() * 1e3);
+        let build_ms = Some(milliseconds_since(begin));
         Ok(Self { build_ms, ..Self::new(name, workload, Runner::Kept(kept)) })
     }
 
@@ -86,21 +90,7 @@ impl Competitor {
     }
 
     fn new(name: &'static str, workload: usize, runner: Runner) -> Self {
-        Self {
-            name,
-            workload,
-            runner,
-            limit: usize::MAX,
-            spent_ms: 0.0,
-            build_ms: None,
-            split: Samples::default(),
-            cold_split: Samples::default(),
-            merge: Samples::default(),
-            old_merge: Samples::default(),
-            solve: Samples::default(),
-            columns: Samples::default(),
-            errors: None,
-        }
+        Self { name, workload, runner, limit: usize::MAX, ..Self::default() }
     }
 
     pub fn is_dense(&self) -> bool {
@@ -145,8 +135,8 @@ impl Competitor {
         &mut self,
         number: usize,
         burst: &Burst,
-        stiffness: impl FnOnce() -> Result<SparseStiffness, BenchError>,
-    ) -> Result<(), BenchError> {
+        stiffness: impl FnOnce() -> Result<SparseStiffness>,
+    ) -> Result<()> {
         let begin = Instant::now();
         match &mut self.runner {
             Runner::Kept(_) => self.replay(number, burst)?,
@@ -158,20 +148,20 @@ impl Competitor {
             Runner::Done => {}
         }
         self.use_it(number, burst)?;
-        self.spent_ms += begin.elapsed().as_secs_f64() * 1e3;
+        self.spent_ms += milliseconds_since(begin);
         Ok(())
     }
 
     /// The updates of a burst; the first pair, a split and its merge, finds its numbers outside of
     /// the caches and counts apart.
-    fn replay(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
+    fn replay(&mut self, number: usize, burst: &Burst) -> Result<()> {
         let Runner::Kept(kept) = &mut self.runner else { return Ok(()) };
         for (at, pair) in burst.pairs.iter().enumerate() {
             let old = pair[0].kind == Change::Merge;
             for update in pair {
                 let start = Instant::now();
                 update.apply(kept.as_mut())?;
-                let time = start.elapsed().as_secs_f64() * 1e3;
+                let time = milliseconds_since(start);
                 let samples = match update.kind {
                     Change::Split => &mut self.split,
                     Change::Merge if old => &mut self.old_merge,
@@ -188,17 +178,17 @@ impl Competitor {
     }
 
     /// Solves and columns.
-    fn use_it(&mut self, number: usize, burst: &Burst) -> Result<(), BenchError> {
+    fn use_it(&mut self, number: usize, burst: &Burst) -> Result<()> {
         let mut u = vec![0.0; burst.load.len()];
         for at in 0..=BURST {
             let (solve, columns) = match &self.runner {
                 Runner::Kept(kept) => {
                     let start = Instant::now();
                     kept.solve(&burst.load, &mut u)?;
-                    let solve = start.elapsed().as_secs_f64() * 1e3;
+                    let solve = milliseconds_since(start);
                     let start = Instant::now();
                     black_box(kept.columns(&burst.tool)?);
-                    (solve, start.elapsed().as_secs_f64() * 1e3)
+                    (solve, milliseconds_since(start))
                 }
                 Runner::Direct { solver: Some(solver), .. } => {
                     (timed(|| solver.solve(&burst.load)), timed(|| solver.columns(&burst.tool)))
@@ -214,25 +204,10 @@ impl Competitor {
     }
 
     /// Takes the errors and lets go of the memory: there are no more bursts.
-    pub fn judge(&mut self, reference: &Reference, seed: u64) -> Result<(), BenchError> {
-        let vertices = reference.rows() / 3;
-        let mut random = SplitMix64(seed ^ 0x5bf0_3635);
-        let tool = three_slots(&mut random, vertices);
-        let load: Vec<f64> = (0..3 * vertices).map(|_| random.symmetric()).collect();
-        let mut solve = relative_error(&self.solved(&load)?, &reference.solve(&load)?);
-        let mut columns = 0.0f64;
-        let got = match &self.runner {
-            Runner::Kept(kept) => Some(kept.columns(&tool)?),
-            Runner::Direct { solver, .. } => solver.as_ref().map(|solver| solver.columns(&tool)),
-            Runner::Done => return Ok(()),
-        };
-        let units = tool.iter().flat_map(|&slot| unit_loads(slot, vertices));
-        for (j, unit) in units.enumerate() {
-            let want = reference.solve(&unit)?;
-            solve = solve.max(relative_error(&self.solved(&unit)?, &want));
-            let got = got.as_ref().map_or(&[][..], |columns| columns.col_as_slice(j));
-            columns = columns.max(relative_error(got, &want));
-        }
+    pub fn judge(&mut self, reference: &Reference, seed: u64) -> Result<()> {
+        let trial = Trial::new(reference, SplitMix64(seed ^ 0x5bf0_3635))?;
+        let [solve, columns] =
+            trial.errors(&self.columns_of(&trial.tool)?, |load| self.solved(load))?;
         let (drift, rebuilds) = match &self.runner {
             Runner::Kept(kept) => {
                 (Some(drift(kept.as_ref(), seed, DRIFT_COLUMNS)), Some(kept.counts().rebuilds))
@@ -244,8 +219,17 @@ impl Competitor {
         Ok(())
     }
 
+    /// Columns of C; none where nothing is held.
+    fn columns_of(&self, slots: &[usize]) -> Result<Mat<f64>> {
+        match &self.runner {
+            Runner::Kept(kept) => Ok(kept.columns(slots)?),
+            Runner::Direct { solver: Some(solver), .. } => Ok(solver.columns(slots)),
+            Runner::Direct { solver: None, .. } | Runner::Done => Ok(Mat::new()),
+        }
+    }
+
     /// C f; empty where nothing is held.
-    fn solved(&self, load: &[f64]) -> Result<Vec<f64>, BenchError> {
+    fn solved(&self, load: &[f64]) -> Result<Vec<f64>> {
         match &self.runner {
             Runner::Kept(kept) => {
                 let mut u = vec![0.0; load.len()];

@@ -1,5 +1,7 @@
 //! The bound of memory, measured beside the methods.
 
+use serde::Serialize;
+
 use super::samples::{Quantiles, Samples, timed};
 use super::settings::BURST;
 use crate::harness::machine::gigabytes_per_second;
@@ -34,20 +36,10 @@ impl Memory {
         if self.double.is_empty() {
             return;
         }
-        let Self { numbers, double, single, pass, pass_f32, copy, cold } = self;
-        let [cold, cold_f32] = cold;
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| double.pass(*numbers));
-            sort(at, number, time, cold, pass);
-        }
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| single.pass(*numbers / 2));
-            sort(at, number, time, cold_f32, pass_f32);
-        }
-        for at in 0..2 * (BURST + 1) {
-            let time = timed(|| double.copy(*numbers));
-            sort(at, number, time, &mut Samples::default(), copy);
-        }
+        let (count, nowhere) = (self.numbers, &mut Samples::default());
+        repeat(number, &mut self.cold[0], &mut self.pass, || self.double.pass(count));
+        repeat(number, &mut self.cold[1], &mut self.pass_f32, || self.single.pass(count / 2));
+        repeat(number, nowhere, &mut self.copy, || self.double.copy(count));
     }
 
     /// Passes in that precision, and those that begin a burst.
@@ -62,29 +54,37 @@ impl Memory {
         self.single = Stream::default();
     }
 
-    /// Bytes of a pass in f64.
-    pub fn bytes(&self) -> usize {
-        size_of::<f64>() * self.numbers
-    }
-
-    /// Gigabytes per second, read and written: a pass that begins a burst, any other, and a copy;
-    /// none without passes.
-    pub fn speeds(&self) -> Option<[f64; 3]> {
-        let speed = |samples: &Samples| {
-            let seconds = Quantiles::of(samples)?.p50 / 1e3;
-            Some(gigabytes_per_second(self.bytes(), seconds))
-        };
-        Some([speed(&self.cold[0])?, speed(&self.pass)?, speed(&self.copy)?])
+    /// What the passes in f64 say at a size; none without passes.
+    pub fn speed(&self, vertices: usize) -> Option<Speed> {
+        let bytes = size_of::<f64>() * self.numbers;
+        let speed = |samples| Some(gigabytes_per_second(bytes, Quantiles::of(samples)?.p50 / 1e3));
+        Some(Speed {
+            vertices,
+            bytes,
+            cold_pass_gb_s: speed(&self.cold[0])?,
+            pass_gb_s: speed(&self.pass)?,
+            memcpy_gb_s: speed(&self.copy)?,
+        })
     }
 }
 
-/// The first of a burst counts apart, the second not at all.
-fn sort(at: usize, burst: usize, time: f64, cold: &mut Samples, others: &mut Samples) {
-    match at {
-        0 => cold.push(burst, time),
-        1 => {}
-        _ => others.push(burst, time),
-    }
+/// The bound at one size, 10⁹ bytes per second read and written.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Speed {
+    pub vertices: usize,
+    /// Of a pass.
+    pub bytes: usize,
+    /// Of a pass that begins a burst, of any other, and of a copy.
+    pub cold_pass_gb_s: f64,
+    pub pass_gb_s: f64,
+    pub memcpy_gb_s: f64,
+}
+
+/// As often as a burst has updates: the first counts apart, the second not at all.
+fn repeat(burst: usize, cold: &mut Samples, others: &mut Samples, mut pass: impl FnMut() -> usize) {
+    cold.push(burst, timed(&mut pass));
+    pass();
+    (0..2 * BURST).for_each(|_| others.push(burst, timed(&mut pass)));
 }
 
 #[cfg(test)]
@@ -102,14 +102,12 @@ mod tests {
         let [single, cold] = memory.bound("f32");
         assert_eq!((single.all().len(), cold.all().len()), (2 * 2 * BURST, 2));
         assert_eq!(memory.copy.all().len(), 2 * 2 * BURST);
-        assert_eq!(memory.bytes(), 8 << 20);
-        assert!(memory.speeds().unwrap().iter().all(|speed| *speed > 0.01));
-    }
-
-    #[test]
-    fn without_room_there_are_no_times() {
+        let Speed { bytes, cold_pass_gb_s, pass_gb_s, memcpy_gb_s, .. } = memory.speed(9).unwrap();
+        assert_eq!(bytes, 8 << 20);
+        assert!([cold_pass_gb_s, pass_gb_s, memcpy_gb_s].iter().all(|speed| *speed > 0.01));
+        // Without room there are no times.
         let mut memory = Memory::default();
         memory.burst(0);
-        assert!(memory.pass.all().is_empty() && memory.speeds().is_none());
+        assert!(memory.pass.all().is_empty() && memory.speed(9).is_none());
     }
 }

@@ -1,32 +1,62 @@
-//! Who is how much faster than whom.
+//! Everything measured at one size, and who is how much faster than whom.
 
 use serde::Serialize;
 
-use super::at_size::AtSize;
+use super::competitor::Competitor;
+use super::memory::Memory;
+use super::row::Row;
 use super::samples::ratio;
 use super::settings::{FAMILIES, LeftOut};
 use crate::harness::report::Limit;
+use crate::harness::statistics::median;
 
-/// Where a limit is claimed: from so many vertices on, in one family.
-#[derive(Clone, Copy, Debug)]
-struct Bar {
-    limit: Limit,
-    from: usize,
-    family: &'static str,
+/// Everything measured at one size.
+#[derive(Default)]
+pub(crate) struct AtSize {
+    pub vertices: usize,
+    pub rows: Vec<Row>,
+    pub competitors: Vec<Competitor>,
+    pub left_out: Vec<LeftOut>,
+    pub memory: Memory,
 }
 
-const fn bar(limit: Limit, from: usize, family: &'static str) -> Option<Bar> {
-    Some(Bar { limit, from, family })
+/// The rows of all sizes.
+pub(crate) fn rows(sizes: &[AtSize]) -> Vec<Row> {
+    sizes.iter().flat_map(|size| size.rows.iter().cloned()).collect()
 }
+
+impl AtSize {
+    /// The name of a competitor's family.
+    pub fn family(&self, competitor: &Competitor) -> &'static str {
+        FAMILIES[competitor.workload].name
+    }
+
+    pub fn competitor(&self, name: &str, family: &str) -> Option<&Competitor> {
+        self.competitors.iter().find(|one| one.name == name && self.family(one) == family)
+    }
+
+    /// Time of a split by `slow` over that by `fast`, and whether `slow` is extrapolated.
+    pub fn over(&self, slow: &str, fast: &str, family: &str) -> Option<(f64, bool)> {
+        let fast = &self.competitor(fast, family)?.split;
+        if let Some(slow) = self.competitor(slow, family) {
+            return Some((ratio(&slow.split, fast), false));
+        }
+        let row = self.rows.iter().find(|row| row.method == slow && row.family == family)?;
+        Some((row.split_ms.p50 / median(&fast.all()), true))
+    }
+}
+
+/// A limit that is claimed from so many vertices on, in one family.
+type Bar = Option<(Limit, usize, &'static str)>;
 
 /// Most of a memory pass that is left to compute with.
-const STREAMING: Option<Bar> = bar(Limit::AtMost(1.4), 1024, "rank3");
-const DENSE: Option<Bar> = bar(Limit::AtLeast(100.0), 1024, "rank3");
-const PEER: Option<Bar> = bar(Limit::AtLeast(25.0), 2048, "rank3");
-const SPARSITY: Option<Bar> = bar(Limit::AtLeast(20.0), 2048, "rank3");
-const RANK: Option<Bar> = bar(Limit::AtMost(6.0), 2048, "laminate");
+const STREAMING: Bar = Some((Limit::AtMost(1.4), 1024, "rank3"));
+const DENSE: Bar = Some((Limit::AtLeast(100.0), 1024, "rank3"));
+const PEER: Bar = Some((Limit::AtLeast(25.0), 2048, "rank3"));
+const SPARSITY: Bar = Some((Limit::AtLeast(20.0), 2048, "rank3"));
+const RANK: Bar = Some((Limit::AtMost(6.0), 2048, "laminate"));
 /// Of smaller sizes half of C fits into a cache, which a copy uses differently.
-const MEMORY: Option<Bar> = bar(Limit::AtMost(1.0 / 0.9), 1024, "rank3");
+const MEMORY: Bar = Some((Limit::AtMost(1.0 / 0.9), 1024, "rank3"));
 
 /// A ratio of times of the same updates, in the same bursts.
 #[derive(Clone, Debug, Serialize)]
@@ -47,9 +77,9 @@ pub(crate) struct Ratio {
 /// All ratios of one size.
 fn ratios(size: &AtSize) -> Vec<Ratio> {
     let mut found = Vec::new();
-    let mut add = |family, name: String, value: Option<(f64, bool)>, bar: Option<Bar>| {
-        if let Some((value, extrapolated)) = value.filter(|(value, _)| value.is_finite()) {
-            found.push(Ratio::new(size.vertices, family, name, (value, extrapolated), bar));
+    let mut add = |family, name: String, value: Option<(f64, bool)>, bar: Bar| {
+        if let Some(value) = value.filter(|(value, _)| value.is_finite()) {
+            found.push(Ratio::new(size.vertices, family, name, value, bar));
         }
     };
     for family in FAMILIES.map(|family| family.name) {
@@ -94,11 +124,11 @@ impl Ratio {
         family: &'static str,
         name: String,
         (value, extrapolated): (f64, bool),
-        bar: Option<Bar>,
+        bar: Bar,
     ) -> Self {
-        let limit = bar.filter(|b| b.family == family && vertices >= b.from).map(|b| b.limit);
-        let claim = limit.map(Limit::text);
-        let holds = limit.map(|limit| limit.holds(value));
+        let limit = bar.filter(|(_, from, of)| *of == family && vertices >= *from);
+        let claim = limit.map(|(limit, ..)| limit.text());
+        let holds = limit.map(|(limit, ..)| limit.holds(value));
         Self { vertices, family, name, value, extrapolated, claim, holds }
     }
 }

@@ -1,36 +1,24 @@
 //! Times of one operation, and what is said of them.
 
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::harness::statistics::{median, percentile};
+use crate::harness::statistics::{median, milliseconds_since, percentile};
 
 /// Times of one operation, ms, by burst.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Samples {
-    bursts: Vec<(usize, Vec<f64>)>,
-}
+pub(crate) struct Samples(BTreeMap<usize, Vec<f64>>);
 
 impl Samples {
     pub fn push(&mut self, burst: usize, milliseconds: f64) {
-        match self.bursts.last_mut() {
-            Some((number, times)) if *number == burst => times.push(milliseconds),
-            _ => self.bursts.push((burst, vec![milliseconds])),
-        }
-    }
-
-    pub fn bursts(&self) -> impl Iterator<Item = (usize, &[f64])> {
-        self.bursts.iter().map(|(number, times)| (*number, times.as_slice()))
-    }
-
-    pub fn burst(&self, number: usize) -> Option<&[f64]> {
-        self.bursts().find(|(other, _)| *other == number).map(|(_, times)| times)
+        self.0.entry(burst).or_default().push(milliseconds);
     }
 
     pub fn all(&self) -> Vec<f64> {
-        self.bursts.iter().flat_map(|(_, times)| times.iter().copied()).collect()
+        self.0.values().flatten().copied().collect()
     }
 }
 
@@ -38,16 +26,13 @@ impl Samples {
 pub(crate) fn timed<T>(call: impl FnOnce() -> T) -> f64 {
     let begin = Instant::now();
     black_box(call());
-    begin.elapsed().as_secs_f64() * 1e3
+    milliseconds_since(begin)
 }
 
 /// Median over the bursts that both have of the ratio of their medians; NaN without any.
 pub(crate) fn ratio(a: &Samples, b: &Samples) -> f64 {
-    let ratios: Vec<f64> = a
-        .bursts()
-        .filter_map(|(number, times)| Some(median(times) / median(b.burst(number)?)))
-        .collect();
-    median(&ratios)
+    let of = |(number, times): (&usize, &Vec<f64>)| Some(median(times) / median(b.0.get(number)?));
+    median(&a.0.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// Median and 99th percentile by nearest rank, ms.
@@ -72,9 +57,9 @@ mod tests {
 
     #[test]
     fn ratios_compare_bursts_that_both_have() {
-        let samples = |bursts: &[(usize, f64)]| {
+        let samples = |times: &[(usize, f64)]| {
             let mut samples = Samples::default();
-            bursts.iter().for_each(|&(number, time)| samples.push(number, time));
+            times.iter().for_each(|&(number, time)| samples.push(number, time));
             samples
         };
         let a = samples(&[(0, 9.0), (0, 6.0), (0, 1.0), (1, 40.0), (2, 5.0)]);

@@ -47,9 +47,9 @@ fn one_family(rows: &[&Row], heads: &[String], more: &[Line]) -> String {
     let error = |value: Option<f64>| value.map_or_else(String::new, |e| format!("{e:.0e}"));
     // A direct method starts anew each time: it has no merges and no slow updates.
     let kept = |row: &Row, value: f64| row.build_ms.map(|_| value);
-    let mut splits = lines(&|row| match row.extrapolated {
-        true => format!("({})", milliseconds(row.split_ms.p50)),
-        false => milliseconds(row.split_ms.p50),
+    let mut splits = lines(&|row| {
+        let split = milliseconds(row.split_ms.p50);
+        if row.extrapolated { format!("({split})") } else { split }
     });
     let bound = rows.iter().filter(|row| row.precision == "f64" && row.bound_ms.is_some()).rev();
     let name = "(one pass over half of C)";

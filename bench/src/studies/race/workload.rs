@@ -1,10 +1,9 @@
 //! One family's mesh, and the updates and loads that all methods of that family get.
 
 use super::settings::{BURST, Family};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::solvers::reference::Reference;
-use crate::workloads::history::{History, Update};
-use crate::workloads::random::SplitMix64;
+use crate::workloads::{History, SplitMix64, Update};
 
 /// Two updates, of which the second undoes the first.
 pub(crate) type Pair = [Update; 2];
@@ -26,9 +25,13 @@ pub(crate) struct Workload {
 }
 
 impl Workload {
+    pub fn new(family: Family, history: History) -> Self {
+        Self { family, history, ranks: Vec::new(), reference: None }
+    }
+
     /// Pairs that leave the size as it is, alternately a split with its merge and a merge with its
     /// split.
-    pub fn burst(&mut self, mut random: SplitMix64) -> Result<Burst, BenchError> {
+    pub fn burst(&mut self, mut random: SplitMix64) -> Result<Burst> {
         let mut pairs = Vec::with_capacity(BURST + 1);
         for at in 0..=BURST {
             let pair = if at % 2 == 1 && self.history.can_merge() {
@@ -36,9 +39,7 @@ impl Workload {
                 let split = self.history.split_at(merge.point)?;
                 [merge, split]
             } else {
-                let split = self.history.split()?;
-                let merge = self.history.merge_at(split.point)?;
-                [split, merge]
+                self.history.split_and_merge()?
             };
             if at > 0 {
                 self.ranks.push(pair[0].rank() as f64);
@@ -47,30 +48,8 @@ impl Workload {
         }
         let vertices = self.history.slots().len();
         let load = (0..3 * vertices).map(|_| random.symmetric()).collect();
-        let tool = three_slots(&mut random, vertices);
-        Ok(Burst { pairs, load, tool })
+        Ok(Burst { pairs, load, tool: random.three_below(vertices) })
     }
-}
-
-/// Three different slots, fewer if there are fewer.
-pub(crate) fn three_slots(random: &mut SplitMix64, vertices: usize) -> Vec<usize> {
-    let mut tool = Vec::new();
-    while tool.len() < 3.min(vertices) {
-        let slot = random.below(vertices);
-        if !tool.contains(&slot) {
-            tool.push(slot);
-        }
-    }
-    tool
-}
-
-/// The three unit loads of a slot.
-pub(crate) fn unit_loads(slot: usize, vertices: usize) -> impl Iterator<Item = Vec<f64>> {
-    (0..3).map(move |a| {
-        let mut load = vec![0.0; 3 * vertices];
-        load[3 * slot + a] = 1.0;
-        load
-    })
 }
 
 #[cfg(test)]
@@ -84,7 +63,7 @@ mod tests {
     fn workload(family: Family) -> Workload {
         let organ = Organ::new(Size::Quick).unwrap();
         let history = History::refined(&organ, family.homogenisation, 180, 0, 1).unwrap();
-        Workload { family, history, ranks: Vec::new(), reference: None }
+        Workload::new(family, history)
     }
 
     #[test]
@@ -116,15 +95,9 @@ mod tests {
             competitor.burst(0, &burst, || workload.history.stiffness()).unwrap();
         }
         // Pairs 2 and 4 of 0..=5 begin with a split, 1, 3 and 5 with a merge; 0 is apart.
-        let counts = |competitor: &Competitor| {
-            [
-                &competitor.split,
-                &competitor.merge,
-                &competitor.old_merge,
-                &competitor.cold_split,
-                &competitor.solve,
-            ]
-            .map(|samples| samples.all().len())
+        let counts = |one: &Competitor| {
+            [&one.split, &one.merge, &one.old_merge, &one.cold_split, &one.solve]
+                .map(|samples| samples.all().len())
         };
         assert_eq!(counts(&kept), [5, 2, 3, 1, 5]);
         assert_eq!(counts(&direct), [1, 0, 0, 0, 5]);

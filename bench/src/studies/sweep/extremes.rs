@@ -2,7 +2,8 @@
 
 use super::stiff::SMALL_LIVER;
 use super::study::{self, Point};
-use crate::error::BenchError;
+use crate::bodies::solid::places;
+use crate::error::Result;
 use crate::harness::cases::CaseArguments;
 
 /// A beam of at most 425 vertices, which is also what its references have.
@@ -17,11 +18,8 @@ const BLOCK: [usize; 3] = [64, 16, 16];
 /// Edge of those cubes, mm.
 const FINE_MM: f64 = 2.5;
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a value that fails is a row.
-pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
+/// Runs the study.
+pub fn run(arguments: &CaseArguments) -> Result<String> {
     let quick = arguments.quick;
     let mut points = vessels(quick);
     points.extend(voxels(quick));
@@ -30,19 +28,16 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
     study::run("extremes", &points, arguments)
 }
 
-fn point(group: &'static str, name: String, scene: &'static str, own: &[&str]) -> Point {
-    let base = if scene == "beam" { SMALL_BEAM } else { SMALL_LIVER };
-    let overrides = base.iter().chain(own).map(|&one| one.to_owned()).collect();
-    let reference_vertices = REFERENCE[usize::from(scene == "liver")];
-    Point { group, name, scene, overrides, reference_vertices, image: None }
+fn beam(group: &'static str, name: String, own: &[String]) -> Point {
+    Point::new((group, name), "beam", REFERENCE[0], SMALL_BEAM, own)
 }
 
 /// The same vessels, a hundred times as stiff, in ever larger voxels: down to less than one across.
 fn vessels(quick: bool) -> Vec<Point> {
     let edges: &[f64] = if quick { &[4.0, 12.0] } else { &[2.0, 4.0, 8.0, 12.0] };
     let one = |edge: &f64| {
-        let own = format!("image.voxel_mm={edge}");
-        point("vessels", format!("voxels of {edge} mm"), "liver", &[&own])
+        let (name, own) = (format!("voxels of {edge} mm"), [format!("image.voxel_mm={edge}")]);
+        Point::new(("vessels", name), "liver", REFERENCE[1], SMALL_LIVER, &own)
     };
     edges.iter().map(one).collect()
 }
@@ -52,9 +47,9 @@ fn voxels(quick: bool) -> Vec<Point> {
     let ratios: &[usize] = if quick { &[1, 8] } else { &[1, 2, 4, 8] };
     let one = |&ratio: &usize| {
         let core = "materials.1={label=2, young_modulus_pa=5e5, poisson_ratio=0.3}";
-        let own = ["image.voxel_mm=2.5", core];
-        let point = point("voxels", format!("voxels 1 x 1 x {ratio}"), "beam", &own);
-        Point { image: Some(block(ratio)), ..point }
+        let own = ["image.voxel_mm=2.5", core].map(str::to_owned);
+        let image = Some(block(ratio));
+        Point { image, ..beam("voxels", format!("voxels 1 x 1 x {ratio}"), &own) }
     };
     ratios.iter().map(one).collect()
 }
@@ -63,18 +58,13 @@ fn voxels(quick: bool) -> Vec<Point> {
 fn tools(quick: bool) -> Vec<Point> {
     let speeds: &[f64] = if quick { &[0.02, 0.08] } else { &[0.01, 0.02, 0.04, 0.08] };
     let fast = |speed: &f64| {
-        let own = format!("tools.0.path.1.move_m=[0.0, 0.0, {speed}]");
-        point("tool speed", format!("tool at {speed} m/s"), "beam", &[&own])
+        let own = [format!("tools.0.path.1.move_m=[0.0, 0.0, {speed}]")];
+        beam("tool speed", format!("tool at {speed} m/s"), &own)
     };
     let counts: &[usize] = if quick { &[2, 10] } else { &[1, 2, 5, 10, 20, 40] };
     let long = |count: &usize| {
         let own = [format!("time.steps={count}"), format!("time.step_s={}", 1.0 / *count as f64)];
-        point(
-            "load step",
-            format!("{count} steps to 20 mm"),
-            "beam",
-            &own.each_ref().map(|s| &s[..]),
-        )
+        beam("load step", format!("{count} steps to 20 mm"), &own)
     };
     speeds.iter().map(fast).chain(counts.iter().map(long)).collect()
 }
@@ -99,8 +89,7 @@ fn updates(quick: bool) -> Vec<Point> {
                 "refinement.merge_fraction=0.3".to_owned(),
                 format!("stages.inverse={inverse}"),
             ];
-            let name = format!("{count} cycles, {inverse}");
-            points.push(point("updates", name, "beam", &own.each_ref().map(|s| &s[..])));
+            points.push(beam("updates", format!("{count} cycles, {inverse}"), &own));
         }
     }
     points
@@ -116,16 +105,11 @@ fn block(ratio: usize) -> Vec<u8> {
          space origin: (0,0,0)\nencoding: raw\n\n"
     )
     .into_bytes();
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                let at = [x as f64 + 0.5, y as f64 + 0.5, (z as f64 + 0.5) * ratio as f64];
-                let off = |n: usize, middle: f64| (at[n] - middle) * FINE_MM;
-                let radius =
-                    (off(0, 32.0).powi(2) + off(1, 8.0).powi(2) + off(2, 8.0).powi(2)).sqrt();
-                bytes.push(if radius < 14.0 { 2 } else { 1 });
-            }
-        }
-    }
+    bytes.extend(places([nx, ny, nz]).map(|voxel| {
+        let [x, y, z] = voxel.map(|c| c as f64 + 0.5);
+        let off = [x - 32.0, y - 8.0, z * ratio as f64 - 8.0].map(|cubes| cubes * FINE_MM);
+        let radius = off.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if radius < 14.0 { 2 } else { 1 }
+    }));
     bytes
 }

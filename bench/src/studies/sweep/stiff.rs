@@ -1,7 +1,7 @@
 //! `stiff`: how far apart the stiffness of materials may be, and how near to incompressible they.
 
 use super::study::{self, Point};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::cases::CaseArguments;
 
 /// A liver of large voxels: a few hundred vertices.
@@ -20,11 +20,8 @@ const REFERENCE: usize = 1500;
 /// Young's modulus of the parenchyma, Pa.
 const SOFT_PA: f64 = 5e3;
 
-/// Runs the study; what it prints.
-///
-/// # Errors
-/// Those of a study's folder; a value that fails is a row.
-pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
+/// Runs the study.
+pub fn run(arguments: &CaseArguments) -> Result<String> {
     let quick = arguments.quick;
     let powers: &[i32] = if quick { &[0, 3, 6, 9] } else { &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9] };
     let ratios: &[f64] =
@@ -35,28 +32,19 @@ pub fn run(arguments: &CaseArguments) -> Result<String, BenchError> {
         let base = [SMALL_LIVER, &[&kept]].concat();
         for &power in powers {
             let stiff = SOFT_PA * 10f64.powi(power);
-            let own = (1..4).map(|i| format!("materials.{i}.young_modulus_pa={stiff:e}"));
-            points.push(point("E ratio", format!("E ratio 1e{power}, {inverse}"), &base, own));
+            let own = [1, 2, 3].map(|i| format!("materials.{i}.young_modulus_pa={stiff:e}"));
+            let name = ("E ratio", format!("E ratio 1e{power}, {inverse}"));
+            points.push(Point::new(name, "liver", REFERENCE, &base, &own));
         }
         for &nu in ratios {
             for element in ["p1", "p1p1"] {
-                let own = (0..4)
-                    .map(|i| format!("materials.{i}.poisson_ratio={nu}"))
-                    .chain([format!("stages.element={element}")]);
-                let name = format!("nu {nu}, {element}, {inverse}");
-                points.push(point("Poisson's ratio", name, &base, own));
+                let mut own =
+                    [0, 1, 2, 3].map(|i| format!("materials.{i}.poisson_ratio={nu}")).to_vec();
+                own.push(format!("stages.element={element}"));
+                let name = ("Poisson's ratio", format!("nu {nu}, {element}, {inverse}"));
+                points.push(Point::new(name, "liver", REFERENCE, &base, &own));
             }
         }
     }
     study::run("stiff", &points, arguments)
-}
-
-fn point(
-    group: &'static str,
-    name: String,
-    base: &[&str],
-    own: impl Iterator<Item = String>,
-) -> Point {
-    let overrides = base.iter().map(|&one| one.to_owned()).chain(own).collect();
-    Point { group, name, scene: "liver", overrides, reference_vertices: REFERENCE, image: None }
 }

@@ -3,7 +3,7 @@
 use serde_json::json;
 use yawara::{Stages, scene_file};
 
-use crate::error::BenchError;
+use crate::error::{BenchError, Result};
 use crate::harness::Folder;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
 use crate::pareto::{Reference, measure};
@@ -24,30 +24,27 @@ pub(super) struct Point {
     pub image: Option<Vec<u8>>,
 }
 
+impl Point {
+    /// A built-in scene with `base` and then `own` in place of its values.
+    pub fn new(
+        (group, name): (&'static str, String),
+        scene: &'static str,
+        reference_vertices: usize,
+        base: &[&str],
+        own: &[String],
+    ) -> Self {
+        let overrides = base.iter().map(|&one| one.to_owned()).chain(own.iter().cloned()).collect();
+        Self { group, name, scene, overrides, reference_vertices, image: None }
+    }
+}
+
 /// What is said of each point.
-const COLUMNS: &[&str] = &[
-    "steps",
-    "converged",
-    "error_displacement",
-    "error_force",
-    "iterations",
-    "fallbacks",
-    "rebuilds",
-    "drift_max",
-    "updates",
-    "step_p50_ms",
-];
+const COLUMNS: &str = "steps converged error_displacement error_force iterations fallbacks rebuilds \
+                       drift_max updates step_p50_ms";
 
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md;
 /// what is printed.
-///
-/// # Errors
-/// Those of [`Folder::open`]; [`BenchError::Io`]. A point that fails is a row.
-pub(super) fn run(
-    name: &str,
-    points: &[Point],
-    arguments: &CaseArguments,
-) -> Result<String, BenchError> {
+pub(super) fn run(name: &str, points: &[Point], arguments: &CaseArguments) -> Result<String> {
     let selection = &arguments.selection;
     let cap_s = if arguments.quick { 20.0 } else { 120.0 };
     let point = |one: &Point| json!({ "name": one.name, "overrides": one.overrides });
@@ -74,7 +71,7 @@ fn measured(
     cap_s: f64,
     folder: &Folder,
     advance: Advance<'_>,
-) -> Result<Findings, BenchError> {
+) -> Result<Findings> {
     let mut overrides = one.overrides.clone();
     if let Some(bytes) = &one.image {
         let name = format!("cases/image-{number:03}.nrrd");
@@ -86,7 +83,7 @@ fn measured(
     let name = format!("reference-{number:03}");
     let reference = match Reference::of(&scene, limits, folder, &name) {
         // Whether a value can be run is not for its reference to say.
-        Err(ended @ BenchError::TimeIsUp { .. }) => Err(ended.to_string()),
+        Err(ended @ BenchError::TimeIsUp(..)) => Err(ended.to_string()),
         other => Ok(other?),
     };
     let stages = Stages::by_name(&scene.stages)?;

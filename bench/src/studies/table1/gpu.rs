@@ -12,15 +12,14 @@ use yawara_gpu::{
 use yawara_inverse_update::{DenseStore, InverseMaintainer, SparseStiffness, build, drift};
 
 use crate::bodies::organ::Organ;
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::machine::Machine;
-use crate::harness::report::markdown::table;
+use crate::harness::report::markdown::{self, Column};
 use crate::harness::report::{self, Summary};
-use crate::harness::statistics::median;
+use crate::harness::statistics::{median, milliseconds_since};
 use crate::solvers::direct::DIRECT;
-use crate::studies::race::{Arguments, Defaults, three_slots};
-use crate::workloads::history::{History, Update};
-use crate::workloads::random::SplitMix64;
+use crate::studies::race::{Arguments, Defaults};
+use crate::workloads::{History, SplitMix64, Update};
 
 /// Version of the JSON layout.
 const SCHEMA: &str = "yawara-bench-table1-gpu-1";
@@ -50,72 +49,67 @@ struct Row {
     drift: f64,
 }
 
-/// A maintainer, and how its device is waited for.
-enum Competitor {
-    Host(Box<dyn InverseMaintainer>),
-    Double(DeviceInverse<f64>),
-    Single(DeviceInverse<f32>),
-}
+/// A maintainer, and how its device is waited for; the host's has none.
+trait Competitor {
+    fn kept(&mut self) -> &mut dyn InverseMaintainer;
 
-impl Competitor {
-    fn start(
-        name: &str,
-        most: usize,
-        k: SparseStiffness,
-        device: &Arc<Device>,
-    ) -> Result<Self, BenchError> {
-        Ok(match name {
-            "gpu" => Self::Double(on_device(k, device)?.with_most_delayed(most)),
-            "gpu_f32" => Self::Single(on_device(k, device)?.with_most_delayed(most)),
-            _ => Self::Host(build(name, k)?),
-        })
-    }
-
-    fn kept(&mut self) -> &mut dyn InverseMaintainer {
-        match self {
-            Self::Host(kept) => kept.as_mut(),
-            Self::Double(kept) => kept,
-            Self::Single(kept) => kept,
-        }
-    }
-
-    /// Folds what is put off, and waits until the device is done.
-    fn finish(&mut self, is_folded: bool) -> Result<(), BenchError> {
-        fn wait<E: DeviceScalar>(
-            kept: &mut DeviceInverse<E>,
-            fold: bool,
-        ) -> Result<(), BenchError> {
-            if fold {
-                kept.fold()?;
-            }
-            Ok(kept.store().finish()?)
-        }
-        match self {
-            Self::Host(_) => Ok(()),
-            Self::Double(kept) => wait(kept, is_folded),
-            Self::Single(kept) => wait(kept, is_folded),
-        }
+    /// Folds what is put off, if it is to be, and waits until the device is done.
+    fn finish(&mut self, _is_folded: bool) -> Result<()> {
+        Ok(())
     }
 
     /// The way of a C of so many rows to the device, ms; C is lost by it.
-    fn upload(&mut self, rows: usize) -> Result<Option<f64>, BenchError> {
-        let other = Mat::<f64>::identity(rows, rows);
-        let start = Instant::now();
-        match self {
-            Self::Host(_) => return Ok(None),
-            Self::Double(kept) => kept.store().load(other.as_ref())?,
-            Self::Single(kept) => kept.store().load(other.as_ref())?,
-        }
-        Ok(Some(start.elapsed().as_secs_f64() * 1e3))
+    fn upload(&mut self, _rows: usize) -> Result<Option<f64>> {
+        Ok(None)
+    }
+}
+
+impl Competitor for Box<dyn InverseMaintainer> {
+    fn kept(&mut self) -> &mut dyn InverseMaintainer {
+        self.as_mut()
+    }
+}
+
+impl<E: DeviceScalar> Competitor for DeviceInverse<E> {
+    fn kept(&mut self) -> &mut dyn InverseMaintainer {
+        self
     }
 
-    /// An update, until all of it is done; ms.
-    fn timed(&mut self, update: &Update) -> Result<f64, BenchError> {
-        let start = Instant::now();
-        update.apply(self.kept())?;
-        self.finish(false)?;
-        Ok(start.elapsed().as_secs_f64() * 1e3)
+    fn finish(&mut self, is_folded: bool) -> Result<()> {
+        if is_folded {
+            self.fold()?;
+        }
+        Ok(self.store().finish()?)
     }
+
+    fn upload(&mut self, rows: usize) -> Result<Option<f64>> {
+        let other = Mat::<f64>::identity(rows, rows);
+        let start = Instant::now();
+        self.store().load(other.as_ref())?;
+        Ok(Some(milliseconds_since(start)))
+    }
+}
+
+/// The method of that name, which puts off so many updates at the most.
+fn start(
+    name: &str,
+    most: usize,
+    k: SparseStiffness,
+    device: &Arc<Device>,
+) -> Result<Box<dyn Competitor>> {
+    Ok(match name {
+        "gpu" => Box::new(on_device::<f64>(k, device)?.with_most_delayed(most)),
+        "gpu_f32" => Box::new(on_device::<f32>(k, device)?.with_most_delayed(most)),
+        _ => Box::new(build(name, k)?),
+    })
+}
+
+/// An update, until all of it is done; ms.
+fn timed(competitor: &mut dyn Competitor, update: &Update) -> Result<f64> {
+    let start = Instant::now();
+    update.apply(competitor.kept())?;
+    competitor.finish(false)?;
+    Ok(milliseconds_since(start))
 }
 
 /// The methods, dense all of them: the host's and the device's.
@@ -123,19 +117,19 @@ const METHODS: [&str; 4] = ["woodbury", "woodbury_f32", "gpu", "gpu_f32"];
 
 /// Runs the study on the first device, or on the one of that number or part of a name; writes its
 /// files and returns its table.
-///
 /// # Errors
-/// [`BenchError`] for bad arguments or without a device (nothing is written then), or a method that
+/// `BenchError` for bad arguments or without a device (nothing is written then), or a method that
 /// fails.
-pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String, BenchError> {
+pub fn run(arguments: &Arguments, adapter: Option<&str>) -> Result<String> {
     let machine = Machine::here();
     let settings = arguments.settings(&DEFAULTS, &machine)?;
-    let adapter = adapter.map(|adapter| match adapter.parse() {
-        Ok(index) => AdapterChoice::Index(index),
-        Err(_) => AdapterChoice::Name(adapter.to_owned()),
+    let adapter = adapter.map(|adapter| {
+        adapter
+            .parse()
+            .map_or_else(|_| AdapterChoice::Name(adapter.to_owned()), AdapterChoice::Index)
     });
     let device = Device::open(DeviceOptions { adapter, ..Default::default() })?;
-    let folder = arguments.common.destination.folder()?;
+    let folder = arguments.common.folder()?;
     let copy = device.copy_rate(5)?;
     let mut rows = Vec::new();
     for &vertices in &settings.vertices {
@@ -161,25 +155,19 @@ fn summary(rows: &[Row], machine: &Machine, device: &Device, copy: f64) -> Summa
         "Copies on the device read and write {copy_gb_s:.1} GB/s. The bound is a read and write \
          of half of C at that rate. Medians, ms; rings of rank 3.\n\n"
     );
-    let heads =
-        ["build", "upload", "split", "merge", "put off", "solve", "columns", "bound", "drift"];
-    let line = |row: &Row| {
-        let three = |value: f64| format!("{value:.3}");
-        let cells = [
-            format!("{:.0}", row.build_ms),
-            row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}")),
-            three(row.split_ms),
-            three(row.merge_ms),
-            three(row.put_off_ms),
-            three(row.solve_ms),
-            three(row.columns_ms),
-            row.bound_ms.map_or(String::new(), three),
-            format!("{:.0e}", row.drift),
-        ];
-        (format!("{}, {}", row.vertices, row.method), cells.to_vec())
-    };
-    let lines: Vec<_> = rows.iter().map(line).collect();
-    text += &table("vertices, method", &heads.map(str::to_owned), &lines);
+    let columns: [Column<Row>; 10] = [
+        ("vertices, method", |row| format!("{}, {}", row.vertices, row.method)),
+        ("build", |row| format!("{:.0}", row.build_ms)),
+        ("upload", |row| row.upload_ms.map_or(String::new(), |upload| format!("{upload:.1}"))),
+        ("split", |row| format!("{:.3}", row.split_ms)),
+        ("merge", |row| format!("{:.3}", row.merge_ms)),
+        ("put off", |row| format!("{:.3}", row.put_off_ms)),
+        ("solve", |row| format!("{:.3}", row.solve_ms)),
+        ("columns", |row| format!("{:.3}", row.columns_ms)),
+        ("bound", |row| row.bound_ms.map_or(String::new(), |bound| format!("{bound:.3}"))),
+        ("drift", |row| format!("{:.0e}", row.drift)),
+    ];
+    text += &markdown::rows(rows, &columns);
     Summary::new(text)
         .with("schema", SCHEMA)
         .with("machine", machine)
@@ -195,24 +183,25 @@ fn row(
     copy: f64,
     device: &Arc<Device>,
     pairs: usize,
-) -> Result<Row, BenchError> {
+) -> Result<Row> {
     let stiffness = history.stiffness()?;
     let (vertices, dofs) = (stiffness.vertices(), stiffness.dofs());
-    let start = Instant::now();
-    let mut competitor = Competitor::start(method, 0, stiffness, device)?;
+    let begin = Instant::now();
+    let mut competitor = start(method, 0, stiffness, device)?;
     competitor.finish(false)?;
-    let build_ms = start.elapsed().as_secs_f64() * 1e3;
+    let build_ms = milliseconds_since(begin);
     let (mut split, mut merge) = (Vec::new(), Vec::new());
     for at in 0..=pairs {
-        let updates = pair(history)?;
-        let times = [competitor.timed(&updates[0])?, competitor.timed(&updates[1])?];
+        let [first, second] = history.split_and_merge()?;
+        let split_ms = timed(competitor.as_mut(), &first)?;
+        let merge_ms = timed(competitor.as_mut(), &second)?;
         // The first pair translates kernels and fills caches.
         if at > 0 {
-            split.push(times[0]);
-            merge.push(times[1]);
+            split.push(split_ms);
+            merge.push(merge_ms);
         }
     }
-    let (solve_ms, columns_ms) = use_it(&mut competitor, pairs)?;
+    let (solve_ms, columns_ms) = use_it(competitor.as_mut(), pairs)?;
     let put_off_ms = put_off(method, history, device, pairs)?;
     let drift = drift(competitor.kept(), 1, 16);
     let numbers = dofs * (dofs + 1) / 2;
@@ -233,17 +222,10 @@ fn row(
     })
 }
 
-/// A split and its merge, which leave the mesh as it was.
-fn pair(history: &mut History) -> Result<[Update; 2], BenchError> {
-    let split = history.split()?;
-    let merge = history.merge_at(split.point)?;
-    Ok([split, merge])
-}
-
 /// Medians of a solve and of columns, ms.
-fn use_it(competitor: &mut Competitor, repeats: usize) -> Result<(f64, f64), BenchError> {
+fn use_it(competitor: &mut dyn Competitor, repeats: usize) -> Result<(f64, f64)> {
     let dofs = competitor.kept().stiffness().dofs();
-    let tool = three_slots(&mut SplitMix64(7), dofs / 3);
+    let tool = SplitMix64(7).three_below(dofs / 3);
     let load: Vec<f64> = (0..dofs).map(|i| (0.3 * i as f64).sin()).collect();
     let mut u = vec![0.0; dofs];
     let (mut solve, mut columns) = (Vec::new(), Vec::new());
@@ -254,31 +236,27 @@ fn use_it(competitor: &mut Competitor, repeats: usize) -> Result<(f64, f64), Ben
         std::hint::black_box(competitor.kept().columns(&tool)?);
         if at > 0 {
             solve.push((middle - start).as_secs_f64() * 1e3);
-            columns.push(middle.elapsed().as_secs_f64() * 1e3);
+            columns.push(milliseconds_since(middle));
         }
     }
     Ok((median(&solve), median(&columns)))
 }
 
 /// One of many updates, the last of which folds in all that were put off; on the host one of a run.
-fn put_off(
-    method: &str,
-    history: &mut History,
-    device: &Arc<Device>,
-    pairs: usize,
-) -> Result<f64, BenchError> {
+fn put_off(method: &str, history: &mut History, device: &Arc<Device>, pairs: usize) -> Result<f64> {
     let most = yawara_inverse_update::MOST_DELAYED;
-    let mut competitor = Competitor::start(method, most, history.stiffness()?, device)?;
+    let mut competitor = start(method, most, history.stiffness()?, device)?;
     let mut times = Vec::new();
     for at in 0..3 {
-        let updates = (0..pairs).map(|_| pair(history)).collect::<Result<Vec<_>, _>>()?;
-        let start = Instant::now();
+        let updates =
+            (0..pairs).map(|_| history.split_and_merge()).collect::<Result<Vec<_>, _>>()?;
+        let begin = Instant::now();
         for update in updates.iter().flatten() {
             update.apply(competitor.kept())?;
         }
         competitor.finish(true)?;
         if at > 0 {
-            times.push(start.elapsed().as_secs_f64() * 1e3 / (2 * pairs) as f64);
+            times.push(milliseconds_since(begin) / (2 * pairs) as f64);
         }
     }
     Ok(median(&times))

@@ -4,15 +4,13 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use yawara_corot::{Anderson, ElementCorotation, equilibrium_by_name};
 use yawara_embed::isotropic;
 
-use super::row::Row;
-use super::solve::solve;
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use super::figure::{Row, solve};
+use crate::bodies::{Solid, Statics};
+use crate::error::Result;
 
 /// A block under dead traction s along its axis, turned by some angle: it gets 1 + s/E longer and
 /// 1 − ν s/E thinner, exactly, however large s is.
-pub(super) fn stretch() -> Result<Vec<Row>, BenchError> {
+pub(super) fn stretch() -> Result<Vec<Row>> {
     let (young, poisson_ratio, length) = (1e4, 0.3, 2.0);
     let mut rows = Vec::new();
     for (degrees, part) in [(0u32, 0.1f64), (40, 0.3), (170, 0.3), (170, -0.3)] {
@@ -41,18 +39,18 @@ pub(super) fn stretch() -> Result<Vec<Row>, BenchError> {
             let v = (0..solid.points.len()).find(|&v| (solid.points[v] - want).norm() < 1e-9);
             v.map_or(want, |v| statics.positions[v])
         };
-        let size = (4, solid.points.len());
+        let size = (4, &solid);
         let what = format!("at {degrees}°, s/E = {part}");
         let longer = (place(2.0, 1.0) - place(0.0, 1.0)).norm() / length;
         let thinner = (place(2.0, 1.0) - place(2.0, 0.0)).norm();
-        rows.push(Row::new("stretch", size, format!("length {what}"), longer, long, 0.0));
-        rows.push(Row::new("stretch", size, format!("width {what}"), thinner, thin, 0.0));
+        rows.push(Row::new("stretch", size, format!("length {what}"), longer, long));
+        rows.push(Row::new("stretch", size, format!("width {what}"), thinner, thin));
         let reaction = (0..solid.points.len())
             .filter(|&v| !statics.free[v])
             .map(|v| (statics.internal[v] - load[v]).norm())
             .fold(0.0, f64::max);
         let force = part.abs() * young;
-        rows.push(Row::new("stretch", size, format!("reaction {what} (N)"), reaction, 0.0, force));
+        rows.push(Row::of_zero("stretch", size, format!("reaction {what} (N)"), reaction, force));
     }
     Ok(rows)
 }
@@ -60,39 +58,27 @@ pub(super) fn stretch() -> Result<Vec<Row>, BenchError> {
 /// A body of mixed, anisotropic tissue under a load that turns its end by some 40°: solved, and
 /// solved again after the mesh, its material and its loads were turned, moved by ten times its
 /// length, or written in other units.
-pub(super) fn invariance() -> Result<Vec<Row>, BenchError> {
+pub(super) fn invariance() -> Result<Vec<Row>> {
     let turn = Rotation3::from_scaled_axis(Vector3::new(0.7, -1.3, 0.4)).into_inner();
-    let identity = Matrix3::identity();
+    let same =
+        Change { turn: Matrix3::identity(), shift: Vector3::zeros(), length: 1.0, modulus: 1.0 };
     let changes = [
-        ("rotated", Change { turn, shift: Vector3::zeros(), length: 1.0, modulus: 1.0 }),
-        (
-            "moved",
-            Change {
-                turn: identity,
-                shift: Vector3::new(30.0, -20.0, 25.0),
-                length: 1.0,
-                modulus: 1.0,
-            },
-        ),
-        (
-            "in mm and kPa",
-            Change { turn: identity, shift: Vector3::zeros(), length: 1e3, modulus: 1e-3 },
-        ),
+        ("rotated", Change { turn, ..same }),
+        ("moved", Change { shift: Vector3::new(30.0, -20.0, 25.0), ..same }),
+        ("in mm and kPa", Change { length: 1e3, modulus: 1e-3, ..same }),
     ];
-    let same = Change { turn: identity, shift: Vector3::zeros(), length: 1.0, modulus: 1.0 };
-    let (rest, reference) = deformed(&same)?;
-    let displacement = rest.iter().zip(&reference).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let (solid, reference) = deformed(&same)?;
+    let largest = |x: &[Vector3<f64>], back: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
+        x.iter().zip(&reference).map(|(x, want)| (back(x) - want).norm()).fold(0.0, f64::max)
+    };
+    let displacement = largest(&solid.points, &|x| *x);
     let mut rows = Vec::new();
     for (name, change) in changes {
         let (_, positions) = deformed(&change)?;
         let back = |x: &Vector3<f64>| change.turn.transpose() * (x - change.shift) / change.length;
-        let error = positions
-            .iter()
-            .zip(&reference)
-            .map(|(x, want)| (back(x) - want).norm())
-            .fold(0.0, f64::max);
+        let error = largest(&positions, &back);
         let quantity = format!("largest change of a position when {name} (m)");
-        rows.push(Row::new("invariance", (4, rest.len()), quantity, error, 0.0, displacement));
+        rows.push(Row::of_zero("invariance", (4, &solid), quantity, error, displacement));
     }
     Ok(rows)
 }
@@ -105,11 +91,8 @@ struct Change {
     modulus: f64,
 }
 
-/// Positions by vertex number.
-type Places = Vec<Vector3<f64>>;
-
-/// Rest and deformed positions of the body after a change.
-fn deformed(change: &Change) -> Result<(Places, Places), BenchError> {
+/// The body after a change, at rest, and its positions when it is deformed.
+fn deformed(change: &Change) -> Result<(Solid, Vec<Vector3<f64>>)> {
     let mut solid = Solid::block([12, 4, 4], [3.0, 1.0, 1.0], isotropic(1e4, 0.3));
     let ends: Vec<bool> = solid.points.iter().map(|x| x.x < 1e-9).collect();
     let load = solid.traction(|x| x.x > 3.0 - 1e-9, |_| Vector3::new(0.0, 60.0, 40.0));
@@ -130,7 +113,7 @@ fn deformed(change: &Change) -> Result<(Places, Places), BenchError> {
     let load: Vec<Vector3<f64>> = load.iter().map(|f| change.turn * f * force).collect();
     let mut anderson = Anderson::default();
     solve("invariance", &mut statics, &ElementCorotation, &mut anderson, &load, 1e-12)?;
-    Ok((solid.points, statics.positions))
+    Ok((solid, statics.positions))
 }
 
 /// σ' = M σ in Voigt order for σ' = Q σ Qᵀ.

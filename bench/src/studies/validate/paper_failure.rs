@@ -4,7 +4,7 @@ use serde::Serialize;
 use yawara_corot::{Tolerance, equilibrium_by_name, forces_by_name};
 
 use crate::bodies::beams::{Beam, BeamLoad};
-use crate::error::BenchError;
+use crate::error::Result;
 use crate::harness::plot::log_log;
 use crate::harness::report::curves;
 
@@ -32,17 +32,14 @@ pub(super) struct Row {
 }
 
 /// Bends the beam of the iteration counts from rest by each angle at once.
-///
-/// # Errors
-/// [`BenchError::Corot`], [`BenchError::Inverse`]: a defect of the constants here.
-pub(super) fn rows(quick: bool) -> Result<Vec<Row>, BenchError> {
+pub(super) fn rows(quick: bool) -> Result<Vec<Row>> {
     let angles: &[u32] =
         if quick { &[1, 3, 9, 30, 90] } else { &[1, 2, 3, 5, 7, 9, 12, 16, 22, 30, 45, 65, 90] };
     let tolerance = Tolerance { residual: 1e-8, max_iterations: MOST };
     let mut rows = Vec::new();
     for (corotation, equilibrium) in CHOICES {
         for &degrees in angles {
-            let mut beam = Beam::new(BeamLoad::Bend, 0.3)?;
+            let mut beam = Beam::new(BeamLoad::Bend, 0.3, None)?;
             let stage = forces_by_name(corotation)?;
             let mut solver = equilibrium_by_name(equilibrium)?;
             let part = f64::from(degrees) / 90.0;

@@ -3,11 +3,9 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{isotropic, strain_from_gradient};
 
-use super::row::Row;
-use super::solve::solve_linear;
-use crate::bodies::solid::Solid;
-use crate::bodies::statics::Statics;
-use crate::error::BenchError;
+use super::figure::{Row, solve_linear};
+use crate::bodies::{Solid, Statics};
+use crate::error::Result;
 
 /// Radii of `layers` layers from `outer` down to `inner`, both included.
 fn radii(outer: f64, inner: f64, layers: usize) -> Vec<f64> {
@@ -33,7 +31,7 @@ fn solve_with(
     statics: &mut Statics,
     load: &[Vector3<f64>],
     field: impl Fn(&Vector3<f64>) -> Vector3<f64>,
-) -> Result<(), BenchError> {
+) -> Result<()> {
     for v in (0..statics.rest.len()).filter(|&v| !statics.free[v]) {
         statics.positions[v] = statics.rest[v] + field(&statics.rest[v]);
     }
@@ -42,7 +40,7 @@ fn solve_with(
 
 /// Pressure in a shell from ½ to 1 m whose outside is held where Lamé has it:
 /// u = p a³/(E (b³ − a³)) ((1 − 2ν) r + (1 + ν) b³/(2 r²)).
-pub(super) fn lame(n: usize) -> Result<Row, BenchError> {
+pub(super) fn lame(n: usize) -> Result<Row> {
     let (young, poisson_ratio, pressure, inner) = (1e4, 0.3, 100.0, 0.5f64);
     let exact = |r: f64| {
         let a3 = inner.powi(3);
@@ -56,16 +54,14 @@ pub(super) fn lame(n: usize) -> Result<Row, BenchError> {
     solve_with("lame", &mut statics, &load, |x| x * exact(1.0))?;
     let inside: Vec<usize> =
         (0..solid.points.len()).filter(|&v| solid.points[v].norm() < inner + 1e-9).collect();
-    let moved =
-        |&v: &usize| (statics.positions[v] - solid.points[v]).dot(&solid.points[v].normalize());
+    let moved = |&v: &usize| statics.displacement(v).dot(&solid.points[v].normalize());
     let computed = inside.iter().map(moved).sum::<f64>() / inside.len() as f64;
-    let size = (n, solid.points.len());
-    Ok(Row::new("lame", size, "u at the inside (m)", computed, exact(inner), 0.0))
+    Ok(Row::new("lame", (n, &solid), "u at the inside (m)", computed, exact(inner)))
 }
 
 /// E 30 in E 3, both ν .45, pulled evenly: the bulk modulus of the whole by Hashin's assemblage,
 /// exact for this one sphere.
-pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
+pub(super) fn coated(n: usize) -> Result<Row> {
     let solid = in_a_coat(n, isotropic(30.0, 0.45), isotropic(3.0, 0.45));
     let mut statics = Statics::new(&solid, on_the_surface)?;
     let strain = 1e-3;
@@ -78,9 +74,8 @@ pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
         trace += element.geometry.volume * (stress[0] + stress[1] + stress[2]);
         volume += element.geometry.volume;
     }
-    let size = (n, solid.points.len());
     let computed = trace / volume / (9.0 * strain);
-    Ok(Row::new("coated", size, "bulk modulus (Pa)", computed, 11.42037, 0.0))
+    Ok(Row::new("coated", (n, &solid), "bulk modulus (Pa)", computed, 11.42037))
 }
 
 /// A sphere ten times as stiff in an endless matrix under a shear at infinity. The matrix is cut at
@@ -88,7 +83,7 @@ pub(super) fn coated(n: usize) -> Result<Row, BenchError> {
 /// infinity, β = 1/(1 + s(μ₁/μ₀ − 1)), s = 2(4 − 5ν)/(15(1 − ν)); outside
 /// u = E x + A ∇(xᵀE x/r⁵) + B (4(1−ν) E x/r³ − ∇(xᵀE x/r³)), A = 3 B a²/5,
 /// B = (β − 1) a³/(16/5 − 4ν), which joins both at r = a.
-pub(super) fn eshelby(n: usize) -> Result<Row, BenchError> {
+pub(super) fn eshelby(n: usize) -> Result<Row> {
     let (nu, ratio, a, strain) = (0.3, 10.0, 0.5f64, 1e-3);
     let solid = in_a_coat(n, isotropic(ratio * 1e4, nu), isotropic(1e4, nu));
     let mut statics = Statics::new(&solid, on_the_surface)?;
@@ -113,7 +108,6 @@ pub(super) fn eshelby(n: usize) -> Result<Row, BenchError> {
             volume += element.geometry.volume;
         }
     }
-    let size = (n, solid.points.len());
-    let computed = sum / volume / strain;
-    Ok(Row::new("eshelby", size, "strain inside over that at infinity", computed, beta, 0.0))
+    let quantity = "strain inside over that at infinity";
+    Ok(Row::new("eshelby", (n, &solid), quantity, sum / volume / strain, beta))
 }

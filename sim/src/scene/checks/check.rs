@@ -11,11 +11,10 @@ pub(crate) struct Check<'a> {
 
 impl Check<'_> {
     pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
-        if ok {
-            return Ok(());
+        match ok {
+            true => Ok(()),
+            false => Err(SimError::value(self.place, key, format!("{value:?}"), want)),
         }
-        let (place, value) = (self.place.into(), format!("{value:?}"));
-        Err(SimError::Value { place, key: key.into(), value, want: want.into() })
     }
 
     pub fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {

@@ -95,12 +95,9 @@ impl Check<'_> {
             self.that(range.is_some(), &key(lacks), shown, &want)?;
         }
         if range.is_none() && label.is_none() && !other {
-            return Err(SimError::Value {
-                place: self.place.into(),
-                key: format!("materials[{i}]"),
-                value: "without label".into(),
-                want: "a label, a range = [low, high] of intensities, or other = true".into(),
-            });
+            let want = "a label, a range = [low, high] of intensities, or other = true";
+            let key = format!("materials[{i}]");
+            return Err(SimError::value(self.place, &key, "without label", want));
         }
         if let Some(range) = range {
             self.range(scene, i, *range)?;

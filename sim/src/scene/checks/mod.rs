@@ -2,7 +2,6 @@
 
 mod check;
 mod materials;
-mod motion;
 mod scene;
 mod tools;
 

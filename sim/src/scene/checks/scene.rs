@@ -13,9 +13,11 @@ const MAX_STEPS: usize = 10_000_000;
 /// How far a block may be from a whole number of voxels, in voxels.
 const VOXEL_SLACK: f64 = 1e-6;
 
+/// Velocities above it (m/s, rad/s) are mistakes.
+const FASTEST: f64 = 1e6;
+
 impl Scene {
     /// Checks all values; `place` (the file, or a name) begins the messages.
-    ///
     /// # Errors
     /// [`SimError::Value`] or [`SimError::MissingKey`] for the first violation: key, value, range.
     pub fn validate(&self, place: &str) -> Result<(), SimError> {
@@ -28,12 +30,8 @@ impl Scene {
         check.that(!self.name.trim().is_empty(), "name", &self.name, "a name that is not empty")?;
         let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
         let named = self.name.chars().all(plain) && !self.name.starts_with('.');
-        check.that(
-            named,
-            "name",
-            &self.name,
-            "letters, digits, -, _, spaces and inner dots only",
-        )?;
+        let want = "letters, digits, -, _, spaces and inner dots only";
+        check.that(named, "name", &self.name, want)?;
         let storable = i64::try_from(self.seed).is_ok();
         check.that(storable, "seed", self.seed, "at most 9223372036854775807")?;
         match &self.mesh.path {
@@ -148,12 +146,10 @@ impl Check<'_> {
         let stages = &scene.stages;
         let inverses = [&[AUTO], yawara_inverse_update::CHOICES, ON_DEVICE].concat();
         let elements = [&[AUTO], yawara_embed::FORMULATIONS].concat();
-        let want = format!("one of {}", elements.join(", "));
         let laws = [&[AUTO], yawara_corot::LAWS].concat();
         let integrators = [&[AUTO], yawara_corot::INTEGRATORS].concat();
-        let known = elements.contains(&&stages.element[..]);
-        self.that(known, "stages.element", &stages.element, &want)?;
         for (key, name, choices) in [
+            ("element", &stages.element, &elements[..]),
             ("homogenisation", &stages.homogenisation, yawara_embed::CHOICES),
             ("corotation", &stages.corotation, yawara_corot::FORCES),
             ("law", &stages.law, &laws),
@@ -171,12 +167,8 @@ impl Check<'_> {
     /// A device is chosen for an inverse that lives on one.
     fn adapter(&self, stages: &StageNames) -> Result<(), SimError> {
         let Some(adapter) = &stages.gpu_adapter else { return Ok(()) };
-        let refused = |want: String| SimError::Value {
-            place: self.place.into(),
-            key: "stages.gpu_adapter".into(),
-            value: adapter.to_string(),
-            want,
-        };
+        let refused =
+            |want: String| SimError::value(self.place, "stages.gpu_adapter", adapter, want);
         if !ON_DEVICE.contains(&&stages.inverse[..]) {
             return Err(refused(format!(
                 "no such key beside stages.inverse = {:?}: it goes with {}",
@@ -201,16 +193,45 @@ impl Check<'_> {
         self.that(in_range, "solver.residual", solver.residual, "more than 0 and less than 1")?;
         let iterations = solver.max_iterations;
         self.that(iterations >= 1, "solver.max_iterations", iterations, "at least 1")?;
-        self.that(
-            solver.max_halvings <= 30,
-            "solver.max_halvings",
-            solver.max_halvings,
-            "at most 30",
-        )?;
+        let halvings = solver.max_halvings;
+        self.that(halvings <= 30, "solver.max_halvings", halvings, "at most 30")?;
         self.positive("refinement.split_above", refinement.split_above)?;
         let fraction = refinement.merge_fraction;
         let in_range = (0.0..1.0).contains(&fraction);
         self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")
+    }
+
+    fn dynamics(&self, scene: &Scene) -> Result<(), SimError> {
+        if let Some(step_ms) = scene.budget.step_ms {
+            self.positive("budget.step_ms", step_ms)?;
+        }
+        let Some(dynamics) = &scene.dynamics else {
+            let (key, name) = ("stages.integrator", &scene.stages.integrator);
+            return self.that(name != "implicit_euler", key, name, "[dynamics] in the scene");
+        };
+        let undamped = !(scene.stages.law == "linear" && dynamics.damping_stiffness_s > 0.0);
+        let want = "rayleigh or auto beside dynamics.damping_stiffness_s > 0";
+        self.that(undamped, "stages.law", &scene.stages.law, want)?;
+        for (key, value) in [
+            ("dynamics.damping_mass_per_s", dynamics.damping_mass_per_s),
+            ("dynamics.damping_stiffness_s", dynamics.damping_stiffness_s),
+        ] {
+            let in_range = (0.0..=1e12).contains(&value);
+            self.that(in_range, key, value, "0 to 1e12")?;
+        }
+        for (key, vector) in [
+            ("dynamics.velocity_m_s", &dynamics.velocity_m_s),
+            ("dynamics.spin_rad_s", &dynamics.spin_rad_s),
+        ] {
+            self.vector(key, vector)?;
+            let slow = vector.iter().all(|v| v.abs() <= FASTEST);
+            self.that(slow, key, vector, "at most 1e6 in each axis")?;
+        }
+        for (i, material) in scene.materials.iter().enumerate() {
+            let (key, density) = (format!("materials[{i}].density_kg_m3"), material.density_kg_m3);
+            self.that(density > 0.0, &key, density, "more than 0: a dynamic body has mass")?;
+        }
+        Ok(())
     }
 
     fn output(&self, scene: &Scene) -> Result<(), SimError> {

@@ -16,7 +16,6 @@ pub use volume::{Volume, child_volume_ratios};
 pub const CHOICES: &[&str] = &["energy", "volume", "rotation"];
 
 /// A built-in indicator.
-///
 /// # Errors
 /// [`SimError::UnknownIndicator`] listing the choices.
 pub fn by_name(name: &str) -> Result<Box<dyn Indicator>, SimError> {
@@ -24,6 +23,6 @@ pub fn by_name(name: &str) -> Result<Box<dyn Indicator>, SimError> {
         "energy" => Ok(Box::new(Energy)),
         "volume" => Ok(Box::new(Volume)),
         "rotation" => Ok(Box::new(Rotation)),
-        _ => Err(SimError::UnknownIndicator { name: name.into(), choices: CHOICES }),
+        _ => Err(SimError::UnknownIndicator(name.into(), CHOICES)),
     }
 }
