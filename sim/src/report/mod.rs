@@ -24,6 +24,6 @@ pub use records::{
 };
 pub use tool::{ToolReport, ToolSummary};
 
-pub(crate) use recorder::{Recorder, RunStatistics, Work};
+pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::milliseconds;
 pub(crate) use surfaces::Surfaces;

@@ -7,7 +7,6 @@ use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
-use super::fields::Fields;
 use super::records::{
     ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
     StepSummary, Summary,
@@ -49,11 +48,6 @@ impl Recorder {
             frame.surfaces = surfaces.frames(forest, &state.positions, &self.axes)?;
         }
         Ok(frame)
-    }
-
-    /// The current state on the image's grid, if the scene asks for that.
-    pub fn fields(&self, state: &BodyState) -> Result<Option<Fields>, SimError> {
-        self.volume.as_ref().map(|volume| Fields::of(state, volume)).transpose()
     }
 
     /// Everything that happened so far.
@@ -103,9 +97,11 @@ impl Recorder {
     }
 }
 
-/// What the solver did in a step besides what its report tells.
+/// What the solver did in a step.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Work {
+pub(crate) struct StepOutcome {
+    /// Iterations, parts, fallbacks, residual, convergence and times.
+    pub report: StepReport,
     /// How often the step or a part of it was cut in two.
     pub halvings: usize,
     /// The method of the solver that brought each attempt to its tolerance.
@@ -150,20 +146,21 @@ impl RunStatistics {
         self.steps.count
     }
 
-    /// Adds a step that took `step_ms` in all.
-    pub fn add(&mut self, report: &StepReport, work: &Work, state: &BodyState, step_ms: f64) {
+    /// Adds a step, its report filled in, that took `step_ms` in all.
+    pub fn add(&mut self, outcome: &StepOutcome, state: &BodyState, step_ms: f64) {
+        let report = &outcome.report;
         let Self { mesh, steps, force, .. } = self;
         steps.count += 1;
-        steps.halvings += work.halvings;
+        steps.halvings += outcome.halvings;
         steps.converged += usize::from(report.converged);
         // A NaN must stay visible: `max` would drop it.
         if !(report.residual <= steps.residual_max) {
             steps.residual_max = report.residual;
         }
-        for method in &work.converged_by {
+        for method in &outcome.converged_by {
             *steps.converged_by.entry(method).or_default() += 1;
         }
-        self.solve_ms.extend_from_slice(&work.solve_ms);
+        self.solve_ms.extend_from_slice(&outcome.solve_ms);
         self.step_ms.push(step_ms);
         mesh.splits += report.splits;
         mesh.merges += report.merges;

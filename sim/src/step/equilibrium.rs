@@ -17,17 +17,9 @@ use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
-use crate::report::{Momentum, StepReport, Work, milliseconds};
+use crate::report::{Momentum, StepOutcome, StepReport, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;
-
-/// How the parts of a step went together.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct StepOutcome {
-    /// Their iterations, fallbacks, residual and times; how many converged, and whether all did.
-    pub report: StepReport,
-    pub work: Work,
-}
 
 /// What a step moves, and what acts on it.
 pub(crate) struct Acting<'a> {
@@ -149,7 +141,7 @@ impl StepSolver {
             }
             acting.state.put(before);
             if span.to - span.from > 1.5 * smallest {
-                total.work.halvings += 1;
+                total.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
                 waiting.push(Span { from: middle, to: span.to });
                 waiting.push(Span { from: span.from, to: middle });
@@ -274,10 +266,10 @@ impl StepSolver {
         if outcome.converged {
             contact.add_loads(&mut pressed);
             self.tool_loads = pressed;
-            total.work.converged_by.push(outcome.method);
+            total.converged_by.push(outcome.method);
         }
         let (solve_ms, error) = timing.into_inner();
-        total.work.solve_ms.extend(solve_ms);
+        total.solve_ms.extend(solve_ms);
         match error {
             // A non-finite residual is a failed attempt, which a shorter step may cure.
             Some(SimError::Inverse(InverseError::NotFinite { .. })) | None => Ok(outcome),

@@ -10,13 +10,14 @@ const SETTLINGS: usize = 40;
 /// Whether loads that follow the body have come to rest with it.
 pub(super) struct Settling<'a> {
     tolerance: &'a Tolerance,
-    total: Option<Outcome>,
+    iterations: usize,
+    evaluations: usize,
     rounds: usize,
 }
 
 impl<'a> Settling<'a> {
     pub fn new(tolerance: &'a Tolerance) -> Self {
-        Self { tolerance, total: None, rounds: 0 }
+        Self { tolerance, iterations: 0, evaluations: 0, rounds: 0 }
     }
 
     /// Adds a solve under the loads `old`, which are `new` in its solution. Returns the sum of all
@@ -27,15 +28,11 @@ impl<'a> Settling<'a> {
         old: &[Vector3<f64>],
         new: &[Vector3<f64>],
     ) -> Option<Outcome> {
-        let (iterations, evaluations) =
-            self.total.map_or((0, 0), |total| (total.iterations, total.evaluations));
         self.rounds += 1;
-        let mut sum = Outcome {
-            iterations: iterations + solve.iterations,
-            evaluations: evaluations + solve.evaluations,
-            ..solve
-        };
-        self.total = Some(sum);
+        self.iterations += solve.iterations;
+        self.evaluations += solve.evaluations;
+        let Self { iterations, evaluations, .. } = *self;
+        let mut sum = Outcome { iterations, evaluations, ..solve };
         let change: f64 = old.iter().zip(new).map(|(a, b)| (a - b).norm_squared()).sum();
         let size: f64 = new.iter().map(Vector3::norm_squared).sum();
         if change.sqrt() <= self.tolerance.residual * size.sqrt() || !solve.converged {

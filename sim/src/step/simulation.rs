@@ -7,7 +7,7 @@ use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
 use super::contact::ContactState;
-use super::equilibrium::{Acting, StepOutcome, StepSolver};
+use super::equilibrium::{Acting, StepSolver};
 use super::refinement::{Refiner, Remeshed, Round};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -84,18 +84,18 @@ impl Simulation {
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, tools);
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
-        let StepOutcome { mut report, work } = solver.advance(span, &mut acting)?;
+        let mut outcome = solver.advance(span, &mut acting)?;
         let felt = self.felt();
         let (support, reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
-        let remeshed = match report.converged {
-            true => self.remesh(step, begin, &mut report.times)?,
+        let remeshed = match outcome.report.converged {
+            true => self.remesh(step, begin, &mut outcome.report.times)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &self.body;
-        let report = StepReport {
+        outcome.report = StepReport {
             step,
             time_s: span.to,
             vertices: state.vertex_count(),
@@ -105,10 +105,10 @@ impl Simulation {
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
             force_n,
             tools: reports,
-            ..report
+            ..outcome.report
         };
-        self.recorder.statistics.add(&report, &work, state, milliseconds(begin));
-        Ok(report)
+        self.recorder.statistics.add(&outcome, state, milliseconds(begin));
+        Ok(outcome.report)
     }
 
     /// The splits and merges of a step that began at `begin`.
@@ -206,7 +206,8 @@ impl Simulation {
     /// # Errors
     /// [`SimError::Image`] where a field is not finite (the state has diverged).
     pub fn fields(&self) -> Result<Option<Fields>, SimError> {
-        self.recorder.fields(&self.body.state)
+        let volume = self.recorder.volume.as_ref();
+        volume.map(|volume| Fields::of(&self.body.state, volume)).transpose()
     }
 
     /// Everything that happened so far.
