@@ -46,12 +46,12 @@ struct Scratch {
 #[derive(Debug)]
 pub(crate) struct Buffers<E> {
     device: Arc<Device>,
-    chunk_tiles: usize,
+    pub(crate) chunk_tiles: usize,
     chunks: Vec<Memory>,
     groups: Vec<BindGroup>,
     scratch: Option<Scratch>,
-    /// What `scratch` has memory for; rows are whole tiles.
-    capacity: Need,
+    /// What `scratch` has memory for; rows are whole tiles. Columns of C follow the front ones.
+    pub(crate) capacity: Need,
     scalar: PhantomData<E>,
 }
 
@@ -66,19 +66,6 @@ impl<E: DeviceScalar> Buffers<E> {
     /// Numbers in a panel column.
     pub(crate) fn stride(&self) -> usize {
         self.capacity.rows
-    }
-
-    /// The first panel column for columns of C.
-    pub(crate) fn front(&self) -> usize {
-        self.capacity.front
-    }
-
-    pub(crate) fn gather(&self) -> usize {
-        self.capacity.gather
-    }
-
-    pub(crate) fn chunk_tiles(&self) -> usize {
-        self.chunk_tiles
     }
 
     /// Chunks made so far.
@@ -100,7 +87,6 @@ impl<E: DeviceScalar> Buffers<E> {
 
     /// Grows to what is needed; the panel is 0 afterwards where [`is_short_of`](Self::is_short_of)
     /// said so.
-    ///
     /// # Errors
     /// [`GpuError::Limit`], [`GpuError::OutOfMemory`], [`GpuError::Lost`]; what there is stays.
     pub(crate) fn grow(&mut self, need: Need) -> Result<(), GpuError> {
@@ -163,7 +149,7 @@ impl<E: DeviceScalar> Buffers<E> {
     /// One bind group per chunk.
     fn bind(&mut self) {
         let Some(scratch) = &self.scratch else { return };
-        let layout = &E::kernels(&self.device).0.layout;
+        let layout = &E::kernels(&self.device).layout;
         let group = |chunk: &Memory| {
             let buffers: [&Memory; BINDINGS] = [
                 chunk,
@@ -208,27 +194,27 @@ impl<E: DeviceScalar> Buffers<E> {
     pub(crate) fn write_panel(&self, column: usize, row: usize, numbers: &[E]) {
         if let Some(scratch) = &self.scratch {
             let at = (column * self.capacity.rows + row) as u64 * E::BYTES;
-            self.write(&scratch.panel, at, &bytes(numbers));
+            self.write(&scratch.panel, at, numbers);
         }
     }
 
     /// Writes numbers into the small matrices.
     pub(crate) fn write_small(&self, at: usize, numbers: &[E]) {
         if let Some(scratch) = &self.scratch {
-            self.write(&scratch.small, at as u64 * E::BYTES, &bytes(numbers));
+            self.write(&scratch.small, at as u64 * E::BYTES, numbers);
         }
     }
 
     pub(crate) fn write_index(&self, rows: &[usize]) {
         if let Some(scratch) = &self.scratch {
-            let words = rows.iter().flat_map(|&row| (row as u32).to_le_bytes());
-            self.write(&scratch.index, 0, &words.collect::<Vec<u8>>());
+            let words: Vec<u32> = rows.iter().map(|&row| row as u32).collect();
+            self.write(&scratch.index, 0, &words);
         }
     }
 
-    fn write(&self, memory: &Memory, at: u64, bytes: &[u8]) {
-        if !bytes.is_empty() {
-            self.device.queue.write_buffer(&memory.buffer, at, bytes);
+    fn write(&self, memory: &Memory, at: u64, numbers: &[impl bytemuck::Pod]) {
+        if !numbers.is_empty() {
+            self.device.queue.write_buffer(&memory.buffer, at, bytemuck::cast_slice(numbers));
         }
     }
 }
@@ -248,12 +234,6 @@ pub fn needed_bytes(rows: usize, number_bytes: u64) -> u64 {
 /// Partial sums of one right-hand side, for so many rows of whole tiles.
 fn partial_numbers(rows: usize) -> usize {
     before(tile_rows(rows)).max(1) * 2 * TILE
-}
-
-fn bytes<E: DeviceScalar>(numbers: &[E]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(size_of_val(numbers));
-    numbers.iter().for_each(|number| number.put(&mut bytes));
-    bytes
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-use yawara_inverse_update::{InverseError, StorageError};
+use std::time::Duration;
 
 /// Why no device can be used, or no longer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -9,11 +9,9 @@ pub enum GpuError {
     NoAdapter,
 
     /// wgpu has no Vulkan for the system that this program was built for.
-    #[error("no Vulkan on {target_os}; choose another inverse")]
-    NoVulkan {
-        /// The system, as in `std::env::consts::OS`.
-        target_os: &'static str,
-    },
+    /// The system is named as in `std::env::consts::OS`.
+    #[error("no Vulkan on {0}; choose another inverse")]
+    NoVulkan(&'static str),
 
     /// No adapter has that number or name.
     #[error(
@@ -38,12 +36,9 @@ pub enum GpuError {
         found: String,
     },
 
-    /// The device can't compute in 64 bits.
-    #[error("{adapter} has no 64-bit floating point in shaders; choose the inverse gpu_f32")]
-    NoF64 {
-        /// Name of the adapter.
-        adapter: String,
-    },
+    /// The device, an adapter by its name, can't compute in 64 bits.
+    #[error("{0} has no 64-bit floating point in shaders; choose the inverse gpu_f32")]
+    NoF64(String),
 
     /// A limit of the device or of the options is below what the kernels need.
     #[error("{adapter}: {limit} is {got}, want at least {want}; choose another inverse")]
@@ -81,31 +76,16 @@ pub enum GpuError {
         left: u64,
     },
 
-    /// The device went away: it was removed, reset or destroyed. All that it held is lost.
-    #[error("the device is lost ({reason}): what it held is gone, K is kept; start again")]
-    Lost {
-        /// The driver's words.
-        reason: String,
-    },
+    /// The device went away: it was removed, reset or destroyed, in the driver's words. All that it
+    /// held is lost.
+    #[error("the device is lost ({0}): what it held is gone, K is kept; start again")]
+    Lost(String),
 
-    /// The device did not answer in time.
-    #[error("the device did not answer within {seconds} s")]
-    Timeout {
-        /// How long was waited.
-        seconds: u64,
-    },
+    /// The device did not answer in that time.
+    #[error("the device did not answer within {} s", .0.as_secs())]
+    Timeout(Duration),
 
-    /// The interface refused a command: a bug of this crate, or of the driver.
-    #[error("the device refused a command: {reason}")]
-    Refused {
-        /// The interface's words.
-        reason: String,
-    },
-}
-
-impl GpuError {
-    /// As the error of the maintainer with that scene name.
-    pub(crate) fn of(self, method: &'static str) -> InverseError {
-        InverseError::Storage { method, cause: StorageError::new(self) }
-    }
+    /// The interface refused a command, in its own words: a bug of this crate, or of the driver.
+    #[error("the device refused a command: {0}")]
+    Refused(String),
 }

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use yawara_inverse_update::{Delayed, InverseError, InverseMaintainer, SparseStiffness};
+use yawara_inverse_update::{
+    Delayed, InverseError, InverseMaintainer, SparseStiffness, StorageError,
+};
 
 use crate::device::Device;
 use crate::scalar::DeviceScalar;
@@ -18,7 +20,6 @@ pub type DeviceInverse<E> = Delayed<DeviceStore<E>>;
 pub const CHOICES: &[&str] = &["gpu", "gpu_f32"];
 
 /// Makes the maintainer of that name on a device and inverts `stiffness`. Cost: O(n³) on the host.
-///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Storage`] around
 /// a [`GpuError`](crate::GpuError) if the device can't hold it; [`InverseError::Singular`].
@@ -35,13 +36,14 @@ pub fn build(
 }
 
 /// Inverts `stiffness` on the host and keeps it on a device. Cost: O(n³) on the host.
-///
 /// # Errors
 /// As [`build`].
 pub fn on_device<E: DeviceScalar>(
     stiffness: SparseStiffness,
     device: &Arc<Device>,
 ) -> Result<DeviceInverse<E>, InverseError> {
-    let store = DeviceStore::<E>::new(Arc::clone(device)).map_err(|error| error.of(E::NAME))?;
+    let store = DeviceStore::<E>::new(Arc::clone(device)).map_err(|error| {
+        InverseError::Storage { method: E::NAME, cause: StorageError::new(error) }
+    })?;
     Delayed::new(stiffness, store)
 }

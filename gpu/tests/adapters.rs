@@ -229,6 +229,6 @@ fn without_a_loader_the_error_is_the_same() {
 #[test]
 fn errors_name_the_way_out() {
     assert_eq!(format!("ERROR {}", GpuError::NoAdapter), NO_ADAPTER);
-    let text = GpuError::NoVulkan { target_os: "macos" }.to_string();
+    let text = GpuError::NoVulkan("macos").to_string();
     assert_eq!(text, "no Vulkan on macos; choose another inverse");
 }

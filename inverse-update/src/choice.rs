@@ -27,7 +27,6 @@ pub fn choose(vertices: usize, columns_per_update: usize) -> &'static str {
 }
 
 /// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse`.
-///
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
 /// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as

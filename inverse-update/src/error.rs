@@ -40,17 +40,11 @@ pub enum InverseError {
         limit: usize,
     },
     /// A slot is listed twice.
-    #[error("slot {slot} is listed twice, want every vertex once")]
-    DuplicateSlot {
-        /// The slot.
-        slot: usize,
-    },
-    /// A vertex to merge is listed as an old vertex of its own ring.
-    #[error("slot {slot} is to be merged, so its ring can't list it among the old vertices")]
-    OwnRing {
-        /// The slot.
-        slot: usize,
-    },
+    #[error("slot {0} is listed twice, want every vertex once")]
+    DuplicateSlot(usize),
+    /// The slot of a vertex to merge is listed as an old vertex of its own ring.
+    #[error("slot {0} is to be merged, so its ring can't list it among the old vertices")]
+    OwnRing(usize),
     /// A vertex to merge is coupled to a vertex outside its ring: something else still uses it.
     #[error(
         "slot {slot} is coupled to slot {other}, which its ring does not list: undo first what \

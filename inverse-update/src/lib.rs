@@ -14,8 +14,8 @@
 //! - A *batch* is a sequence of such [`Update`]s made in one call, which a maintainer may combine.
 //!
 //! [`InverseMaintainer`] is the stage, [`build`] makes one by name. `matrix` holds K itself,
-//! `change` the updates of K, `dense` and `sparse` the maintainers, `accuracy` how residuals and
-//! drift are measured.
+//! `change` the updates of K, `dense` and `sparse` the methods by which a [`Maintained`] keeps its
+//! inverse, `accuracy` how residuals and drift are measured.
 #![forbid(unsafe_code)]
 
 mod accuracy;
@@ -23,18 +23,22 @@ mod change;
 mod choice;
 mod dense;
 mod error;
+mod maintained;
 mod maintainer;
 mod matrix;
 mod sparse;
 
-pub use accuracy::{Counts, DRIFT_LIMIT, DRIFT_LIMIT_F32, REFINEMENT_LIMIT};
+pub use accuracy::{
+    DRIFT_LIMIT, DRIFT_LIMIT_F32, MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT,
+};
 pub use change::{CONSISTENCY_LIMIT, RingChange, StiffnessChange, Update};
 pub use choice::{CHOICES, build, choose};
 pub use dense::{
-    Delayed, DenseStore, HostStore, Lu, MOST_DELAYED, MOST_REFINEMENTS, PackedInverse, Paper,
-    Precision, REFINED_RESIDUAL, Staged, Woodbury, WoodburyF32,
+    Delayed, DenseStore, HostStore, Lu, MOST_DELAYED, Paper, Precision, Staged, Woodbury,
+    WoodburyF32,
 };
 pub use error::{InverseError, StorageError};
-pub use maintainer::{InverseMaintainer, drift};
+pub use maintained::Maintained;
+pub use maintainer::{Counts, InverseMaintainer, drift};
 pub use matrix::{SYMMETRY_LIMIT, SparseStiffness};
 pub use sparse::{RebaseOptions, Sparse, elimination_order};

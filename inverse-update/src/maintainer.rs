@@ -3,7 +3,7 @@
 use faer::{Mat, MatRef};
 
 use crate::InverseError;
-use crate::accuracy::{Counts, DRIFT_LIMIT, WATCHED, is_too_far, worst_drift};
+use crate::accuracy::{DRIFT_LIMIT, WATCHED, is_too_far, kept_drift};
 use crate::change::{RingChange, StiffnessChange, Update};
 use crate::matrix::{SparseStiffness, check_range};
 
@@ -90,7 +90,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// A vertex is added: K becomes [K + K_c − K_p, a12; a21, A22]. Returns its slot, the last.
-    ///
     /// # Errors
     /// [`InverseError`] if `change` has wrong shapes, is not finite or makes K singular.
     fn split(&mut self, change: &RingChange) -> Result<usize, InverseError>;
@@ -98,7 +97,6 @@ pub trait InverseMaintainer: Send {
     /// The vertex at `slot` goes, the reverse of [`split`](Self::split) with the same
     /// `change` (`change.slots` as they are before the removal, without `slot`). Returns the
     /// slot that was moved into `slot`, if any.
-    ///
     /// # Errors
     /// As [`split`](Self::split).
     fn merge(&mut self, slot: usize, change: &RingChange) -> Result<Option<usize>, InverseError>;
@@ -108,7 +106,6 @@ pub trait InverseMaintainer: Send {
     ///
     /// [`RingChange::freed`] gives a [`split`](Self::split) that frees it again. Cost: as a
     /// [`merge`](Self::merge), with the vertex's neighbours as the ring.
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if `slot` is not in `0..vertices()`.
     fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError> {
@@ -118,7 +115,6 @@ pub trait InverseMaintainer: Send {
 
     /// The content changes, K on vertices that stay: a material edit, a removed element, a split or
     /// merge whose midpoint is fixed.
-    ///
     /// # Errors
     /// As [`split`](Self::split).
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
@@ -130,7 +126,6 @@ pub trait InverseMaintainer: Send {
     /// rounding of K u, a step of refinement is made, which [`Counts`] tell; up to
     /// [`MOST_REFINEMENTS`](crate::MOST_REFINEMENTS) where C is kept in f32.
     /// Cost: a product with the sparse K on top of the method's own.
-    ///
     /// # Errors
     /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
@@ -138,7 +133,6 @@ pub trait InverseMaintainer: Send {
     /// U = C F for several loads, one per column of the `block · vertices()` rows of F.
     ///
     /// As [`solve`](Self::solve) for each; a maintainer may read what it keeps once for several.
-    ///
     /// # Errors
     /// As [`solve`](Self::solve).
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
@@ -152,7 +146,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// The columns of C that belong to `slots`: (block · vertices()) × (block · slots.len()).
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -165,14 +158,10 @@ pub trait InverseMaintainer: Send {
     ///
     /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
     /// a shorter way.
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
     fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        let columns = self.columns(slots)?;
-        let rows = self.stiffness().rows_of(slots);
-        let half = |i: usize, j: usize| 0.5 * columns[(rows[i], j)];
-        Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+        compliance_by_columns(self, slots)
     }
 
     /// Several updates one after the other, with slots as those before leave them.
@@ -180,14 +169,11 @@ pub trait InverseMaintainer: Send {
     /// As single calls would make them. A maintainer may defer work and do it for many updates at
     /// once, or invert the last K from scratch where that is less work; the matrices in between may
     /// be singular then.
-    ///
     /// # Errors
     /// [`InverseError::Batch`] tells which update was refused and why; those before it are made, as
     /// by single calls, those from it on are not.
     fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        updates.iter().enumerate().try_for_each(|(done, update)| {
-            update.make(self).map_err(|source| InverseError::in_batch(done, source))
-        })
+        Update::make_all(updates, self)
     }
 
     /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with
@@ -197,7 +183,6 @@ pub trait InverseMaintainer: Send {
     }
 
     /// Computes the inverse from [`stiffness`](Self::stiffness) alone.
-    ///
     /// # Errors
     /// [`InverseError::Singular`].
     fn rebuild(&mut self) -> Result<(), InverseError>;
@@ -209,7 +194,6 @@ pub trait InverseMaintainer: Send {
     ///
     /// To be called now and then, best after updates. `seed` picks the columns: another one each
     /// time sees all of them sooner or later. Cost: 8 columns and products with the sparse K.
-    ///
     /// # Errors
     /// As [`rebuild`](Self::rebuild); the drifted inverse is then kept.
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
@@ -226,9 +210,22 @@ pub trait InverseMaintainer: Send {
     }
 }
 
+/// Safeguards that took effect since the maintainer was made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Counts {
+    /// Times that the maintainer rebuilt its inverse from K by itself, for whichever reason.
+    pub rebuilds: usize,
+    /// Those of them that the drift monitor asked for.
+    pub drift_rebuilds: usize,
+    /// Updates whose small factor failed: a pivot lost, or of the wrong sign.
+    pub failed_pivots: usize,
+    /// Corrections of a solution by its residual, one per right-hand side and step.
+    pub refinement_steps: usize,
+}
+
 impl Update {
     /// Makes this update alone.
-    ///
     /// # Errors
     /// As the method of [`InverseMaintainer`].
     pub fn make<M: InverseMaintainer + ?Sized>(
@@ -240,6 +237,16 @@ impl Update {
             Self::Merge { slot, change } => maintainer.merge(*slot, change).map(drop),
             Self::Content(change) => maintainer.change(change),
         }
+    }
+
+    /// Makes one after the other.
+    pub(crate) fn make_all<M: InverseMaintainer + ?Sized>(
+        updates: &[Self],
+        maintainer: &mut M,
+    ) -> Result<(), InverseError> {
+        updates.iter().enumerate().try_for_each(|(done, update)| {
+            update.make(maintainer).map_err(|source| InverseError::in_batch(done, source))
+        })
     }
 }
 
@@ -256,53 +263,23 @@ pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f
 
 fn drift_of<M: InverseMaintainer + ?Sized>(maintainer: &M, seed: u64, samples: usize) -> f64 {
     let k = maintainer.stiffness();
-    worst_drift(k, seed, samples, |j| {
-        let columns = maintainer.columns(&[j / k.block()]).ok()?;
-        Some(columns.col_as_slice(j % k.block()).to_vec())
-    })
-}
-
-/// The methods of [`InverseMaintainer`] that the maintainers of this crate have in common: their K
-/// is `self.stiffness`, their counts are `self.tally`, `self.update` makes updates of all kinds,
-/// and `self.kept_drift` measures the columns of C as they are kept, to be rebuilt above
-/// `$drift_limit`.
-macro_rules! maintained {
-    ($drift_limit:expr) => {
-        fn stiffness(&self) -> &SparseStiffness {
-            &self.stiffness
-        }
-
-        fn split(&mut self, change: &RingChange) -> Result<usize, InverseError> {
-            self.update(UpdateRef::Split(change))?;
-            Ok(self.stiffness.vertices() - 1)
-        }
-
-        fn merge(
-            &mut self,
-            slot: usize,
-            change: &RingChange,
-        ) -> Result<Option<usize>, InverseError> {
-            self.update(UpdateRef::Merge(slot, change))?;
-            Ok(self.stiffness.moved_into(slot))
-        }
-
-        fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
-            self.update(UpdateRef::Content(change))
-        }
-
-        fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-            let drift = self.kept_drift(seed)?;
-            if is_too_far(self.name(), drift, $drift_limit) {
-                self.rebuild()?;
-                self.tally.rebuilt_for_drift();
-            }
-            Ok(drift)
-        }
-
-        fn counts(&self) -> Counts {
-            self.tally.counts()
-        }
+    let block = k.block();
+    let columns = |rows: &[usize]| {
+        let slots: Vec<usize> = rows.iter().map(|row| row / block).collect();
+        let all = maintainer.columns(&slots)?;
+        let own = |at: usize| block * at + rows[at] % block;
+        Ok(Mat::from_fn(all.nrows(), rows.len(), |i, at| all[(i, own(at))]))
     };
+    kept_drift(k, seed, samples, columns).unwrap_or(f64::INFINITY)
 }
 
-pub(crate) use maintained;
+/// The block of C on some slots from their columns.
+pub(crate) fn compliance_by_columns<M: InverseMaintainer + ?Sized>(
+    maintainer: &M,
+    slots: &[usize],
+) -> Result<Mat<f64>, InverseError> {
+    let columns = maintainer.columns(slots)?;
+    let rows = maintainer.stiffness().rows_of(slots);
+    let half = |i: usize, j: usize| 0.5 * columns[(rows[i], j)];
+    Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+}

@@ -36,7 +36,6 @@ macro_rules! inverse_suite {
                 a_refused_batch_says_how_far_it_came
                 a_quasi_definite_pair_by_hand
                 a_quasi_definite_vertex_by_hand
-                a_wrong_signature_is_refused
                 wrong_signs_are_refused
                 free_and_indefinite_bodies_are_refused
                 a_change_to_singular_is_refused

@@ -24,9 +24,16 @@ pub fn adapters() -> Result<Vec<AdapterReport>, GpuError> {
 pub(crate) fn found() -> Result<Vec<(wgpu::Adapter, AdapterReport)>, GpuError> {
     // wgpu panics when asked for an instance without any backend.
     if !Instance::enabled_backend_features().contains(Backends::VULKAN) {
-        return Err(GpuError::NoVulkan { target_os: std::env::consts::OS });
+        return Err(GpuError::NoVulkan(std::env::consts::OS));
     }
-    let adapters = pollster::block_on(vulkan().enumerate_adapters(Backends::VULKAN));
+    let instance = Instance::new(InstanceDescriptor {
+        backends: Backends::VULKAN,
+        // The default differs between debug and release builds, and its check of indirect
+        // dispatches lowers the limits; dispatches are never indirect here.
+        flags: InstanceFlags::empty(),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    let adapters = pollster::block_on(instance.enumerate_adapters(Backends::VULKAN));
     if adapters.is_empty() {
         return Err(GpuError::NoAdapter);
     }
@@ -37,15 +44,4 @@ pub(crate) fn found() -> Result<Vec<(wgpu::Adapter, AdapterReport)>, GpuError> {
     let mut found: Vec<_> = adapters.into_iter().map(report).collect();
     found.sort_by(|(_, a), (_, b)| a.order(b));
     Ok(found)
-}
-
-/// A Vulkan instance whose limits are the driver's own.
-fn vulkan() -> Instance {
-    Instance::new(InstanceDescriptor {
-        backends: Backends::VULKAN,
-        // The default differs between debug and release builds, and its check of indirect
-        // dispatches lowers the limits; dispatches are never indirect here.
-        flags: InstanceFlags::empty(),
-        ..InstanceDescriptor::new_without_display_handle()
-    })
 }

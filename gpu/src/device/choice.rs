@@ -63,27 +63,9 @@ fn list<'a>(adapters: impl Iterator<Item = (usize, &'a &'a AdapterReport)>) -> S
 
 #[cfg(test)]
 mod tests {
+    use super::super::report::tests::card;
     use super::*;
     use crate::DeviceType;
-
-    fn card(name: &str, device_type: DeviceType, pci_bus_id: &str) -> AdapterReport {
-        AdapterReport {
-            name: name.into(),
-            driver: "driver".into(),
-            driver_info: "1.2".into(),
-            device_type,
-            backend: "vulkan".into(),
-            vendor_id: 0x10de,
-            device_id: 0x2330,
-            pci_bus_id: pci_bus_id.into(),
-            shader_f64: true,
-            max_buffer_bytes: 1 << 40,
-            max_storage_binding_bytes: (1 << 31) - 1,
-            max_workgroup_storage_bytes: 48 << 10,
-            max_threads_per_workgroup: 1024,
-            max_workgroups_per_dimension: 65_535,
-        }
-    }
 
     fn machine() -> [AdapterReport; 4] {
         [

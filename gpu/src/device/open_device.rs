@@ -10,7 +10,7 @@ use super::adapters::found;
 use super::choice::{AdapterChoice, chosen};
 use super::report::AdapterReport;
 use crate::GpuError;
-use crate::kernels::{TILE_AREA, Translated, WORK_BYTES};
+use crate::kernels::{Kernels, TILE_AREA, WORK_BYTES};
 
 /// The longest wait for the device.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -20,15 +20,6 @@ const GRACE: Duration = Duration::from_secs(5);
 
 /// Bytes of C in one buffer, unless the options or the device say less.
 const CHUNK_BYTES: u64 = 32 << 20;
-
-/// What the kernels need of any device.
-const NEEDS: [(&str, u64); 5] = [
-    ("max_compute_invocations_per_workgroup", 256),
-    ("max_compute_workgroup_storage_size", 12 << 10),
-    ("max_storage_buffers_per_shader_stage", 6),
-    ("max_immediate_size", WORK_BYTES as u64),
-    ("max_compute_workgroups_per_dimension", 65_535),
-];
 
 /// Which device to open, and how much of it to use.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -55,8 +46,8 @@ pub struct Device {
     submits: AtomicU64,
     answers: AtomicU64,
     fault: Arc<Mutex<Option<GpuError>>>,
-    pub(crate) kernels_f32: OnceLock<Translated>,
-    pub(crate) kernels_f64: OnceLock<Translated>,
+    /// In f32 and in f64.
+    pub(crate) kernels: [OnceLock<Kernels>; 2],
 }
 
 /// A buffer that gives its bytes back to the device's budget.
@@ -117,8 +108,7 @@ impl Device {
             submits: AtomicU64::new(0),
             answers: AtomicU64::new(0),
             fault,
-            kernels_f32: OnceLock::new(),
-            kernels_f64: OnceLock::new(),
+            kernels: Default::default(),
         }))
     }
 
@@ -149,8 +139,7 @@ impl Device {
     /// Destroys the device: whatever is on it is lost, and every later call returns that error.
     pub fn destroy(&self) {
         self.device.destroy();
-        let reason = "it was destroyed by this program".to_owned();
-        note(&self.fault, GpuError::Lost { reason });
+        note(&self.fault, GpuError::Lost("it was destroyed by this program".to_owned()));
     }
 
     /// The first error since the last check; after a loss always the loss.
@@ -158,7 +147,7 @@ impl Device {
         let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         match &*fault {
             None => Ok(()),
-            Some(lost @ GpuError::Lost { .. }) => Err(lost.clone()),
+            Some(lost @ GpuError::Lost(_)) => Err(lost.clone()),
             Some(_) => Err(fault.take().unwrap_or(GpuError::NoAdapter)),
         }
     }
@@ -172,7 +161,6 @@ impl Device {
     }
 
     /// A new buffer, all 0.
-    ///
     /// # Errors
     /// [`GpuError::Limit`] above the device's largest buffer; [`GpuError::OutOfMemory`];
     /// [`GpuError::Lost`].
@@ -226,7 +214,7 @@ impl Device {
         // so there is a second attempt.
         let polled = wait(PATIENCE).or_else(|_| wait(GRACE));
         self.check()?;
-        polled.map_err(|_| GpuError::Timeout { seconds: PATIENCE.as_secs() })?;
+        polled.map_err(|_| GpuError::Timeout(PATIENCE))?;
         Ok(())
     }
 
@@ -238,9 +226,9 @@ impl Device {
             self.wait()?;
             match mapped.recv_timeout(Duration::from_millis(5)) {
                 Ok(Ok(())) => return Ok(()),
-                Ok(Err(error)) => return Err(GpuError::Refused { reason: error.to_string() }),
+                Ok(Err(error)) => return Err(GpuError::Refused(error.to_string())),
                 Err(_) if start.elapsed() < PATIENCE => {}
-                Err(_) => return Err(GpuError::Timeout { seconds: PATIENCE.as_secs() }),
+                Err(_) => return Err(GpuError::Timeout(PATIENCE)),
             }
         }
     }
@@ -258,7 +246,7 @@ impl Device {
             memory.buffer.unmap();
             return Err(error);
         }
-        let refused = |error: wgpu::MapRangeError| GpuError::Refused { reason: error.to_string() };
+        let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
         let data = memory.buffer.get_mapped_range(..bytes).map_err(refused)?.to_vec();
         memory.buffer.unmap();
         self.answers.fetch_add(1, Ordering::Relaxed);
@@ -270,17 +258,18 @@ impl Device {
 /// The answer to a request for a buffer.
 type Mapped = Result<(), wgpu::BufferAsyncError>;
 
-fn check_limits(adapter: &str, limits: &Limits) -> Result<(), GpuError> {
-    let got = [
-        limits.max_compute_invocations_per_workgroup,
-        limits.max_compute_workgroup_storage_size,
-        limits.max_storage_buffers_per_shader_stage,
-        limits.max_immediate_size,
-        limits.max_compute_workgroups_per_dimension,
-    ];
-    for ((limit, want), got) in NEEDS.into_iter().zip(got.map(u64::from)) {
+/// Whether a device has what the kernels need of any.
+fn check_limits(adapter: &str, has: &Limits) -> Result<(), GpuError> {
+    for (limit, got, want) in [
+        ("max_compute_invocations_per_workgroup", has.max_compute_invocations_per_workgroup, 256),
+        ("max_compute_workgroup_storage_size", has.max_compute_workgroup_storage_size, 12 << 10),
+        ("max_storage_buffers_per_shader_stage", has.max_storage_buffers_per_shader_stage, 6),
+        ("max_immediate_size", has.max_immediate_size, WORK_BYTES),
+        ("max_compute_workgroups_per_dimension", has.max_compute_workgroups_per_dimension, 65_535),
+    ] {
         if got < want {
-            return Err(GpuError::Limit { adapter: adapter.to_owned(), limit, got, want });
+            let (adapter, got, want) = (adapter.to_owned(), got.into(), want.into());
+            return Err(GpuError::Limit { adapter, limit, got, want });
         }
     }
     Ok(())
@@ -289,8 +278,8 @@ fn check_limits(adapter: &str, limits: &Limits) -> Result<(), GpuError> {
 /// Keeps the first error; a loss replaces any other.
 fn note(fault: &Mutex<Option<GpuError>>, error: GpuError) {
     let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_lost = matches!(*fault, Some(GpuError::Lost { .. }));
-    if fault.is_none() || (!is_lost && matches!(error, GpuError::Lost { .. })) {
+    let is_lost = matches!(*fault, Some(GpuError::Lost(_)));
+    if fault.is_none() || (!is_lost && matches!(error, GpuError::Lost(_))) {
         *fault = Some(error);
     }
 }
@@ -300,8 +289,7 @@ fn note(fault: &Mutex<Option<GpuError>>, error: GpuError) {
 fn keep_faults(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
     let lost = Arc::clone(fault);
     device.set_device_lost_callback(move |reason, message| {
-        let reason = format!("{reason:?}: {message}");
-        note(&lost, GpuError::Lost { reason });
+        note(&lost, GpuError::Lost(format!("{reason:?}: {message}")));
     });
     let refused = Arc::clone(fault);
     device.on_uncaptured_error(Arc::new(move |error| {
@@ -309,7 +297,7 @@ fn keep_faults(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
             wgpu::Error::OutOfMemory { .. } => {
                 GpuError::OutOfMemory { what: "a command", bytes: 0, left: 0 }
             }
-            other => GpuError::Refused { reason: other.to_string() },
+            other => GpuError::Refused(other.to_string()),
         };
         note(&refused, error);
     }));

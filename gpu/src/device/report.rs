@@ -22,13 +22,7 @@ pub enum DeviceType {
 /// Prints the lower-case name, e.g. `discrete`.
 impl fmt::Display for DeviceType {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            DeviceType::Discrete => "discrete",
-            DeviceType::Integrated => "integrated",
-            DeviceType::Virtual => "virtual",
-            DeviceType::Cpu => "cpu",
-            DeviceType::Other => "other",
-        })
+        f.pad(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -158,10 +152,14 @@ impl fmt::Display for Size {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn card(name: &str, device_type: DeviceType, pci_bus_id: &str) -> AdapterReport {
+    pub(in super::super) fn card(
+        name: &str,
+        device_type: DeviceType,
+        pci_bus_id: &str,
+    ) -> AdapterReport {
         AdapterReport {
             name: name.into(),
             driver: "driver".into(),

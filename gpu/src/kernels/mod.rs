@@ -8,5 +8,5 @@ mod layout;
 mod pipelines;
 
 pub(crate) use layout::{MOST_ROWS, TILE, TILE_AREA, before, tile_rows};
-pub use pipelines::Translated;
-pub(crate) use pipelines::{BINDINGS, Kernel, Kernels, WORK_BYTES, Work};
+pub use pipelines::Kernels;
+pub(crate) use pipelines::{BINDINGS, Kernel, WORK_BYTES, Work};

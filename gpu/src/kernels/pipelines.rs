@@ -81,13 +81,9 @@ impl Work {
     }
 }
 
-/// The translated kernels of a device: nothing that can be used outside of this crate.
+/// All kernels in one precision, translated: nothing that can be used outside of this crate.
 #[derive(Debug)]
-pub struct Translated(pub(crate) Kernels);
-
-/// All kernels in one precision.
-#[derive(Debug)]
-pub(crate) struct Kernels {
+pub struct Kernels {
     pub(crate) layout: BindGroupLayout,
     pipelines: Vec<ComputePipeline>,
 }

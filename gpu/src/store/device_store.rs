@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use faer::{Mat, MatRef};
-use yawara_inverse_update::{DenseStore, InverseError, Staged};
+use yawara_inverse_update::DenseStore;
 
 use crate::GpuError;
-use crate::buffers::{Buffers, Need, needed_bytes};
+use crate::buffers::{Buffers, Need};
 use crate::device::Device;
 use crate::kernels::{Kernel, Work, tile_rows};
 use crate::scalar::DeviceScalar;
@@ -31,7 +31,6 @@ pub struct DeviceStore<E: DeviceScalar> {
 
 impl<E: DeviceScalar> DeviceStore<E> {
     /// Holds a C of no rows on that device.
-    ///
     /// # Errors
     /// [`GpuError::NoF64`] for f64 where shaders don't have it; [`GpuError::Lost`];
     /// [`GpuError::Refused`] if the driver can't translate the kernels.
@@ -54,7 +53,6 @@ impl<E: DeviceScalar> DeviceStore<E> {
     }
 
     /// Waits until the device has done all submitted work.
-    ///
     /// # Errors
     /// [`GpuError::Lost`], [`GpuError::Timeout`].
     pub fn finish(&self) -> Result<(), GpuError> {
@@ -75,8 +73,8 @@ impl<E: DeviceScalar> DeviceStore<E> {
     ) -> Result<(), GpuError> {
         let need = Need { rows, front, gather };
         let is_short = self.buffers.is_short_of(need);
-        if is_short || self.pending + front > self.buffers.front() {
-            self.fold_now()?;
+        if is_short || self.pending + front > self.buffers.capacity.front {
+            self.fold()?;
         }
         if is_short {
             self.gathered = None;
@@ -93,10 +91,10 @@ impl<E: DeviceScalar> DeviceStore<E> {
     ) -> (Kernel, Work) {
         let numbers: Vec<E> =
             (0..x.nrows()).flat_map(|i| (0..x.ncols()).map(move |j| E::of(x[(i, j)]))).collect();
-        let at = self.buffers.front();
+        let at = self.buffers.capacity.front;
         self.buffers.write_small(at, &numbers);
         let work = Work {
-            source: self.buffers.front(),
+            source: self.buffers.capacity.front,
             sources: x.nrows(),
             target: first,
             targets: x.ncols(),
@@ -118,73 +116,10 @@ impl<E: DeviceScalar> DeviceStore<E> {
         }
         self.buffers.write_panel(first, 0, &numbers);
     }
-}
 
-fn mebibytes(bytes: u64) -> f64 {
-    bytes as f64 / f64::from(1 << 20)
-}
-
-impl<E: DeviceScalar> DenseStore for DeviceStore<E> {
-    type Scalar = E;
-
-    fn method(&self) -> &'static str {
-        E::NAME
-    }
-
-    fn place(&self) -> Option<String> {
-        let report = self.device.report();
-        let (used, needed) = (self.device.used_bytes(), needed_bytes(self.rows, E::BYTES));
-        Some(format!(
-            "on {} ({}, {} {}), {} bits, {:.1} MiB needed and {:.1} MiB reserved there, at most {:.0} \
-             MiB per buffer",
-            report.name,
-            report.device_type,
-            report.driver,
-            report.driver_info,
-            8 * E::BYTES,
-            mebibytes(needed),
-            mebibytes(used),
-            mebibytes(report.max_buffer_bytes.min(report.max_storage_binding_bytes)),
-        ))
-    }
-
-    fn load(&mut self, lower: MatRef<'_, f64>) -> Result<(), InverseError> {
-        self.load_now(lower).map_err(|error| error.of(E::NAME))
-    }
-
-    fn delayed(&self) -> usize {
-        self.pending
-    }
-
-    fn submatrix(&mut self, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
-        self.submatrix_now(rows).map_err(|error| error.of(E::NAME))
-    }
-
-    fn columns(&mut self, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
-        self.columns_now(rows).map_err(|error| error.of(E::NAME))
-    }
-
-    fn product(&mut self, rows: &[usize], x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
-        self.product_now(rows, x).map_err(|error| error.of(E::NAME))
-    }
-
-    fn multiply(&mut self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
-        self.multiply_now(x).map_err(|error| error.of(E::NAME))
-    }
-
-    fn stage(&mut self, staged: &Staged<'_>) -> Result<Vec<f64>, InverseError> {
-        self.stage_now(staged).map_err(|error| error.of(E::NAME))
-    }
-
-    fn accept(&mut self, own: MatRef<'_, f64>) -> Result<(), InverseError> {
-        self.accept_now(own).map_err(|error| error.of(E::NAME))
-    }
-
-    fn remove(&mut self, slot: usize, block: usize) -> Result<(), InverseError> {
-        self.remove_now(slot, block).map_err(|error| error.of(E::NAME))
-    }
-
-    fn fold(&mut self) -> Result<(), InverseError> {
-        self.fold_now().map_err(|error| error.of(E::NAME))
+    /// Consecutive panel columns without their padding.
+    pub(super) fn unpack(&self, numbers: &[f64], columns: usize) -> Mat<f64> {
+        let stride = self.buffers.stride();
+        Mat::from_fn(self.rows, columns, |i, k| numbers[k * stride + i])
     }
 }

@@ -16,7 +16,7 @@ impl<E: DeviceScalar> Recording<'_, E> {
     pub(super) fn run(&mut self, kernel: Kernel, work: Work, groups: (usize, usize)) {
         let store = self.store;
         if let Some(group) = store.buffers.group(0) {
-            let kernels = &E::kernels(&store.device).0;
+            let kernels = E::kernels(&store.device);
             kernels.dispatch(&mut self.pass, kernel, group, &work, groups);
         }
     }
@@ -31,8 +31,8 @@ impl<E: DeviceScalar> Recording<'_, E> {
         groups: (Option<usize>, usize),
     ) {
         let store = self.store;
-        let (each, end) = (store.buffers.chunk_tiles(), before(tile_rows(rows)));
-        let kernels = &E::kernels(&store.device).0;
+        let (each, end) = (store.buffers.chunk_tiles, before(tile_rows(rows)));
+        let kernels = E::kernels(&store.device);
         for chunk in first / each..end.div_ceil(each) {
             let Some(group) = store.buffers.group(chunk) else { return };
             let first_tile = chunk * each;
@@ -43,22 +43,15 @@ impl<E: DeviceScalar> Recording<'_, E> {
         }
     }
 
-    /// Columns of C into the panel, once [`DeviceStore::gathering`] has prepared it.
-    pub(super) fn gather(&mut self, gathering: Option<&Gathering>) {
-        let Some(Gathering { work, rows }) = gathering else { return };
-        let (work, groups) = (*work, (work.tile_rows, rows.len()));
-        self.run_on_tiles(Kernel::Gather, work, (0, work.rows), (Some(groups.0), groups.1));
+    /// The columns of so many noted rows into the panel, with the deferred terms.
+    fn gather(&mut self, rows: usize) {
+        let work = Work { target: self.store.buffers.capacity.front, ..self.store.work() };
+        let tiles = work.tile_rows;
+        self.run_on_tiles(Kernel::Gather, work, (0, work.rows), (Some(tiles), rows));
         if work.terms > 0 {
-            self.run(Kernel::Correct, work, groups);
+            self.run(Kernel::Correct, work, (tiles, rows));
         }
     }
-}
-
-/// Columns of C to be gathered into the panel.
-pub(super) struct Gathering {
-    pub(super) work: Work,
-    /// The rows that they belong to.
-    pub(super) rows: Vec<usize>,
 }
 
 /// Which buffer numbers come back from.
@@ -70,24 +63,29 @@ pub(super) enum From {
 }
 
 impl<E: DeviceScalar> DeviceStore<E> {
-    /// The work that brings the columns of some rows, with the deferred terms, into the panel;
-    /// `None` where they are there. To be recorded in front of what reads them.
-    pub(super) fn gathering(&mut self, rows: &[usize]) -> Result<Option<Gathering>, GpuError> {
-        if self.gathered.as_deref() == Some(rows) {
-            return Ok(None);
+    /// Brings the columns of some rows into the panel, which has space for them, unless they are
+    /// there; then runs the commands that read them, and reads numbers back.
+    pub(super) fn fetch_gathered(
+        &mut self,
+        rows: &[usize],
+        commands: impl FnOnce(&mut Recording<'_, E>),
+        from: From,
+        numbers: usize,
+    ) -> Result<Vec<f64>, GpuError> {
+        let are_there = self.gathered.as_deref() == Some(rows);
+        if !are_there {
+            self.gathered = None;
+            self.buffers.write_index(rows);
         }
-        self.gathered = None;
-        self.make_space(self.rows, 0, rows.len())?;
-        self.buffers.write_index(rows);
-        let work = Work { target: self.buffers.front(), ..self.work() };
-        Ok(Some(Gathering { work, rows: rows.to_vec() }))
-    }
-
-    /// Notes what the panel holds, once the commands were submitted without an error.
-    pub(super) fn note_gathered(&mut self, gathering: Option<Gathering>) {
-        if let Some(Gathering { rows, .. }) = gathering {
-            self.gathered = Some(rows);
-        }
+        let encoder = self.record(|record| {
+            if !are_there {
+                record.gather(rows.len());
+            }
+            commands(record);
+        });
+        let numbers = self.fetch(encoder, from, numbers)?;
+        self.gathered = Some(rows.to_vec());
+        Ok(numbers)
     }
 
     /// Records commands without submitting them.
@@ -130,6 +128,6 @@ impl<E: DeviceScalar> DeviceStore<E> {
         encoder.copy_buffer_to_buffer(source, at, &readback.buffer, 0, bytes);
         self.device.submit(encoder)?;
         let bytes = self.device.read(readback, bytes)?;
-        Ok(bytes.chunks_exact(E::BYTES as usize).map(|x| E::take(x).value()).collect())
+        Ok(bytemuck::pod_collect_to_vec::<u8, E>(&bytes).into_iter().map(E::value).collect())
     }
 }

@@ -25,54 +25,50 @@ pub(crate) fn all<E: DeviceScalar>(
         encoder.clear_buffer(panel, 0, None);
     }
     device.submit(encoder)?;
-    let mut piece = Piece { chunk: 0, first: 0, bytes: Vec::new() };
-    let tile_bytes = TILE_AREA * E::BYTES as usize;
+    let mut piece = Piece::<E> { chunk: 0, first: 0, numbers: Vec::new() };
+    let most = PIECE_BYTES / E::BYTES as usize;
     for block in 0..tile_rows(lower.nrows()) {
         for other in 0..=block {
             let tile = before(block) + other;
-            let chunk = tile / buffers.chunk_tiles();
-            if chunk != piece.chunk || piece.bytes.len() + tile_bytes > PIECE_BYTES {
+            let chunk = tile / buffers.chunk_tiles;
+            if chunk != piece.chunk || piece.numbers.len() + TILE_AREA > most {
                 piece.send(store)?;
-                let first = ((tile % buffers.chunk_tiles()) * tile_bytes) as u64;
-                piece = Piece { chunk, first, bytes: Vec::new() };
+                let first = (tile % buffers.chunk_tiles * TILE_AREA) as u64;
+                piece = Piece { chunk, first, numbers: Vec::new() };
             }
-            tile_of::<E>(lower, (block, other), &mut piece.bytes);
+            piece.push_tile(lower, (block, other));
         }
     }
     piece.send(store)
 }
 
 /// Consecutive tiles of one chunk.
-struct Piece {
+struct Piece<E> {
     chunk: usize,
-    /// Where they go, in bytes.
+    /// Where they go, in numbers.
     first: u64,
-    bytes: Vec<u8>,
+    numbers: Vec<E>,
 }
 
-impl Piece {
-    fn send<E: DeviceScalar>(&self, store: &DeviceStore<E>) -> Result<(), GpuError> {
+impl<E: DeviceScalar> Piece<E> {
+    /// Adds a tile of a matrix given by its lower half.
+    fn push_tile(&mut self, lower: MatRef<'_, f64>, (block, other): (usize, usize)) {
+        let n = lower.nrows();
+        self.numbers.extend((0..TILE_AREA).map(|entry| {
+            let (i, j) = (block * TILE + entry / TILE, other * TILE + entry % TILE);
+            let is_inside = i < n && j < n;
+            E::of(if is_inside { lower[(i.max(j), i.min(j))] } else { 0.0 })
+        }));
+    }
+
+    fn send(&self, store: &DeviceStore<E>) -> Result<(), GpuError> {
         let (device, buffers) = (&store.device, &store.buffers);
-        if !self.bytes.is_empty() {
+        if !self.numbers.is_empty() {
             device.check()?;
-            device.queue.write_buffer(buffers.chunk(self.chunk), self.first, &self.bytes);
+            let (chunk, bytes) = (buffers.chunk(self.chunk), bytemuck::cast_slice(&self.numbers));
+            device.queue.write_buffer(chunk, self.first * E::BYTES, bytes);
             device.queue.submit([]);
         }
         device.wait()
-    }
-}
-
-/// Tiles of C in the device's order: numbers of tile `tile` of a matrix given by its lower half.
-fn tile_of<E: DeviceScalar>(
-    lower: MatRef<'_, f64>,
-    (block, other): (usize, usize),
-    bytes: &mut Vec<u8>,
-) {
-    let n = lower.nrows();
-    for entry in 0..TILE_AREA {
-        let (i, j) = (block * TILE + entry / TILE, other * TILE + entry % TILE);
-        let is_inside = i < n && j < n;
-        let value = if is_inside { lower[(i.max(j), i.min(j))] } else { 0.0 };
-        E::of(value).put(bytes);
     }
 }

@@ -3,6 +3,7 @@
 use faer::Mat;
 
 use super::residual::residual;
+use crate::InverseError;
 use crate::matrix::SparseStiffness;
 
 /// The drift above which [`watch`](crate::InverseMaintainer::watch) has an inverse kept in f64
@@ -15,36 +16,26 @@ pub const DRIFT_LIMIT_F32: f64 = 1e-2;
 /// Columns that [`watch`](crate::InverseMaintainer::watch) looks at.
 pub(crate) const WATCHED: usize = 8;
 
-/// The largest drift over some random columns j, which `column` gives by row number; infinite where
-/// it can't.
-pub(crate) fn worst_drift(
+/// The largest drift of some random columns, which `columns` gives by row number; infinite where
+/// anything is not finite. Fails as `columns` does.
+pub(crate) fn kept_drift(
     k: &SparseStiffness,
     seed: u64,
     samples: usize,
-    mut column: impl FnMut(usize) -> Option<Vec<f64>>,
-) -> f64 {
+    columns: impl FnOnce(&[usize]) -> Result<Mat<f64>, InverseError>,
+) -> Result<f64, InverseError> {
+    let rows = random_rows(k, seed, samples);
+    let columns = columns(&rows)?;
     let (mut unit, mut residuals) = (vec![0.0; k.dofs()], vec![0.0; k.dofs()]);
     let mut worst: f64 = 0.0;
-    for j in random_rows(k, seed, samples) {
-        let Some(column) = column(j) else { return f64::INFINITY };
+    for (at, &j) in rows.iter().enumerate() {
         unit[j] = 1.0;
-        let s = residual(k, &unit, &column, &mut residuals);
+        let s = residual(k, &unit, columns.col_as_slice(at), &mut residuals);
         unit[j] = 0.0;
         // `f64::max` would hide a NaN.
         worst = if s.is_finite() { worst.max(s) } else { f64::INFINITY };
     }
-    worst
-}
-
-/// The largest drift of [`WATCHED`] columns as they are kept; `kept` gives them by row number.
-pub(crate) fn kept_drift(
-    k: &SparseStiffness,
-    seed: u64,
-    kept: impl FnOnce(&[usize]) -> Mat<f64>,
-) -> f64 {
-    let columns = kept(&random_rows(k, seed, WATCHED));
-    let mut each = columns.col_iter();
-    worst_drift(k, seed, WATCHED, |_| Some(each.next()?.iter().copied().collect()))
+    Ok(worst)
 }
 
 /// Whether a drift calls for a rebuild, and logs it.
@@ -64,13 +55,10 @@ fn random_rows(k: &SparseStiffness, seed: u64, samples: usize) -> Vec<usize> {
 }
 
 /// SplitMix64 (Steele, Lea, Flood 2014): good enough to pick columns, the same everywhere.
-fn random(state: &mut u64) -> u64 {
+pub(crate) fn random(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
-
-#[cfg(test)]
-mod tests;

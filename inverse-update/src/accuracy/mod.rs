@@ -1,14 +1,14 @@
-//! How good a kept inverse is: the residual of a solution and the step that reduces it
-//! (`residual.rs`, the file to open first), how far the inverse has drifted from K (`drift.rs`),
-//! and how often a maintainer had to act on either (`counts.rs`).
+//! How good a kept inverse is: the residual of a solution (`residual.rs`, the file to open first),
+//! the steps that reduce it (`refinement.rs`), and how far the inverse has drifted from K
+//! (`drift.rs`).
 
-mod counts;
 mod drift;
+mod refinement;
 mod residual;
 
-pub use counts::Counts;
-pub(crate) use counts::Tally;
 pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32};
-pub(crate) use drift::{WATCHED, is_too_far, kept_drift, worst_drift};
-pub use residual::REFINEMENT_LIMIT;
-pub(crate) use residual::{exceeds_rounding, refine_each, residual, solve_refined};
+pub(crate) use drift::{WATCHED, is_too_far, kept_drift};
+pub use refinement::{MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT};
+pub(crate) use refinement::{refine_columns, refine_each};
+#[cfg(test)]
+pub(crate) use {drift::random, residual::residual};

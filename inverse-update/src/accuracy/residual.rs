@@ -1,13 +1,6 @@
-//! What a solution leaves of its load, and the step that takes most of that away.
+//! What a solution leaves of its load.
 
-use faer::{Mat, MatRef};
-
-use super::counts::Tally;
-use crate::InverseError;
-use crate::matrix::{SparseStiffness, check_length, check_vector};
-
-/// The residual ‖D^(−½)(K u − f)‖ / ‖D^(−½) f‖, D = |diag K|, above which a solution is refined.
-pub const REFINEMENT_LIMIT: f64 = 1e-11;
+use crate::matrix::SparseStiffness;
 
 /// Rounding of a residual, in units of ε (|K| |u| + |f|).
 pub(crate) const ROUNDING: f64 = 4.0;
@@ -88,84 +81,10 @@ pub(crate) fn norm(k: &SparseStiffness, x: &[f64]) -> f64 {
     x.iter().enumerate().map(square).sum::<f64>().sqrt()
 }
 
-/// u = C f, refined once where that helps; `solve` replaces a vector x by C x.
-///
-/// # Errors
-/// [`InverseError::Shape`], [`InverseError::NotFinite`]; those of `solve`.
-pub(crate) fn solve_refined(
-    k: &SparseStiffness,
-    tally: &Tally,
-    (f, u): (&[f64], &mut [f64]),
-    mut solve: impl FnMut(&mut [f64]) -> Result<(), InverseError>,
-) -> Result<(), InverseError> {
-    check_vector("f", f, k.dofs())?;
-    check_length("u", u, k.dofs())?;
-    let mut solution = f.to_vec();
-    solve(&mut solution)?;
-    let refined = refine_once(k, f, &mut solution, solve)?;
-    tally.refined(usize::from(refined));
-    u.copy_from_slice(&solution);
-    Ok(())
-}
-
-/// As [`solve_refined`] for the columns of `loads`, of which `solutions` are given unrefined.
-///
-/// # Errors
-/// [`InverseError::NotFinite`]; those of `solve`.
-pub(crate) fn refine_each(
-    k: &SparseStiffness,
-    tally: &Tally,
-    (loads, solutions): (MatRef<'_, f64>, &mut Mat<f64>),
-    solve: impl Fn(&mut [f64]) -> Result<(), InverseError>,
-) -> Result<(), InverseError> {
-    for (j, load) in loads.col_iter().enumerate() {
-        let load: Vec<f64> = load.iter().copied().collect();
-        let refined = refine_once(k, &load, solutions.col_as_slice_mut(j), &solve)?;
-        tally.refined(usize::from(refined));
-    }
-    Ok(())
-}
-
-/// u ← u + C (f − K u), once, if the residual is above [`REFINEMENT_LIMIT`] and above the rounding
-/// of K u: below that no step can bring it. Tells whether the step was taken; it is not where it
-/// would leave more than before.
-///
-/// `solve` replaces a vector x by C x. Cost: O(stored entries), and as `solve` for a step.
-/// # Errors
-/// [`InverseError::NotFinite`] if u is not finite; those of `solve`.
-pub(crate) fn refine_once(
-    k: &SparseStiffness,
-    f: &[f64],
-    u: &mut [f64],
-    solve: impl FnOnce(&mut [f64]) -> Result<(), InverseError>,
-) -> Result<bool, InverseError> {
-    let mut step = vec![0.0; f.len()];
-    let before = residual(k, f, u, &mut step);
-    if before <= REFINEMENT_LIMIT {
-        return Ok(false);
-    }
-    // Only an infinity or a NaN in u, or an overflow that comes close to one, gets here.
-    if !before.is_finite() {
-        let row = u.iter().position(|value| !value.is_finite()).unwrap_or(0);
-        let (what, col, value) = ("the solution", 0, u[row]);
-        return Err(InverseError::NotFinite { what, row, col, value });
-    }
-    if !exceeds_rounding(k, f, u, &step) {
-        return Ok(false);
-    }
-    solve(&mut step)?;
-    step.iter_mut().zip(u.iter()).for_each(|(step, u)| *step += u);
-    let mut rest = vec![0.0; f.len()];
-    let closer = residual(k, f, &step, &mut rest) < before;
-    if closer {
-        u.copy_from_slice(&step);
-    }
-    Ok(closer)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use faer::Mat;
 
     /// Every number of rows that has a loop of its own, and others.
     #[test]
@@ -191,33 +110,5 @@ mod tests {
             let want = size(&want) / size(&f);
             assert!((got / want - 1.0).abs() < 1e-14, "{got} instead of {want}");
         }
-    }
-
-    /// One spring and C = (1 + 1e-3)/K: a step leaves 1e-6 of the load, another would leave 1e-9.
-    #[test]
-    fn one_step_is_taken_where_it_helps() {
-        let mut k = SparseStiffness::zeros(1, 1).unwrap();
-        k.add(&[0], Mat::from_fn(1, 1, |_, _| 4.0).as_ref()).unwrap();
-        let apply = |factor: f64| {
-            move |x: &mut [f64]| {
-                x[0] *= factor / 4.0;
-                Ok(())
-            }
-        };
-        let mut u = [1.001 / 4.0];
-        assert_eq!(refine_once(&k, &[1.0], &mut u, apply(1.001)), Ok(true));
-        assert!((4.0 * u[0] - (1.0 - 1e-6)).abs() < 1e-12, "{}", u[0]);
-        let mut exact = [0.25];
-        assert_eq!(refine_once(&k, &[1.0], &mut exact, apply(1.0)), Ok(false));
-        assert_eq!(exact, [0.25]);
-        // The step of a C that is off by more than 2 goes too far.
-        let mut far = [0.3];
-        assert_eq!(refine_once(&k, &[1.0], &mut far, apply(3.0)), Ok(false));
-        assert_eq!(far, [0.3]);
-        for value in [f64::NAN, f64::INFINITY] {
-            let error = refine_once(&k, &[1.0], &mut [value], apply(1.0)).unwrap_err();
-            assert!(matches!(error, InverseError::NotFinite { what: "the solution", .. }));
-        }
-        assert_eq!(refine_once(&k, &[0.0], &mut [0.0], apply(1.0)), Ok(false));
     }
 }

@@ -19,14 +19,9 @@ pub(crate) struct Capacitance {
 }
 
 impl Capacitance {
-    /// Factors a matrix that was assembled, not subtracted: pivots are compared with its own
-    /// diagonal, to rounding.
-    pub(crate) fn of(what: &'static str, g: MatRef<'_, f64>) -> Result<Self, InverseError> {
-        Self::of_signed(what, g, 0)
-    }
-
-    /// As [`of`](Self::of) for a quasi-definite G with that many negative rows at the end.
-    pub(crate) fn of_signed(
+    /// Factors a matrix that was assembled, not subtracted, with `negative` negative rows at the end:
+    /// pivots are compared with its own diagonal, to rounding.
+    pub(crate) fn of(
         what: &'static str,
         g: MatRef<'_, f64>,
         negative: usize,
@@ -155,7 +150,7 @@ mod tests {
     fn a_two_by_two_factor_is_the_one_by_hand() {
         // [4, 2; 2, 5] = [2, 0; 1, 2] [2, 1; 0, 2]
         let g = mat![[4.0, 2.0], [2.0, 5.0]];
-        let factor = Capacitance::of("g", g.as_ref()).unwrap();
+        let factor = Capacitance::of("g", g.as_ref(), 0).unwrap();
         assert_eq!(factor.lower(), mat![[2.0, 0.0], [1.0, 2.0]]);
         // (6, 9) [4, 2; 2, 5]⁻¹ = (6, 9) [5, −2; −2, 4] / 16 = (12, 24) / 16
         let z = mat![[6.0, 9.0]];
@@ -167,16 +162,16 @@ mod tests {
     fn a_quasi_definite_factor_is_the_one_by_hand() {
         // [4, 2; 2, −8] = [2, 0; 1, 3] diag(1, −1) [2, 1; 0, 3]
         let g = mat![[4.0, 2.0], [2.0, -8.0]];
-        let factor = Capacitance::of_signed("g", g.as_ref(), 1).unwrap();
+        let factor = Capacitance::of("g", g.as_ref(), 1).unwrap();
         assert_eq!(factor.lower(), mat![[2.0, 0.0], [1.0, 3.0]]);
         // (36, 0) G⁻¹ = (36, 0) [8, 2; 2, −4] / 36 = (8, 2)
         let z = mat![[36.0, 0.0]];
         assert_eq!(factor.solve(z.as_ref()), mat![[8.0, 2.0]]);
         let half = factor.half_solve(z.as_ref());
         assert_eq!(factor.signed_square(half.as_ref()), mat![[36.0 * 8.0]]);
-        assert!(Capacitance::of("g", g.as_ref()).is_err(), "not positive definite");
+        assert!(Capacitance::of("g", g.as_ref(), 0).is_err(), "not positive definite");
         let definite = mat![[4.0, 2.0], [2.0, 5.0]];
-        assert!(Capacitance::of_signed("g", definite.as_ref(), 1).is_err(), "a wrong sign");
+        assert!(Capacitance::of("g", definite.as_ref(), 1).is_err(), "a wrong sign");
     }
 
     #[test]
@@ -185,7 +180,7 @@ mod tests {
         let indefinite = mat![[1.0, 2.0], [2.0, 1.0]];
         let nan = mat![[1.0, 0.0], [f64::NAN, 1.0]];
         for g in [singular, indefinite, nan, mat![[f64::INFINITY]], mat![[0.0]]] {
-            let error = Capacitance::of("g", g.as_ref()).err().unwrap();
+            let error = Capacitance::of("g", g.as_ref(), 0).err().unwrap();
             assert!(matches!(error, InverseError::Singular { what: "g", .. }), "{error}");
         }
     }
@@ -193,7 +188,7 @@ mod tests {
     #[test]
     fn a_pivot_that_lost_half_its_digits_is_refused() {
         let g = mat![[1e-9]];
-        assert!(Capacitance::of("g", g.as_ref()).is_ok());
+        assert!(Capacitance::of("g", g.as_ref(), 0).is_ok());
         assert!(Capacitance::of_difference("g", g.as_ref(), &[1.0]).is_err());
         assert!(Capacitance::of_difference("g", g.as_ref(), &[1e-3]).is_ok());
     }

@@ -2,18 +2,14 @@
 //!
 //! - *split*: an edge is bisected, and its midpoint comes in as a vertex. A
 //!   [`RingChange`](ring_change::RingChange) holds the ring's stiffness before and after. A vertex
-//!   that is no longer fixed is a split of no elements (`RingChange::freed`).
+//!   that is no longer fixed is a split of no elements.
 //! - *merge*: the reverse of a split with the same `RingChange`, and the vertex goes. A vertex that
-//!   becomes fixed is a merge of no elements (`RingChange::fixed`).
-//! - *content*: a leaf gets another material, and all vertices stay. A
-//!   [`StiffnessChange`](stiffness_change::StiffnessChange) says so; it also serves an element that
-//!   is removed, a split or merge whose midpoint is fixed, and the elements that pass to the copy
-//!   when a cut doubles a vertex (which itself comes in by `RingChange::freed`).
+//!   becomes fixed is a merge of no elements.
+//! - *content*: all vertices stay. A [`StiffnessChange`](batch::StiffnessChange) says how K changes.
 //!
 //! `batch.rs` is the file to open first: [`Update`](batch::Update) is one of the three. `apply.rs`
-//! checks an update and applies it to K. `net_change.rs` brings an update into the form U Λ Uᵀ of
-//! `low_rank.rs`, from which the maintainers update their inverse; `capacitance.rs` factors the
-//! small matrices on the way.
+//! checks an update and applies it to K. `net_change.rs` brings it into the form U Λ Uᵀ, from which
+//! the maintainers update their inverse, with the algebra of `low_rank.rs` and `capacitance.rs`.
 
 mod apply;
 mod batch;
@@ -21,12 +17,9 @@ mod capacitance;
 mod low_rank;
 mod net_change;
 mod ring_change;
-mod stiffness_change;
 
-pub use batch::Update;
-pub(crate) use batch::UpdateRef;
+pub use batch::{StiffnessChange, Update, UpdateRef};
 pub(crate) use capacitance::{Capacitance, PIVOT_FLOOR};
-pub(crate) use low_rank::{LowRank, eigenvectors};
+pub(crate) use low_rank::{beside, eigenvectors};
 pub(crate) use net_change::NetChange;
 pub use ring_change::{CONSISTENCY_LIMIT, RingChange};
-pub use stiffness_change::StiffnessChange;

@@ -1,21 +1,22 @@
 //! What an update adds to K and takes from it, once large parts of a ring have cancelled.
 
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 use super::batch::UpdateRef;
 use super::capacitance::Capacitance;
-use super::low_rank::{LowRank, eigenvectors};
+use super::low_rank::{beside, eigenvectors};
 use super::ring_change::RingChange;
 use crate::InverseError;
 
-/// M = P Pᵀ − N Nᵀ on the rows of the vertices that stay, and the rows of a vertex that is added:
-/// C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ.
+/// M = U Λ Uᵀ on the rows of the vertices that stay, Λ = diag(1, −1), and the rows of a vertex that
+/// is added: C_m: = T C_r:, C_mm = A22⁻¹ + T C_rr Tᵀ.
 pub(crate) struct NetChange {
-    what: &'static str,
-    /// P, r × p.
-    pub gained: Mat<f64>,
-    /// N, r × q.
-    pub lost: Mat<f64>,
+    /// What fails if the update does.
+    pub what: &'static str,
+    /// U = (P N), r × k.
+    pub u: Mat<f64>,
+    /// Columns of P, which come with +1.
+    pub gained: usize,
     /// Tᵀ = −a12 A22⁻¹, r × m; m is 0 where no vertex is added.
     pub t: Mat<f64>,
     /// A22⁻¹, m × m.
@@ -23,37 +24,36 @@ pub(crate) struct NetChange {
 }
 
 impl NetChange {
+    fn new(what: &'static str, gained: &Mat<f64>, lost: &Mat<f64>) -> Self {
+        let u = beside(&[gained.as_ref(), lost.as_ref()]);
+        let (t, inverse) = (Mat::zeros(u.nrows(), 0), Mat::zeros(0, 0));
+        Self { what, u, gained: gained.ncols(), t, inverse }
+    }
+
     /// Of one update, with `negative` rows of negative pivots per vertex.
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if the ring's own algebra fails.
     pub(crate) fn of(update: UpdateRef<'_>, negative: usize) -> Result<Self, InverseError> {
-        let (what, gained, lost) = match update {
-            UpdateRef::Split(change) => return Self::of_split(change, negative),
-            UpdateRef::Merge(_, change) => {
-                let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-                let (gained, lost) = of_ring(change, &a22, negative)?;
-                ("I + Uᵀ C U of a merge", lost, gained)
-            }
+        let (change, is_split) = match update {
+            UpdateRef::Split(change) => (change, true),
+            UpdateRef::Merge(_, change) => (change, false),
             UpdateRef::Content(change) => {
-                ("I + Uᵀ C U of a change", change.added.clone(), change.removed.clone())
+                return Ok(Self::new("I + Uᵀ C U of a change", &change.added, &change.removed));
             }
         };
-        let (t, inverse) = (Mat::zeros(gained.nrows(), 0), Mat::zeros(0, 0));
-        Ok(Self { what, gained, lost, t, inverse })
-    }
-
-    fn of_split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
+        let a22 = Capacitance::of("a22", change.a22.as_ref(), negative)?;
         let (gained, lost) = of_ring(change, &a22, negative)?;
+        if !is_split {
+            return Ok(Self::new("I + Uᵀ C U of a merge", &lost, &gained));
+        }
         let t = -a22.solve(change.a12.as_ref());
-        let m = t.ncols();
-        let inverse = a22.solve(Mat::<f64>::identity(m, m).as_ref());
-        Ok(Self { what: "I + Uᵀ C U of a split", gained, lost, t, inverse })
+        let inverse = a22.solve(Mat::<f64>::identity(t.ncols(), t.ncols()).as_ref());
+        Ok(Self { t, inverse, ..Self::new("I + Uᵀ C U of a split", &gained, &lost) })
     }
 
-    pub(crate) fn low_rank(&self) -> LowRank<'_> {
-        LowRank { what: self.what, gained: self.gained.as_ref(), lost: self.lost.as_ref() }
+    /// N.
+    pub(crate) fn lost(&self) -> MatRef<'_, f64> {
+        self.u.subcols(self.gained, self.u.ncols() - self.gained)
     }
 }
 
@@ -79,9 +79,8 @@ fn of_ring(
     if is_conforming && less.ncols() == 0 {
         return Ok((more.clone(), less.clone()));
     }
-    let low = LowRank { what: "", gained: more.as_ref(), lost: less.as_ref() };
-    let (p, q) = (more.ncols(), low.columns());
-    let all = low.beside(released.as_ref());
+    let (p, q) = (more.ncols(), more.ncols() + less.ncols());
+    let all = beside(&[more.as_ref(), less.as_ref(), released.as_ref()]);
     let sign = |j: usize| match j {
         j if j < p => 1.0,
         j if j < q => -1.0,
@@ -89,15 +88,14 @@ fn of_ring(
     };
     let signs: Vec<f64> = (0..all.ncols()).map(sign).collect();
     // Displacements and pressures have sizes of their own: rows of equal size keep the digits of
-    // both.
-    let (vectors, values) = eigenvectors(all.as_ref(), &signs, negative > 0).map_err(|value| {
+    // both. Smaller eigenvalues are rounding of the largest.
+    let eigen = eigenvectors(all.as_ref(), &signs, negative > 0, 0.25 * f64::EPSILON);
+    let (vectors, values) = eigen.map_err(|value| {
         let what = "the ring's net change of stiffness";
         InverseError::Singular { what, row: 0, value, limit: f64::MAX }
     })?;
-    // Smaller eigenvalues are rounding of the largest.
-    let floor = 0.25 * f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     let side = |sign: f64| {
-        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > floor).collect();
+        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > 0.0).collect();
         Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])])
     };
     Ok((side(1.0), side(-1.0)))
@@ -116,10 +114,11 @@ mod tests {
         let (b, positive) = (mat![[h, 0.0], [h, 1.0]], mat![[h], [h]]);
         let change = RingChange { b, positive, ..freed };
         let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
-        let m = &net.gained * net.gained.transpose() - &net.lost * net.lost.transpose();
+        let gained = net.u.subcols(0, net.gained);
+        let m = gained * gained.transpose() - net.lost() * net.lost().transpose();
         // Rounding of the stiff terms, 1e12 ε, is what may remain.
         assert!((m - mat![[0.0, 0.0], [0.0, -1.0]]).norm_max() < 1e-3);
-        assert!(net.gained.norm_max() < 0.1, "nothing stiff is added on the way");
+        assert!(gained.norm_max() < 0.1, "nothing stiff is added on the way");
     }
 
     #[test]
@@ -127,10 +126,10 @@ mod tests {
         let freed = RingChange::freed(vec![0], Mat::zeros(1, 1), mat![[4.0]], 0).unwrap();
         let mut change = RingChange { b: mat![[6.0]], ..freed };
         let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
-        assert_eq!((net.gained.ncols(), net.lost), (0, mat![[3.0]]));
+        assert_eq!((net.gained, net.u), (0, mat![[3.0]]));
         change.b = mat![[0.0]];
         change.positive = mat![[2.0]];
         let net = NetChange::of(UpdateRef::Split(&change), 0).unwrap();
-        assert_eq!((net.gained, net.lost.ncols()), (mat![[2.0]], 0));
+        assert_eq!((net.gained, net.u), (1, mat![[2.0]]));
     }
 }

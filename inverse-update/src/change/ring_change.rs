@@ -58,7 +58,6 @@ impl RingChange {
     ///
     /// A split of no tetrahedra, K_c = K_p = 0, with b = a12. Shapes: `a12` r × m, `a22` m × m with
     /// r = m · `slots.len()`, the vertices coupled to it. Units: N/m. Cost: O(r²).
-    ///
     /// # Errors
     /// [`InverseError`] for shapes that don't fit, a NaN or infinity, a slot listed twice, or an
     /// A22 that is not symmetric.
@@ -84,7 +83,6 @@ impl RingChange {
     ///
     /// a12 and A22 are read off K. Kept, it frees the vertex again by a split as long as the slots
     /// of its neighbours are renewed. Cost: O(ring²).
-    ///
     /// # Errors
     /// [`InverseError::Slot`] if `slot` is not in `0..stiffness.vertices()`.
     pub fn fixed(stiffness: &SparseStiffness, slot: usize) -> Result<Self, InverseError> {
@@ -105,7 +103,6 @@ impl RingChange {
     /// `vertices`: the number of vertices without the new one; `block`: rows per vertex;
     /// `negative`: how many of them, at the end, have negative pivots.
     /// Cost: O(r²(q + m)).
-    ///
     /// # Errors
     /// [`InverseError`]: the first defect found, by name, place, value and limit.
     pub fn check(
@@ -122,7 +119,7 @@ impl RingChange {
         check_symmetry("k_p", self.k_p.as_ref())?;
         check_symmetry("k_c", self.k_c.as_ref())?;
         check_symmetry("a22", self.a22.as_ref())?;
-        let a22 = Capacitance::of_signed("a22", self.a22.as_ref(), negative)?;
+        let a22 = Capacitance::of("a22", self.a22.as_ref(), negative)?;
         let error = self.residual(&a22);
         // Written so that a NaN (an overflow on the way) is refused too.
         if error <= CONSISTENCY_LIMIT {
@@ -150,7 +147,7 @@ impl RingChange {
         }
         // A quasi-definite matrix shows the signs of its pivots on its diagonal.
         let negative = (0..m).rev().take_while(|&i| self.a22[(i, i)] < 0.0).count();
-        match Capacitance::of_signed("a22", self.a22.as_ref(), negative) {
+        match Capacitance::of("a22", self.a22.as_ref(), negative) {
             Ok(a22) => self.residual(&a22),
             Err(_) => f64::INFINITY,
         }

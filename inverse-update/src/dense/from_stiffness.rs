@@ -10,7 +10,6 @@ const WHAT: &str = "the stiffness";
 
 /// C = K⁻¹ by Cholesky, or by L D Lᵀ without pivoting if K is quasi-definite; lower triangle
 /// valid. Cost: O(n³).
-///
 /// # Errors
 /// [`InverseError::Singular`] if K is not positive definite to working precision, or not
 /// quasi-definite as announced.
@@ -25,7 +24,6 @@ pub(crate) fn symmetric_inverse(k: &SparseStiffness) -> Result<Mat<f64>, Inverse
 
 /// C = K⁻¹ by LU with partial pivoting; K is checked on the way to be positive definite, or
 /// quasi-definite as announced.
-///
 /// # Errors
 /// As [`symmetric_inverse`].
 pub(crate) fn lu_inverse(k: &SparseStiffness) -> Result<Mat<f64>, InverseError> {

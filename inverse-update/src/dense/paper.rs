@@ -5,12 +5,11 @@ use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Accum, Mat, MatRef, Par};
 
 use super::from_stiffness::symmetric_inverse;
-use super::full_storage;
+use super::full_storage::Full;
 use super::signed_root::check_diagonal;
 use crate::InverseError;
-use crate::accuracy::{Counts, DRIFT_LIMIT, Tally, is_too_far};
-use crate::change::{Capacitance, PIVOT_FLOOR, RingChange, StiffnessChange, UpdateRef};
-use crate::maintainer::{InverseMaintainer, maintained};
+use crate::change::{Capacitance, PIVOT_FLOOR, RingChange, UpdateRef};
+use crate::maintained::{Maintained, Method};
 use crate::matrix::SparseStiffness;
 
 /// Keeps C = K⁻¹ dense, both halves, by the paper's formulas. V selects the p rows of the ring.
@@ -27,11 +26,11 @@ use crate::matrix::SparseStiffness;
 /// numbers.
 /// # Source
 /// Oishi, Tagawa, Tanaka, eqs. (9)–(15).
-pub struct Paper {
-    stiffness: SparseStiffness,
-    inverse: Mat<f64>,
-    tally: Tally,
-}
+pub type Paper = Maintained<PaperMethod>;
+
+/// See [`Paper`].
+#[derive(Default)]
+pub struct PaperMethod(Full);
 
 /// C ← C + L R: `left` n × k, `right` k × n.
 struct Product {
@@ -120,7 +119,7 @@ fn check_stays_quasi_definite(
     let order: Vec<usize> = positive.iter().chain(&negative).copied().collect();
     let n = order.len();
     let sorted = Mat::from_fn(n, n, |i, j| after[(order[i], order[j])]);
-    Capacitance::of_signed(what, sorted.as_ref(), negative.len())?;
+    Capacitance::of(what, sorted.as_ref(), negative.len())?;
     for row in 0..n {
         // A row that becomes this much softer has lost half of its digits.
         let value = (before[(row, row)] / after[(row, row)]).abs();
@@ -134,7 +133,7 @@ fn check_stays_quasi_definite(
 /// K + V Δ Vᵀ is positive definite iff I + Lᵀ Δ L is, with L Lᵀ = Vᵀ C V: LU would invert an
 /// indefinite matrix without a word. Cost: O(p³).
 fn check_stays_definite(own: &Mat<f64>, delta: MatRef<'_, f64>) -> Result<(), InverseError> {
-    let factor = Capacitance::of("the ring's part of the inverse", own.as_ref())?;
+    let factor = Capacitance::of("the ring's part of the inverse", own.as_ref(), 0)?;
     let g = Mat::<f64>::identity(delta.nrows(), delta.nrows())
         + factor.lower().transpose() * delta * factor.lower();
     let largest = (0..g.nrows()).fold(1.0, |worst: f64, i| worst.max(g[(i, i)].abs()));
@@ -144,86 +143,46 @@ fn check_stays_definite(own: &Mat<f64>, delta: MatRef<'_, f64>) -> Result<(), In
     Ok(())
 }
 
+/// Eq. (15).
+fn removal(c: &Mat<f64>, k: &SparseStiffness, slot: usize) -> Result<Product, InverseError> {
+    let own = Selected::of(c, k, &[slot]);
+    let c22 = small_inverse("C22", &own.select_rows(&own.columns), k.negative())?;
+    Ok(Product { left: -(&own.columns * &c22), right: own.rows })
+}
+
 /// The inverse of a small matrix with `negative` rows of negative pivots at its end, by LU.
 fn small_inverse(
     what: &'static str,
     matrix: &Mat<f64>,
     negative: usize,
 ) -> Result<Mat<f64>, InverseError> {
-    Capacitance::of_signed(what, matrix.as_ref(), negative)?;
+    Capacitance::of(what, matrix.as_ref(), negative)?;
     Ok(matrix.partial_piv_lu().inverse())
 }
 
-impl Paper {
-    /// Inverts `stiffness`. Cost: O(n³).
-    ///
-    /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced.
-    pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
-        let inverse = symmetric_inverse(&stiffness)?;
-        Ok(Self { stiffness, inverse, tally: Tally::default() })
-    }
-
-    fn kept_drift(&self, seed: u64) -> Result<f64, InverseError> {
-        Ok(full_storage::drift(&self.inverse, &self.stiffness, seed))
-    }
-
-    #[cfg(test)]
-    pub(crate) fn spoil(&mut self, fraction: f64) {
-        full_storage::spoil(&mut self.inverse, fraction);
-    }
-
-    fn update(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {
-        self.stiffness.check(update)?;
-        let (products, own) = match self.prepare(update) {
-            Ok(prepared) => prepared,
-            Err(cause) => return self.rebuild_after(&cause, update),
-        };
-        self.stiffness.apply_update(update);
-        products.iter().for_each(|product| self.add(product));
-        match update {
-            UpdateRef::Split(_) => self.append(&products[1], &own),
-            UpdateRef::Merge(slot, _) => self.swap_remove(slot, self.stiffness.block()),
-            UpdateRef::Content(_) => {}
-        }
-        Ok(())
-    }
-
-    /// Makes an update whose small factor failed: K changes and is inverted from scratch.
-    fn rebuild_after(
-        &mut self,
-        cause: &InverseError,
-        update: UpdateRef<'_>,
-    ) -> Result<(), InverseError> {
-        let mut stiffness = self.stiffness.clone();
-        stiffness.apply_update(update);
-        self.inverse = symmetric_inverse(&stiffness)?;
-        tracing::warn!(%cause, "paper: update refused, inverse computed afresh");
-        self.stiffness = stiffness;
-        self.tally.rebuilt_for_pivot();
-        Ok(())
-    }
-
+impl PaperMethod {
     /// What to add to C, and the corner S of a new vertex.
-    fn prepare(&self, update: UpdateRef<'_>) -> Result<(Vec<Product>, Mat<f64>), InverseError> {
-        let k = &self.stiffness;
-        let mut ring = Selected::of(&self.inverse, k, update.slots());
-        let mut own = Mat::zeros(0, 0);
-        let products = match update {
-            UpdateRef::Split(change) => {
-                let (products, corner) = ring.split(k, change)?;
-                own = corner;
-                products
-            }
+    fn prepare(
+        &self,
+        k: &SparseStiffness,
+        update: UpdateRef<'_>,
+    ) -> Result<(Vec<Product>, Mat<f64>), InverseError> {
+        let c = &self.0.0;
+        let mut ring = Selected::of(c, k, update.slots());
+        let (products, own) = match update {
+            UpdateRef::Split(change) => ring.split(k, change)?,
             UpdateRef::Merge(slot, change) => {
-                let removal = self.removal(slot)?;
+                let removal = removal(c, k, slot)?;
                 ring.apply(&removal);
-                vec![removal, ring.woodbury(k, (&change.k_p - &change.k_c).as_ref())?]
+                let update = ring.woodbury(k, (&change.k_p - &change.k_c).as_ref())?;
+                (vec![removal, update], Mat::new())
             }
-            UpdateRef::Content(change) => vec![ring.woodbury(k, change.delta().as_ref())?],
+            UpdateRef::Content(change) => {
+                (vec![ring.woodbury(k, change.delta().as_ref())?], Mat::new())
+            }
         };
-        let diagonal = (0..self.inverse.nrows()).map(|row| {
-            let mut value = self.inverse[(row, row)];
+        let diagonal = (0..c.nrows()).map(|row| {
+            let mut value = c[(row, row)];
             for product in &products {
                 for k in 0..product.left.ncols() {
                     value += product.left[(row, k)] * product.right[(k, row)];
@@ -234,74 +193,69 @@ impl Paper {
         check_diagonal(k, diagonal, &update.removed_rows(k))?;
         Ok((products, own))
     }
-
-    /// Eq. (15).
-    fn removal(&self, slot: usize) -> Result<Product, InverseError> {
-        let own = Selected::of(&self.inverse, &self.stiffness, &[slot]);
-        let c22 = own.select_rows(&own.columns);
-        let c22 = small_inverse("C22", &c22, self.stiffness.negative())?;
-        Ok(Product { left: -(&own.columns * &c22), right: own.rows })
-    }
-
-    fn add(&mut self, product: &Product) {
-        let (left, right) = (&product.left, &product.right);
-        matmul(&mut self.inverse, Accum::Add, left, right, 1.0, Par::Seq);
-    }
-
-    /// Appends −C A12 S, −S A21 C and S.
-    fn append(&mut self, border: &Product, s: &Mat<f64>) {
-        let (old, m) = (self.inverse.nrows(), s.nrows());
-        let n = old + m;
-        let row = -(s * &border.right);
-        // Reserves an eighth more than needed; does nothing while the capacity suffices.
-        if self.inverse.col_stride() < n as isize {
-            self.inverse.reserve(n + n / 8, n + n / 8);
-        }
-        self.inverse.resize_with(n, n, |i, j| match (i < old, j < old) {
-            (true, _) => -border.left[(i, j - old)],
-            (false, true) => row[(i - old, j)],
-            (false, false) => s[(i - old, j - old)],
-        });
-    }
-
-    fn swap_remove(&mut self, slot: usize, block: usize) {
-        let kept = self.inverse.nrows() - block;
-        let c = &mut self.inverse;
-        for a in 0..block {
-            for i in 0..kept + block {
-                c[(i, block * slot + a)] = c[(i, kept + a)];
-            }
-        }
-        for a in 0..block {
-            for j in 0..kept {
-                c[(block * slot + a, j)] = c[(kept + a, j)];
-            }
-        }
-        c.truncate(kept, kept);
-    }
 }
 
-impl InverseMaintainer for Paper {
-    maintained!(DRIFT_LIMIT);
+/// Appends −C A12 S, −S A21 C and S to C.
+fn append(c: &mut Mat<f64>, border: &Product, s: &Mat<f64>) {
+    let (old, m) = (c.nrows(), s.nrows());
+    let n = old + m;
+    let row = -(s * &border.right);
+    // Reserves an eighth more than needed; does nothing while the capacity suffices.
+    if c.col_stride() < n as isize {
+        c.reserve(n + n / 8, n + n / 8);
+    }
+    c.resize_with(n, n, |i, j| match (i < old, j < old) {
+        (true, _) => -border.left[(i, j - old)],
+        (false, true) => row[(i - old, j)],
+        (false, false) => s[(i - old, j - old)],
+    });
+}
 
+/// Removes the rows and columns of a slot; the last slot's move into the gap.
+fn swap_remove(c: &mut Mat<f64>, slot: usize, block: usize) {
+    let kept = c.nrows() - block;
+    for a in 0..block {
+        for i in 0..kept + block {
+            c[(i, block * slot + a)] = c[(i, kept + a)];
+        }
+    }
+    for a in 0..block {
+        for j in 0..kept {
+            c[(block * slot + a, j)] = c[(kept + a, j)];
+        }
+    }
+    c.truncate(kept, kept);
+}
+
+impl Method for PaperMethod {
     fn name(&self) -> &'static str {
         "paper"
     }
 
-    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        full_storage::solve(&self.inverse, &self.stiffness, (f, u), &self.tally)
-    }
-
-    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        full_storage::columns(&self.inverse, &self.stiffness, slots)
-    }
-
-    fn holds_columns(&self) -> bool {
-        true
-    }
-
-    fn rebuild(&mut self) -> Result<(), InverseError> {
-        self.inverse = symmetric_inverse(&self.stiffness)?;
+    fn invert(&mut self, k: &SparseStiffness) -> Result<(), InverseError> {
+        self.0 = Full(symmetric_inverse(k)?);
         Ok(())
+    }
+
+    fn update(&mut self, k: &SparseStiffness, update: UpdateRef<'_>) -> Result<(), InverseError> {
+        let (products, own) = self.prepare(k, update)?;
+        let c = &mut self.0.0;
+        for Product { left, right } in &products {
+            matmul(&mut *c, Accum::Add, left, right, 1.0, Par::Seq);
+        }
+        match update {
+            UpdateRef::Split(_) => append(c, &products[1], &own),
+            UpdateRef::Merge(slot, _) => swap_remove(c, slot, k.block()),
+            UpdateRef::Content(_) => {}
+        }
+        Ok(())
+    }
+
+    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        Ok(self.0.multiply(x))
+    }
+
+    fn columns(&self, _: &SparseStiffness, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
+        Ok(self.0.columns(rows))
     }
 }

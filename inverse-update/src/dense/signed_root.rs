@@ -7,7 +7,7 @@ use faer::{Mat, MatRef, Side};
 
 use super::precision::Precision;
 use crate::InverseError;
-use crate::change::{Capacitance, LowRank};
+use crate::change::{Capacitance, NetChange};
 use crate::matrix::SparseStiffness;
 
 /// (Λ + UᵀCU)⁻¹ = A Σ Aᵀ, so that C becomes C − (C U A) Σ (C U A)ᵀ.
@@ -27,7 +27,7 @@ impl SignedRoot {
     /// # Errors
     /// [`InverseError::Singular`].
     pub(crate) fn new<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
         negative: usize,
     ) -> Result<Self, InverseError> {
@@ -45,11 +45,11 @@ impl SignedRoot {
     /// # Errors
     /// [`InverseError::Singular`].
     fn definite<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
     ) -> Result<Self, InverseError> {
         let g = capacitance(change, product);
-        let (p, k) = (change.gained.ncols(), change.columns());
+        let (p, k) = (change.gained, change.u.ncols());
         let floor = (k + 1) as f64 * E::EPSILON;
         let limits: Vec<f64> =
             (0..k).map(|j| if j < p { floor * g[(j, j)].abs() } else { E::PIVOT_FLOOR }).collect();
@@ -63,7 +63,6 @@ impl SignedRoot {
 
     /// For a quasi-definite K, whose inertia an update keeps if and only if G has the inertia of Λ:
     /// G = S V D Vᵀ S by eigenvectors, S its diagonal's scale, A = S⁻¹ V |D|^(−½).
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if an eigenvalue of the scaled G is below the scalar's
     /// `PIVOT_FLOOR`, or there are more or fewer negative ones than columns lost.
@@ -71,7 +70,7 @@ impl SignedRoot {
     /// Haynsworth, Determination of the inertia of a partitioned Hermitian matrix, Linear Algebra
     /// Appl. 1, 1968.
     fn quasi_definite<E: Precision>(
-        change: &LowRank<'_>,
+        change: &NetChange,
         product: MatRef<'_, f64>,
     ) -> Result<Self, InverseError> {
         let what = change.what;
@@ -97,7 +96,7 @@ impl SignedRoot {
             }
             negative += usize::from(value < 0.0);
         }
-        if negative != change.lost.ncols() {
+        if negative != k - change.gained {
             return Err(failed(negative, values[negative.min(k - 1)]));
         }
         let vectors = eigen.U();
@@ -110,11 +109,10 @@ impl SignedRoot {
 }
 
 /// G = Λ + UᵀCU.
-fn capacitance(change: &LowRank<'_>, product: MatRef<'_, f64>) -> Mat<f64> {
-    let u = change.beside(Mat::zeros(change.gained.nrows(), 0).as_ref());
-    let mut g = u.transpose() * product;
+fn capacitance(change: &NetChange, product: MatRef<'_, f64>) -> Mat<f64> {
+    let mut g = change.u.transpose() * product;
     for j in 0..g.nrows() {
-        g[(j, j)] += if j < change.gained.ncols() { 1.0 } else { -1.0 };
+        g[(j, j)] += if j < change.gained { 1.0 } else { -1.0 };
     }
     g
 }
@@ -122,7 +120,6 @@ fn capacitance(change: &LowRank<'_>, product: MatRef<'_, f64>) -> Mat<f64> {
 /// Checks the diagonal of an updated inverse. A finite diagonal of the right signs shows that the
 /// terms are finite, and bounds a positive definite C; anything else is a failed update. Rows about
 /// to be removed are exempt: without their ring they may have any sign in a quasi-definite C.
-///
 /// # Errors
 /// [`InverseError::Singular`].
 pub(crate) fn check_diagonal(
@@ -138,4 +135,34 @@ pub(crate) fn check_diagonal(
         }
     }
     Ok(())
+}
+
+/// N − (K + P Pᵀ − N Nᵀ) X, with P and N on the ring's rows.
+pub(crate) fn residual(
+    k: &SparseStiffness,
+    rows: &[usize],
+    change: &NetChange,
+    x: MatRef<'_, f64>,
+) -> Result<Mat<f64>, InverseError> {
+    let mut residual = Mat::zeros(x.nrows(), x.ncols());
+    let mut image = vec![0.0; x.nrows()];
+    for j in 0..x.ncols() {
+        let source: Vec<f64> = x.col(j).iter().copied().collect();
+        k.apply(&source, &mut image)?;
+        residual.col_mut(j).iter_mut().zip(&image).for_each(|(r, value)| *r = -value);
+    }
+    let at = at_rows(x, rows);
+    let (p, n) = (change.u.subcols(0, change.gained), change.lost());
+    let own = n.to_owned() - p * (p.transpose() * &at) + n * (n.transpose() * &at);
+    for (i, &row) in rows.iter().enumerate() {
+        for j in 0..x.ncols() {
+            residual[(row, j)] += own[(i, j)];
+        }
+    }
+    Ok(residual)
+}
+
+/// Some rows.
+pub(crate) fn at_rows(x: MatRef<'_, f64>, rows: &[usize]) -> Mat<f64> {
+    Mat::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)])
 }

@@ -43,7 +43,7 @@ pub(crate) fn check_slots(slots: &[usize], vertices: usize) -> Result<(), Invers
     check_range(slots, vertices)?;
     for (i, &slot) in slots.iter().enumerate() {
         if slots[..i].contains(&slot) {
-            return Err(InverseError::DuplicateSlot { slot });
+            return Err(InverseError::DuplicateSlot(slot));
         }
     }
     Ok(())
@@ -85,11 +85,7 @@ pub(crate) fn check_vector(
     vector: &[f64],
     want: usize,
 ) -> Result<(), InverseError> {
-    check_length(what, vector, want)?;
-    match vector.iter().position(|value| !value.is_finite()) {
-        Some(row) => Err(InverseError::NotFinite { what, row, col: 0, value: vector[row] }),
-        None => Ok(()),
-    }
+    check_matrix(what, MatRef::from_column_major_slice(vector, vector.len(), 1), (want, 1))
 }
 
 pub(crate) fn check_symmetry(

@@ -65,7 +65,6 @@ pub(crate) struct RowsBefore {
 
 impl SparseStiffness {
     /// The zero matrix of `vertices` blocks of `block` rows.
-    ///
     /// # Errors
     /// [`InverseError::EmptyBlock`] if `block` is 0.
     pub fn zeros(vertices: usize, block: usize) -> Result<Self, InverseError> {
@@ -101,7 +100,6 @@ impl SparseStiffness {
     ///
     /// A hint for elimination orders; results don't depend on it beyond rounding. Without it all
     /// keys are 0. A vertex that is added later has its own, [`RingChange::order_key`].
-    ///
     /// # Errors
     /// [`InverseError::Shape`] unless there is one key per vertex.
     ///
@@ -189,7 +187,6 @@ impl SparseStiffness {
     }
 
     /// f = K u, both of length `dofs()`. Cost: O(stored entries).
-    ///
     /// # Errors
     /// [`InverseError::Shape`], [`InverseError::NotFinite`].
     pub fn apply(&self, u: &[f64], f: &mut [f64]) -> Result<(), InverseError> {
@@ -259,12 +256,6 @@ impl SparseStiffness {
     pub fn diagonal(&self, j: usize) -> f64 {
         let (slot, inner) = (j / self.block, j % self.block);
         self.block_at(slot, slot).map_or(0.0, |value| value[inner * (self.block + 1)])
-    }
-
-    /// The largest absolute entry. Cost: O(stored entries).
-    #[must_use]
-    pub fn max_abs(&self) -> f64 {
-        self.rows.iter().flat_map(|row| &row.values).fold(0.0, |worst, x| x.abs().max(worst))
     }
 
     /// Fails if K − S `minus` Sᵀ + S `plus` Sᵀ would overflow.

@@ -13,9 +13,8 @@
 
 use faer::MatRef;
 
-use super::by_rows::by_rows;
 use super::factor::{CHUNK, Factor, NONE, Panel};
-use super::pivot::BadPivot;
+use super::pivot::{BadPivot, by_rows};
 use super::sweep::{SignGroup, Sweep, place};
 use super::symbolic::blocks;
 

@@ -3,8 +3,8 @@
 use faer::Mat;
 use pulp::{Simd, WithSimd};
 
-use super::by_rows::by_rows;
 use super::factor::Factor;
+use super::pivot::by_rows;
 use super::substitution::TOGETHER;
 
 /// D⁻¹ L⁻¹ of a few right-hand sides, by position.

@@ -265,31 +265,32 @@ mod tests {
     use crate::sparse::symbolic::{Symbolic, blocks};
     use faer::mat;
 
-    /// A box of vertices, each tied to those one step along an axis and along one diagonal of every
-    /// face, and every seventh to one two steps away, across planes.
-    fn grid(size: [u64; 3], placed: bool) -> Pattern {
-        let number = |[x, y, z]: [u64; 3]| (x + size[0] * (y + size[1] * z)) as usize;
-        let mut k = SparseStiffness::zeros(size.iter().product::<u64>() as usize, 1).unwrap();
-        let mut keys = Vec::new();
-        for p in (0..size[2])
-            .flat_map(|z| (0..size[1]).flat_map(move |y| (0..size[0]).map(move |x| [x, y, z])))
-        {
-            keys.push(p[0] | p[1] << 21 | p[2] << 42);
-            let far = [[2, 0, 0], [0, 2, 0]].into_iter().filter(|_| number(p) % 7 == 0);
-            let near = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]];
-            for step in near.into_iter().chain(far) {
-                let q: [u64; 3] = std::array::from_fn(|i| p[i] + step[i]);
-                if (0..3).all(|i| q[i] < size[i]) {
-                    let spring = mat![[1.0, -1.0], [-1.0, 1.0]];
-                    k.add(&[number(p), number(q)], spring.as_ref()).unwrap();
+    /// Held vertices at some points, with springs along the steps at which a vertex has them.
+    fn body(points: &[[i64; 3]], placed: bool, has: impl Fn(usize, [i64; 3]) -> bool) -> Pattern {
+        let mut k = SparseStiffness::zeros(points.len(), 1).unwrap();
+        if placed {
+            let keys = points.iter().map(|p| (p[0] | p[1] << 21 | p[2] << 42) as u64);
+            k.set_order_keys(&keys.collect::<Vec<_>>()).unwrap();
+        }
+        for (v, p) in points.iter().enumerate() {
+            k.add(&[v], mat![[1.0]].as_ref()).unwrap();
+            for (w, q) in points.iter().enumerate() {
+                if has(v, std::array::from_fn(|i| q[i] - p[i])) {
+                    k.add(&[v, w], mat![[1.0, -1.0], [-1.0, 1.0]].as_ref()).unwrap();
                 }
             }
-            k.add(&[number(p)], mat![[1.0]].as_ref()).unwrap();
-        }
-        if placed {
-            k.set_order_keys(&keys).unwrap();
         }
         Pattern::of(&k)
+    }
+
+    /// A box of vertices, each tied to those one step along an axis and along one diagonal of every
+    /// face, and every seventh to one two steps away, across planes.
+    fn grid([x, y, z]: [i64; 3], placed: bool) -> Pattern {
+        let point = |at: i64| [at % x, at / x % y, at / (x * y)];
+        let points: Vec<[i64; 3]> = (0..x * y * z).map(point).collect();
+        let near = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]];
+        let far = [[2, 0, 0], [0, 2, 0]];
+        body(&points, placed, |v, step| near.contains(&step) || (v % 7 == 0 && far.contains(&step)))
     }
 
     fn total(symbolic: &Symbolic) -> usize {
@@ -332,19 +333,10 @@ mod tests {
     #[test]
     fn a_strip_across_the_axes_is_cut_across_itself() {
         // 16 × 5 vertices, each tied to its eight neighbours, turned by 45°.
-        let number = |a: u64, b: u64| (5 * a + b) as usize;
-        let mut k = SparseStiffness::zeros(80, 1).unwrap();
-        let mut keys = Vec::new();
-        for (a, b) in (0..16_u64).flat_map(|a| (0..5_u64).map(move |b| (a, b))) {
-            keys.push((a + 4 - b) | (a + b) << 21);
-            let others = [(a + 1, b), (a, b + 1), (a + 1, b + 1), (a + 1, b.wrapping_sub(1))];
-            for (c, d) in others.into_iter().filter(|&(c, d)| c < 16 && d < 5) {
-                let spring = mat![[1.0, -1.0], [-1.0, 1.0]];
-                k.add(&[number(a, b), number(c, d)], spring.as_ref()).unwrap();
-            }
-        }
-        k.set_order_keys(&keys).unwrap();
-        let pattern = Pattern::of(&k);
+        let place = |at: i64| [at / 5 + 4 - at % 5, at / 5 + at % 5, 0];
+        let points: Vec<[i64; 3]> = (0..80).map(place).collect();
+        let steps = [[1, 1, 0], [-1, 1, 0], [0, 2, 0], [2, 0, 0]];
+        let pattern = body(&points, true, |_, step| steps.contains(&step));
         let mut dissection = Dissection::new(&pattern);
         let whole = dissection.whole();
         // Across the axes two staircases would be needed, 8 or more.
@@ -355,13 +347,9 @@ mod tests {
     fn points_in_one_place_and_separate_pieces_are_ordered_too() {
         assert_eq!(order(&grid([0, 0, 0], true)), [0; 0]);
         assert_eq!(order(&grid([1, 1, 1], true)), [0]);
-        let mut apart = SparseStiffness::zeros(40, 1).unwrap();
-        for v in 0..40 {
-            apart.add(&[v], mat![[1.0]].as_ref()).unwrap();
-        }
-        assert_eq!(order(&Pattern::of(&apart)).len(), 40);
-        apart.set_order_keys(&(0..40).collect::<Vec<_>>()).unwrap();
-        let symbolic = Symbolic::new(&Pattern::of(&apart), order(&Pattern::of(&apart)));
-        assert_eq!(symbolic.panels.len(), 40);
+        let points: Vec<[i64; 3]> = (0..40).map(|at| [at, 0, 0]).collect();
+        assert_eq!(order(&body(&points, false, |_, _| false)).len(), 40);
+        let apart = body(&points, true, |_, _| false);
+        assert_eq!(Symbolic::new(&apart, order(&apart)).panels.len(), 40);
     }
 }

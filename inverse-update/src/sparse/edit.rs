@@ -1,14 +1,15 @@
 //! What an update does to the factor: in slots, so that it can be replayed on a factor with another
 //! elimination order.
 
+use std::iter::repeat_n;
+
 use faer::{Mat, MatRef};
 
 use super::bennett::Scratch;
-use super::by_rows::by_rows;
 use super::factor::{Factor, NONE, Panel};
-use super::pivot::{BadPivot, Pivot, square};
+use super::pivot::{BadPivot, Pivot, by_rows, square};
 use crate::InverseError;
-use crate::change::{Capacitance, RingChange, UpdateRef, eigenvectors};
+use crate::change::{Capacitance, UpdateRef, beside, eigenvectors};
 
 /// U Σ Uᵀ on the rows of some slots, Σ = diag(`signs`).
 #[derive(Debug, Clone)]
@@ -39,19 +40,12 @@ pub(crate) enum Edit {
 
 impl SlotChange {
     fn new(slots: &[usize], parts: &[(MatRef<'_, f64>, f64)]) -> Self {
-        let rows = parts.first().map_or(0, |(part, _)| part.nrows());
-        let count = parts.iter().map(|(part, _)| part.ncols()).sum();
-        let (mut columns, mut signs) = (Mat::zeros(rows, count), Vec::with_capacity(count));
-        for &(part, sign) in parts {
-            let (first, count) = (signs.len(), part.ncols());
-            columns.as_mut().submatrix_mut(0, first, rows, count).copy_from(part);
-            signs.extend(std::iter::repeat_n(sign, count));
-        }
-        Self { slots: slots.to_vec(), columns, signs }
+        let matrices: Vec<MatRef<'_, f64>> = parts.iter().map(|part| part.0).collect();
+        let signs = |&(part, sign): &(MatRef<'_, f64>, f64)| repeat_n(sign, part.ncols());
+        let signs = parts.iter().flat_map(signs).collect();
+        Self { slots: slots.to_vec(), columns: beside(&matrices), signs }
     }
-}
 
-impl SlotChange {
     /// The same U Σ Uᵀ with as few columns as it takes, after what cancels has cancelled.
     ///
     /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; a walk with such
@@ -60,20 +54,17 @@ impl SlotChange {
     /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k
     /// columns.
     fn compressed(self) -> Self {
-        let rows = self.columns.nrows();
-        if rows == 0 || self.signs.windows(2).all(|pair| pair[0] == pair[1]) {
+        let is_one_signed = self.signs.windows(2).all(|pair| pair[0] == pair[1]);
+        if self.columns.nrows() == 0 || is_one_signed {
             return self;
         }
-        let Ok((vectors, values)) = eigenvectors(self.columns.as_ref(), &self.signs, true) else {
-            return self;
-        };
         // Smaller eigenvalues are rounding of the largest.
-        let floor = f64::EPSILON * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        let kept: Vec<usize> = (0..values.len()).filter(|&j| values[j].abs() > floor).collect();
-        Self {
-            columns: Mat::from_fn(rows, kept.len(), |i, j| vectors[(i, kept[j])]),
-            signs: kept.iter().map(|&j| values[j].signum()).collect(),
-            slots: self.slots,
+        match eigenvectors(self.columns.as_ref(), &self.signs, true, f64::EPSILON) {
+            Ok((columns, values)) => {
+                let signs = values.iter().map(|value| value.signum()).collect();
+                Self { columns, signs, ..self }
+            }
+            Err(_) => self,
         }
     }
 }
@@ -82,45 +73,36 @@ impl Edit {
     /// # Errors
     /// [`InverseError::Singular`] if the ring's own algebra fails.
     pub(crate) fn of(update: UpdateRef<'_>, negative: usize) -> Result<Self, InverseError> {
-        match update {
-            UpdateRef::Split(change) => Self::split(change, negative),
-            UpdateRef::Merge(slot, change) => Self::merge(slot, change, negative),
+        let change = match update {
+            UpdateRef::Split(change) | UpdateRef::Merge(_, change) => change,
             UpdateRef::Content(change) => {
                 let parts = [(change.added.as_ref(), 1.0), (change.removed.as_ref(), -1.0)];
-                Ok(Self::Change(SlotChange::new(&change.slots, &parts).compressed()))
+                return Ok(Self::Change(SlotChange::new(&change.slots, &parts).compressed()));
             }
-        }
-    }
-
-    fn split(change: &RingChange, negative: usize) -> Result<Self, InverseError> {
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
-        let released = a22.half_solve(change.b.as_ref());
-        let (lost, gained) = released.split_at_col(released.ncols() - negative);
+        };
+        let (slots, own) = (&change.slots, &change.a22);
+        let a22 = Capacitance::of("a22", own.as_ref(), negative)?;
         let (more, less) = (change.positive.as_ref(), change.negative.as_ref());
-        let parts = [(more, 1.0), (gained, 1.0), (lost, -1.0), (less, -1.0)];
-        let own = &change.a22;
-        Ok(Self::Split {
-            old: SlotChange::new(&change.slots, &parts).compressed(),
-            lower: a22.solve(change.a12.as_ref()),
-            own: Mat::from_fn(own.nrows(), own.ncols(), |i, j| {
-                0.5 * own[(i, j)] + 0.5 * own[(j, i)]
-            }),
-        })
-    }
-
-    fn merge(slot: usize, change: &RingChange, negative: usize) -> Result<Self, InverseError> {
-        let a22 = Capacitance::of_signed("a22", change.a22.as_ref(), negative)?;
         let released = a22.half_solve(change.b.as_ref());
+        let positive = own.nrows() - negative;
+        let (lost, gained) = released.split_at_col(positive);
+        let Some(slot) = update.removed() else {
+            let parts = [(more, 1.0), (gained, 1.0), (lost, -1.0), (less, -1.0)];
+            return Ok(Self::Split {
+                old: SlotChange::new(slots, &parts).compressed(),
+                lower: a22.solve(change.a12.as_ref()),
+                own: Mat::from_fn(own.nrows(), own.ncols(), |i, j| {
+                    0.5 * own[(i, j)] + 0.5 * own[(j, i)]
+                }),
+            });
+        };
+        let parts = [(lost, 1.0), (less, 1.0), (gained, -1.0), (more, -1.0)];
         let border = a22.half_solve(change.a12.as_ref());
-        let first = border.ncols() - negative;
-        let (comes, goes) = released.split_at_col(first);
-        let (more, less) = (change.positive.as_ref(), change.negative.as_ref());
-        let old = [(comes, 1.0), (less, 1.0), (goes, -1.0), (more, -1.0)];
-        let (goes, comes) = border.split_at_col(first);
+        let (goes, comes) = border.split_at_col(positive);
         Ok(Self::Merge {
             slot,
-            old: SlotChange::new(&change.slots, &old).compressed(),
-            border: SlotChange::new(&change.slots, &[(goes, -1.0), (comes, 1.0)]),
+            old: SlotChange::new(slots, &parts).compressed(),
+            border: SlotChange::new(slots, &[(goes, -1.0), (comes, 1.0)]),
         })
     }
 }

@@ -17,7 +17,7 @@ fn slack(rows: usize) -> usize {
 ///
 /// A vertex has a *position*: 0 is eliminated last, a new vertex takes the next one and is
 /// eliminated first. So a column has its rows at lower positions, and a change walks down to 0.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Factor {
     pub block: usize,
     /// Rows at the end of a block with negative pivots.

@@ -16,12 +16,9 @@ use super::pivot::BadPivot;
 use super::rebase::{Based, Rebase};
 use super::substitution::TOGETHER;
 use crate::InverseError;
-use crate::accuracy::{
-    Counts, DRIFT_LIMIT, Tally, is_too_far, kept_drift, refine_each, solve_refined,
-};
-use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
-use crate::maintainer::{InverseMaintainer, maintained};
-use crate::matrix::{SparseStiffness, check_range};
+use crate::change::{Update, UpdateRef};
+use crate::maintained::{Maintained, Method};
+use crate::matrix::SparseStiffness;
 
 /// The most rows per vertex that the kernels are made for.
 const MOST_ROWS: usize = 4;
@@ -81,7 +78,7 @@ impl Default for RebaseOptions {
 ///
 /// Works for positive definite matrices and for quasi-definite ones
 /// ([`SparseStiffness::quasi_definite`]); a pivot of the wrong sign, or one that has lost half of
-/// its digits, makes it factor K from scratch, which [`Counts`] tell.
+/// its digits, makes it factor K from scratch.
 ///
 /// Cost in 3-D: O(n^(4/3)) per update and O(n^(4/3)) per solve, as many numbers, stored
 /// twice: to return to the state before an update that fails.
@@ -89,8 +86,11 @@ impl Default for RebaseOptions {
 /// Bennett, Triangular factors of modified matrices, Numer. Math. 7, 1965; Davis, Hager,
 /// Multiple-rank modifications of a sparse Cholesky factorization, SIAM J. Matrix Anal. Appl.
 /// 22(4), 2001, and Row modifications of a sparse Cholesky factorization, 26(3), 2005.
-pub struct Sparse {
-    stiffness: SparseStiffness,
+pub type Sparse = Maintained<SparseMethod>;
+
+/// See [`Sparse`].
+#[derive(Default)]
+pub struct SparseMethod {
     based: Based,
     /// The factor in use before, to be freed by another thread.
     old: Option<Based>,
@@ -102,7 +102,6 @@ pub struct Sparse {
     /// Working memory and statistics of the walks on `based`.
     scratch: Scratch,
     rebases: usize,
-    tally: Tally,
 }
 
 /// A factor with a fresh elimination order, being made.
@@ -116,93 +115,24 @@ struct Pending {
 }
 
 impl Sparse {
-    /// Orders and factors `stiffness`, with the default [`RebaseOptions`].
-    ///
-    /// # Errors
-    /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
-    /// [`InverseError::BlockTooLarge`] for more than 4 rows per vertex.
-    pub fn new(stiffness: SparseStiffness) -> Result<Self, InverseError> {
-        Self::with_options(stiffness, RebaseOptions::default())
-    }
-
     /// As [`new`](Self::new), with other options.
-    ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn with_options(
         stiffness: SparseStiffness,
         options: RebaseOptions,
     ) -> Result<Self, InverseError> {
-        let block = stiffness.block();
-        if block > MOST_ROWS {
-            let (method, limit) = ("sparse", MOST_ROWS);
-            return Err(InverseError::BlockTooLarge { method, block, limit });
-        }
-        let based = from_stiffness(&stiffness)?;
-        Ok(Self {
-            stiffness,
-            based,
-            old: None,
-            journal: Vec::new(),
-            rebase: None,
-            options,
-            scratch: Scratch::default(),
-            rebases: 0,
-            tally: Tally::default(),
-        })
-    }
-
-    /// Solutions that took a step of refinement because their residual was above
-    /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT).
-    #[must_use]
-    pub fn refinements(&self) -> usize {
-        self.tally.counts().refinement_steps
+        Self::by(SparseMethod { options, ..SparseMethod::default() }, stiffness)
     }
 
     /// Fresh elimination orders adopted in the course of work; not counted as rebuilds.
     #[must_use]
     pub fn rebases(&self) -> usize {
-        self.rebases
+        self.read(|method| method.rebases)
     }
+}
 
-    /// Blocks of L and D, zeros of the panels included.
-    #[must_use]
-    pub fn blocks(&self) -> usize {
-        self.based.factor.blocks
-    }
-
-    /// Changes the factor, then K; if the factor can't be changed, K's new factor is computed.
-    fn update(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {
-        self.stiffness.check(update)?;
-        let edit = Edit::of(update, self.stiffness.negative());
-        let followed = edit.and_then(|edit| {
-            let followed = self.follow(&Arc::new(edit));
-            followed.map_err(|bad| bad.into_error("the changed stiffness", 0, 0))
-        });
-        let Err(cause) = followed else {
-            self.stiffness.apply_update(update);
-            if self.rebase.is_none() && self.is_due() {
-                self.start_rebase();
-            }
-            return Ok(());
-        };
-        let mut stiffness = self.stiffness.clone();
-        stiffness.apply_update(update);
-        match from_stiffness(&stiffness) {
-            Ok(based) => {
-                tracing::warn!(%cause, "sparse: update refused, factor computed afresh");
-                self.stiffness = stiffness;
-                self.adopt(based, Vec::new());
-                self.tally.rebuilt_for_pivot();
-                Ok(())
-            }
-            Err(error) => {
-                self.based.restore(&self.journal, &mut self.scratch);
-                Err(error)
-            }
-        }
-    }
-
+impl SparseMethod {
     /// Makes an edit of the factor, or on the new one that now takes its place.
     fn follow(&mut self, edit: &Arc<Edit>) -> Result<(), BadPivot> {
         if let Some(mut pending) = self.rebase.take_if(|pending| pending.is_ripe) {
@@ -227,39 +157,6 @@ impl Sparse {
         Ok(())
     }
 
-    /// K⁻¹ of the columns of `loads` as the factor gives it, [`TOGETHER`] at a time.
-    fn unrefined(&self, loads: MatRef<'_, f64>) -> Mat<f64> {
-        let mut solutions = Mat::zeros(loads.nrows(), loads.ncols());
-        for first in (0..loads.ncols()).step_by(TOGETHER) {
-            let group = first..(first + TOGETHER).min(loads.ncols());
-            let load = |j: usize| loads.col(j).iter().copied().collect();
-            let mut sides: Vec<Vec<f64>> = group.clone().map(load).collect();
-            let mut all: Vec<&mut [f64]> = sides.iter_mut().map(Vec::as_mut_slice).collect();
-            self.based.factor.solve(&mut all);
-            for (j, side) in group.zip(&sides) {
-                solutions.col_as_slice_mut(j).copy_from_slice(side);
-            }
-        }
-        solutions
-    }
-
-    fn kept_drift(&self, seed: u64) -> Result<f64, InverseError> {
-        let k = &self.stiffness;
-        Ok(kept_drift(k, seed, |at| self.unrefined(k.unit_columns(at).as_ref())))
-    }
-
-    /// x ← K⁻¹ x as the factor gives it.
-    fn solve_unrefined(&self, x: &mut [f64]) -> Result<(), InverseError> {
-        self.based.factor.solve(&mut [x]);
-        Ok(())
-    }
-
-    #[cfg(test)]
-    pub(crate) fn spoil(&mut self, fraction: f64) {
-        let values = self.based.factor.panels.iter_mut().flat_map(|panel| &mut panel.pivots);
-        values.for_each(|value| *value *= 1.0 + fraction);
-    }
-
     fn adopt(&mut self, based: Based, journal: Vec<Arc<Edit>>) {
         self.old = Some(std::mem::replace(&mut self.based, based));
         self.journal = journal;
@@ -267,19 +164,9 @@ impl Sparse {
         self.scratch.forget();
     }
 
-    fn start_rebase(&mut self) {
-        let pattern = Pattern::of(&self.stiffness);
-        self.rebase = Some(Pending {
-            rebase: Rebase::start(pattern, self.options.background, self.old.take()),
-            snapshot: self.journal.len(),
-            operations: self.scratch.operations,
-            is_ripe: false,
-        });
-    }
-
     /// Whether updates would take longer than a new factor, given the number of walks and their
     /// operations before the batch.
-    fn is_many(&self, updates: &[Update], before: (usize, f64)) -> bool {
+    fn is_many(&self, k: &SparseStiffness, updates: &[Update], before: (usize, f64)) -> bool {
         let mean = |(walks, operations): (usize, f64)| operations / walks.max(1) as f64;
         let all = (self.scratch.walks, self.scratch.operations);
         let walk = match all.0 {
@@ -287,25 +174,10 @@ impl Sparse {
             // Walks of a batch are alike: a few tell what the others will take.
             _ => mean(all).max(mean((all.0 - before.0, all.1 - before.1))),
         };
-        let fresh = FRESH_OPERATION * self.based.operations
-            + FRESH_VERTEX * self.stiffness.vertices() as f64;
-        let block = self.stiffness.block();
-        let columns = updates.iter().map(|u| (u.borrowed().most_columns(block) as f64).powi(3));
+        let fresh = FRESH_OPERATION * self.based.operations + FRESH_VERTEX * k.vertices() as f64;
+        let cube = |update: &Update| (update.borrowed().most_columns(k.block()) as f64).powi(3);
+        let columns = updates.iter().map(cube);
         updates.len() as f64 * walk + UPDATE_COLUMNS * columns.sum::<f64>() > fresh
-    }
-
-    /// K after all updates, and its factor.
-    fn factor_after(
-        &mut self,
-        updates: &[Update],
-    ) -> Result<(SparseStiffness, Based), InverseError> {
-        // The new factor can have its memory: to get more from the system takes as long as half of
-        // the work.
-        self.old = None;
-        let mut stiffness = self.stiffness.clone();
-        updates.iter().try_for_each(|update| stiffness.update(update))?;
-        let based = from_stiffness(&stiffness)?;
-        Ok((stiffness, based))
     }
 
     fn is_due(&self) -> bool {
@@ -325,59 +197,81 @@ pub fn elimination_order(stiffness: &SparseStiffness) -> Vec<usize> {
     dissection::order(&Pattern::of(stiffness))
 }
 
-/// A factor from K alone.
-fn from_stiffness(stiffness: &SparseStiffness) -> Result<Based, InverseError> {
-    let block = stiffness.block();
-    Based::new(&Pattern::of(stiffness))
-        .map_err(|bad: BadPivot| bad.into_error("the stiffness", bad.position, block))
-}
-
-impl InverseMaintainer for Sparse {
-    maintained!(DRIFT_LIMIT);
+impl Method for SparseMethod {
+    const SHOWS_KEPT_COLUMNS: bool = false;
 
     fn name(&self) -> &'static str {
         "sparse"
     }
 
-    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        let before = (self.scratch.walks, self.scratch.operations);
+    fn invert(&mut self, k: &SparseStiffness) -> Result<(), InverseError> {
+        let block = k.block();
+        if block > MOST_ROWS {
+            let (method, limit) = ("sparse", MOST_ROWS);
+            return Err(InverseError::BlockTooLarge { method, block, limit });
+        }
+        let based = Based::new(&Pattern::of(k))
+            .map_err(|bad| bad.into_error("the stiffness", bad.position, block))?;
+        self.adopt(based, Vec::new());
+        Ok(())
+    }
+
+    fn update(&mut self, k: &SparseStiffness, update: UpdateRef<'_>) -> Result<(), InverseError> {
+        let edit = Arc::new(Edit::of(update, k.negative())?);
+        self.follow(&edit).map_err(|bad| bad.into_error("the changed stiffness", 0, 0))
+    }
+
+    fn updated(&mut self, k: &SparseStiffness) {
+        if self.rebase.is_none() && self.is_due() {
+            let background = self.options.background;
+            self.rebase = Some(Pending {
+                rebase: Rebase::start(Pattern::of(k), background, self.old.take()),
+                snapshot: self.journal.len(),
+                operations: self.scratch.operations,
+                is_ripe: false,
+            });
+        }
+    }
+
+    fn restore(&mut self) {
+        self.based.restore(&self.journal, &mut self.scratch);
+    }
+
+    /// [`TOGETHER`] columns at a time.
+    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        let n = x.nrows();
+        let mut flat: Vec<f64> = x.col_iter().flat_map(|column| column.iter().copied()).collect();
+        for group in flat.chunks_mut((TOGETHER * n).max(1)) {
+            self.based.factor.solve(group);
+        }
+        Ok(MatRef::from_column_major_slice(&flat, n, x.ncols()).to_owned())
+    }
+
+    fn compliance(whole: &Maintained<Self>, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
+        Ok(whole.read(|method| method.based.factor.compliance(slots)))
+    }
+
+    fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
+        let scratch = &whole.method().scratch;
+        let before = (scratch.walks, scratch.operations);
         let mut is_walked = false;
         for (done, update) in updates.iter().enumerate() {
-            if !is_walked && self.is_many(&updates[done..], before) {
-                if let Ok((stiffness, based)) = self.factor_after(&updates[done..]) {
-                    self.stiffness = stiffness;
-                    self.adopt(based, Vec::new());
-                    self.rebases += 1;
+            let rest = &updates[done..];
+            if !is_walked && whole.read(|method| method.is_many(&whole.stiffness, rest, before)) {
+                // The new factor can have its memory: to get more from the system takes as long as
+                // half of the work.
+                whole.method().old = None;
+                let mut k = whole.stiffness.clone();
+                let changed = rest.iter().try_for_each(|update| k.update(update));
+                if changed.is_ok() && whole.replace(k).is_ok() {
+                    whole.method().rebases += 1;
                     return Ok(());
                 }
                 // One update after the other: that tells which one fails, or succeeds.
                 is_walked = true;
             }
-            update.make(self).map_err(|source| InverseError::in_batch(done, source))?;
+            update.make(whole).map_err(|source| InverseError::in_batch(done, source))?;
         }
-        Ok(())
-    }
-
-    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        solve_refined(&self.stiffness, &self.tally, (f, u), |x| self.solve_unrefined(x))
-    }
-
-    fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
-        self.stiffness.check_loads(loads)?;
-        let mut solutions = self.unrefined(loads);
-        let both = (loads, &mut solutions);
-        refine_each(&self.stiffness, &self.tally, both, |x| self.solve_unrefined(x))?;
-        Ok(solutions)
-    }
-
-    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        check_range(slots, self.vertices())?;
-        Ok(self.based.factor.compliance(slots))
-    }
-
-    fn rebuild(&mut self) -> Result<(), InverseError> {
-        let based = from_stiffness(&self.stiffness)?;
-        self.adopt(based, Vec::new());
         Ok(())
     }
 }

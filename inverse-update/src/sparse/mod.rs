@@ -8,7 +8,6 @@
 //! new elimination order from a thread). Reading it: `substitution.rs`, `compliance.rs`.
 
 mod bennett;
-mod by_rows;
 mod compliance;
 mod dissection;
 mod edit;

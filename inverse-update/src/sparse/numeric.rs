@@ -4,11 +4,10 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::prelude::IntoConst;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::by_rows::by_rows;
 use super::factor::{Factor, NONE, Panel};
 use super::panel_kernels::{PanelColumns, Scatter};
 use super::pattern::Pattern;
-use super::pivot::BadPivot;
+use super::pivot::{BadPivot, by_rows};
 use super::symbolic::Symbolic;
 
 /// Columns of a panel that are eliminated before one product applies them to the rest of the panel.
@@ -16,7 +15,6 @@ const TOGETHER: usize = 16;
 
 impl Factor {
     /// Factors a matrix in an order. Cost: the operations of the factorisation.
-    ///
     /// # Errors
     /// [`BadPivot`] where a pivot has the wrong sign or is lost in rounding.
     pub(crate) fn new(pattern: &Pattern, symbolic: &Symbolic) -> Result<Self, BadPivot> {

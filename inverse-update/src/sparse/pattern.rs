@@ -53,13 +53,6 @@ impl Pattern {
         &self.columns[self.starts[i]..self.starts[i + 1]]
     }
 
-    /// Columns j ≤ i of row i with their blocks, row-major.
-    pub(crate) fn lower(&self, i: usize) -> impl Iterator<Item = (usize, &[f64])> {
-        let size = self.block * self.block;
-        let values = &self.values[size * self.value_starts[i]..size * self.value_starts[i + 1]];
-        self.neighbours(i).iter().map(|&j| j as usize).zip(values.chunks_exact(size))
-    }
-
     /// The block that couples i and j, which are neighbours: stored once, so that it may have to
     /// be transposed.
     pub(crate) fn block_at(&self, i: usize, j: usize) -> (&[f64], bool) {
@@ -72,7 +65,9 @@ impl Pattern {
 
     /// |K_ii| for row `a` of vertex `i`; 0 where nothing is stored.
     pub(crate) fn diagonal(&self, i: usize, a: usize) -> f64 {
-        let own = self.lower(i).last().filter(|&(j, _)| j == i);
-        own.map_or(0.0, |(_, value)| value[(self.block + 1) * a].abs())
+        match self.neighbours(i).binary_search(&(i as u32)) {
+            Ok(_) => self.block_at(i, i).0[(self.block + 1) * a].abs(),
+            Err(_) => 0.0,
+        }
     }
 }

@@ -111,6 +111,26 @@ pub(crate) fn square<const M: usize>(flat: &[f64]) -> [[f64; M]; M] {
     std::array::from_fn(|a| std::array::from_fn(|b| flat[M * a + b]))
 }
 
+/// Evaluates an expression, a kernel, in which `$M` is the constant 1, 2, 3 or 4 that `$rows` is.
+macro_rules! by_rows {
+    ($rows:expr, $M:ident => $kernel:expr) => {{
+        macro_rules! with_rows {
+            ($constant:literal) => {{
+                const $M: usize = $constant;
+                $kernel
+            }};
+        }
+        match $rows {
+            1 => with_rows!(1),
+            2 => with_rows!(2),
+            3 => with_rows!(3),
+            _ => with_rows!(4),
+        }
+    }};
+}
+
+pub(crate) use by_rows;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,6 +13,7 @@ use super::pivot::BadPivot;
 use super::symbolic::Symbolic;
 
 /// A factor as it was made, its base, and as it is after some edits.
+#[derive(Default)]
 pub(crate) struct Based {
     /// A copy of the factor as it was made; `None` before the first edit.
     base: Option<Factor>,
@@ -24,7 +25,6 @@ pub(crate) struct Based {
 
 impl Based {
     /// Orders and factors a matrix.
-    ///
     /// # Errors
     /// [`BadPivot`] with the slot of the vertex for its position.
     pub(crate) fn new(pattern: &Pattern) -> Result<Self, BadPivot> {
@@ -37,7 +37,6 @@ impl Based {
     }
 
     /// Makes an edit.
-    ///
     /// # Errors
     /// [`BadPivot`]; the factor is damaged then.
     pub(crate) fn apply(&mut self, edit: &Edit, scratch: &mut Scratch) -> Result<(), BadPivot> {

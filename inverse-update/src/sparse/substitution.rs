@@ -2,19 +2,18 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::by_rows::by_rows;
 use super::factor::{Factor, Panel};
-use super::pivot::Pivot;
+use super::pivot::{Pivot, by_rows};
 
 /// Right-hand sides that share one pass over the factor.
 pub(crate) const TOGETHER: usize = 4;
 
-struct Solve<'a, 's, const M: usize, const R: usize> {
+struct Solve<'a, const M: usize, const R: usize> {
     factor: &'a Factor,
-    sides: [&'a mut &'s mut [f64]; R],
+    sides: &'a mut [f64],
 }
 
-impl<const M: usize, const R: usize> WithSimd for Solve<'_, '_, M, R> {
+impl<const M: usize, const R: usize> WithSimd for Solve<'_, M, R> {
     type Output = ();
 
     #[inline(always)]
@@ -24,33 +23,38 @@ impl<const M: usize, const R: usize> WithSimd for Solve<'_, '_, M, R> {
 }
 
 impl Factor {
-    /// Solves L D Lᵀ x = b in place for up to [`TOGETHER`] right-hand sides, each with `block`
-    /// numbers per slot. Columns of the factor that a right-hand side doesn't reach are skipped.
+    /// Solves L D Lᵀ x = b in place for up to [`TOGETHER`] right-hand sides, one after the other,
+    /// each with `block` numbers per slot. Columns of the factor that a right-hand side doesn't
+    /// reach are skipped.
     ///
     /// Cost: two passes over the factor's blocks.
-    pub(crate) fn solve(&self, sides: &mut [&mut [f64]]) {
-        match (self.block, sides) {
-            (m, [one]) => self.solve_block::<1>(m, [one]),
-            (m, [one, two]) => self.solve_block::<2>(m, [one, two]),
-            (m, [one, two, three]) => self.solve_block::<3>(m, [one, two, three]),
-            (m, [one, two, three, four]) => self.solve_block::<4>(m, [one, two, three, four]),
-            (_, _) => debug_assert!(false, "more right-hand sides than go together"),
+    pub(crate) fn solve(&self, sides: &mut [f64]) {
+        match sides.len().checked_div(self.block * self.vertices()) {
+            None => {}
+            Some(1) => self.solve_block::<1>(sides),
+            Some(2) => self.solve_block::<2>(sides),
+            Some(3) => self.solve_block::<3>(sides),
+            Some(count) => {
+                debug_assert_eq!(count, TOGETHER, "right-hand sides that go together");
+                self.solve_block::<TOGETHER>(sides);
+            }
         }
     }
 
-    fn solve_block<const R: usize>(&self, block: usize, sides: [&mut &mut [f64]; R]) {
+    fn solve_block<const R: usize>(&self, sides: &mut [f64]) {
         let arch = pulp::Arch::new();
-        by_rows!(block, M => arch.dispatch(Solve::<M, R> { factor: self, sides }));
+        by_rows!(self.block, M => arch.dispatch(Solve::<M, R> { factor: self, sides }));
     }
 
     #[inline(always)]
-    fn solve_sides<const M: usize, const R: usize>(&self, mut sides: [&mut &mut [f64]; R]) {
+    fn solve_sides<const M: usize, const R: usize>(&self, sides: &mut [f64]) {
         // By position: rows of a panel are near each other there.
         let mut x = vec![[0.0; R]; M * self.positions()];
+        let n = M * self.vertices();
         for (slot, &position) in self.position_of.iter().enumerate() {
             for a in 0..M {
-                for (r, side) in sides.iter().enumerate() {
-                    x[M * position as usize + a][r] = side[M * slot + a];
+                for r in 0..R {
+                    x[M * position as usize + a][r] = sides[n * r + M * slot + a];
                 }
             }
         }
@@ -63,8 +67,8 @@ impl Factor {
         }
         for (slot, &position) in self.position_of.iter().enumerate() {
             for a in 0..M {
-                for (r, side) in sides.iter_mut().enumerate() {
-                    side[M * slot + a] = x[M * position as usize + a][r];
+                for r in 0..R {
+                    sides[n * r + M * slot + a] = x[M * position as usize + a][r];
                 }
             }
         }

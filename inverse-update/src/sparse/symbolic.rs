@@ -28,7 +28,6 @@ const NONE: usize = usize::MAX;
 
 impl Symbolic {
     /// Analyses an order. Cost: O(blocks of the factor).
-    ///
     /// # Source
     /// Liu, The role of elimination trees in sparse factorization, SIAM J. Matrix Anal. Appl.
     /// 11(1), 1990; Ashcraft, Grimes, The influence of relaxed supernode partitions, 1989.

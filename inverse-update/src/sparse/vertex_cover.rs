@@ -119,6 +119,7 @@ impl Bipartite {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accuracy::random;
 
     #[test]
     fn stars_chains_and_grids_are_covered_by_hand() {
@@ -135,11 +136,8 @@ mod tests {
 
     #[test]
     fn random_covers_touch_every_edge_and_have_the_size_of_a_matching() {
-        let mut state = 1_u64;
-        let mut next = |n: u64| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) % n
-        };
+        let mut state = 1;
+        let mut next = |n: u64| random(&mut state) % n;
         for _ in 0..200 {
             let count = next(24);
             let edges: Vec<_> =

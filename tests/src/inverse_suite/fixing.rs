@@ -120,7 +120,7 @@ pub fn wrong_fixings_are_refused(name: &str) {
         assert!(matches!(error, InverseError::Shape { what: "a12", .. }), "{error}");
     }
     let twice = RingChange::freed(vec![1, 1], Mat::zeros(2, 1), mat![[1.0]], 0).unwrap_err();
-    assert_eq!(twice, InverseError::DuplicateSlot { slot: 1 });
+    assert_eq!(twice, InverseError::DuplicateSlot(1));
     let far = RingChange::freed(vec![7], mat![[-1.0]], mat![[4.0]], 0).unwrap();
     let error = case.refuses(|m| m.split(&far));
     assert_eq!(error, InverseError::Slot { slot: 7, limit: 3 });

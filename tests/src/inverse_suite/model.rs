@@ -79,18 +79,12 @@ impl Model {
 
     /// Adds a part on the rows of some vertices and the columns of others, fixed ones left out.
     fn scatter(&self, k: &mut Mat<f64>, rows: &[usize], columns: &[usize], part: MatRef<'_, f64>) {
-        let places = |names: &[usize]| -> Vec<Option<usize>> {
-            let rows = |slot: Option<usize>| {
-                (0..self.block).map(move |i| slot.map(|slot| self.block * slot + i))
-            };
-            names.iter().flat_map(|&name| rows(self.slot(name))).collect()
-        };
-        let (rows, columns) = (places(rows), places(columns));
-        for (i, row) in rows.into_iter().enumerate() {
+        let m = self.block;
+        let [(row_slots, rows), (column_slots, columns)] = [rows, columns].map(|v| self.live(v));
+        for (i, &row) in rows.iter().enumerate() {
             for (j, &column) in columns.iter().enumerate() {
-                if let (Some(row), Some(column)) = (row, column) {
-                    k[(row, column)] += part[(i, j)];
-                }
+                let place = (m * row_slots[i / m] + i % m, m * column_slots[j / m] + j % m);
+                k[place] += part[(row, column)];
             }
         }
     }

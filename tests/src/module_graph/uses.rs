@@ -36,17 +36,15 @@ pub fn file_graph(roots: &[PathBuf], library: Option<String>, read: Read) -> Res
         for import in module.code.imports.iter().filter(|import| !import.public) {
             let star = if import.name.is_none() { "::*" } else { "" };
             let text = format!("use {}{star};", import.path.join("::"));
-            sources
-                .imported(number, import)
-                .into_iter()
-                .for_each(|file| add(file, import.line, &text));
+            for file in sources.imported(number, import) {
+                add(file, import.line, &text);
+            }
         }
         for mention in &module.code.mentions {
             let text = mention.path.join("::");
-            sources
-                .mentioned(number, mention)
-                .into_iter()
-                .for_each(|file| add(file, mention.line, &text));
+            for file in sources.mentioned(number, mention) {
+                add(file, mention.line, &text);
+            }
         }
     }
     let nodes = sources.files.iter().map(|file| file.display().to_string()).collect();

@@ -7,7 +7,7 @@ pub(crate) enum Messenger {}
 
 impl Messenger {
     pub fn join(processes: usize) -> Result<Self> {
-        Err(BenchError::NoMpi { processes })
+        Err(BenchError::NoMpi(processes))
     }
 
     pub fn rank(&self) -> usize {

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 
 use faer::{Mat, MatRef};
 
-use super::inverse::{Delayed, small_algebra};
+use super::inverse::Delayed;
+use super::terms::Terms;
 use crate::InverseError;
-use crate::change::{LowRank, NetChange, Update, UpdateRef};
+use crate::change::{NetChange, Update, UpdateRef};
 use crate::dense::precision::Precision;
-use crate::dense::signed_root::check_diagonal;
 use crate::dense::store::{DenseStore, Staged};
 use crate::maintainer::InverseMaintainer;
 use crate::matrix::{RowsBefore, SparseStiffness};
@@ -69,8 +69,13 @@ impl Batch {
         let at: Vec<usize> =
             update.slots().iter().flat_map(|slot| self.place[slot]..self.place[slot] + m).collect();
         let Ok(net) = NetChange::of(update, negative) else { return false };
-        if update.removed().is_some() || !self.update::<E>(&at, &net.low_rank(), negative) {
-            return false;
+        // C ← C − C_:r U (Λ + Uᵀ C_rr U)⁻¹ Uᵀ C_r:.
+        let ring = Mat::from_fn(at.len(), at.len(), |i, j| self.block[(at[i], at[j])]);
+        match Terms::new::<E>(&net, &ring, negative) {
+            Ok(terms) if update.removed().is_none() && !terms.is_softening => {
+                self.add(&at, terms.w.as_ref(), &terms.signs);
+            }
+            _ => return false,
         }
         if net.t.ncols() > 0 {
             self.append(&at, &net.t, &net.inverse);
@@ -78,18 +83,6 @@ impl Batch {
             self.known += m;
         }
         true
-    }
-
-    /// C ← C − C_:r U (Λ + Uᵀ C_rr U)⁻¹ Uᵀ C_r:; false as [`take`](Self::take).
-    fn update<E: Precision>(&mut self, at: &[usize], low: &LowRank<'_>, negative: usize) -> bool {
-        let ring = Mat::from_fn(at.len(), at.len(), |i, j| self.block[(at[i], at[j])]);
-        match small_algebra::<E>(low, &ring, negative) {
-            Ok((terms, softening)) if softening > E::SOFTENING => {
-                self.add(at, terms.w.as_ref(), &terms.signs);
-                true
-            }
-            _ => false,
-        }
     }
 
     /// C ← C + Y Σ Yᵀ with Y = C_:r `w`.
@@ -182,9 +175,9 @@ impl<S: DenseStore> Delayed<S> {
     /// Makes updates, as many at a time as share one submatrix of C; those before a refused one
     /// stay.
     pub(super) fn update_all(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        let mut done = 0;
+        let (mut done, most) = (0, self.method().most);
         while done < updates.len() {
-            let (group, slots) = together(&updates[done..], &self.stiffness, self.most);
+            let (group, slots) = together(&updates[done..], &self.stiffness, most);
             let made = match group {
                 0 | 1 => 0,
                 _ => self.update_together(&updates[done..done + group], &slots),
@@ -219,7 +212,7 @@ impl<S: DenseStore> Delayed<S> {
         before: &mut Vec<RowsBefore>,
     ) -> Result<usize, InverseError> {
         let rows = self.stiffness.rows_of(slots);
-        let own = self.store().submatrix(&rows)?;
+        let own = self.read(|method| method.ask(|store| store.submatrix(&rows)))?;
         let mut batch = Batch::new(slots, rows, &own, self.stiffness.block() * updates.len());
         for update in updates.iter().map(Update::borrowed) {
             let slot = self.stiffness.vertices();
@@ -235,10 +228,11 @@ impl<S: DenseStore> Delayed<S> {
             let (x, own) = (batch.factors(), batch.corner().to_owned());
             let (rows, signs) = (&batch.rows, &batch.signs);
             let staged = Staged { rows, x: x.as_ref(), plus: None, signs };
-            let diagonal = self.store().stage(&staged)?;
-            let new = (0..own.nrows()).map(|a| own[(a, a)]);
-            check_diagonal(&self.stiffness, diagonal.into_iter().chain(new), &(0..0))?;
-            self.accept(own.as_ref(), None)?;
+            let (k, block) = (&self.stiffness, self.stiffness.block());
+            self.read(|method| {
+                method.stage(k, &staged, &own, &(0..0))?;
+                method.accept(own.as_ref(), None, block)
+            })?;
         }
         Ok(before.len())
     }

@@ -1,21 +1,19 @@
 //! A dense C with the terms of many updates beside it, folded in by one pass.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use faer::{Mat, MatRef};
 
-use crate::InverseError;
-use crate::accuracy::{Counts, Tally, is_too_far, kept_drift, solve_refined};
-use crate::change::{LowRank, NetChange, RingChange, StiffnessChange, Update, UpdateRef};
+use super::terms::Terms;
+use crate::change::{Capacitance, NetChange, Update, UpdateRef};
 use crate::dense::from_stiffness::symmetric_inverse;
-use crate::dense::lost_terms::{Terms, at_rows, lost_terms};
 use crate::dense::precision::Precision;
-use crate::dense::refinement::refine_columns;
-use crate::dense::signed_root::{SignedRoot, check_diagonal};
+use crate::dense::signed_root::{at_rows, check_diagonal, residual};
 use crate::dense::store::{DenseStore, Staged};
-use crate::dense::tiles::Panel;
-use crate::maintainer::{InverseMaintainer, maintained};
-use crate::matrix::{SparseStiffness, check_length, check_range, check_vector};
+use crate::maintained::{Maintained, Method};
+use crate::matrix::SparseStiffness;
+use crate::{InverseError, StorageError};
 
 /// The number of deferred columns at which [`Delayed`] folds them into C, unless set otherwise.
 pub const MOST_DELAYED: usize = 96;
@@ -32,268 +30,194 @@ pub const MOST_DELAYED: usize = 96;
 /// split.
 ///
 /// Where C is kept in f32, solutions and columns are refined by K as those of
-/// [`WoodburyF32`](crate::WoodburyF32) are. A factor that fails makes it rebuild C from K, which
-/// [`Counts`] tell. Cost: O(n r (3 + q)) per update, O(n² k) per pass of k columns, O(n²) per
-/// solve.
+/// [`WoodburyF32`](crate::WoodburyF32) are. Cost: O(n r (3 + q)) per update, O(n² k) per pass of k
+/// columns, O(n²) per solve.
 /// # Source
 /// McDaniel et al., Delayed Slater determinant update algorithms, J. Chem. Phys. 147, 2017; Yeung,
 /// Crouch, Pothen, Interactively cutting and constraining vertices in meshes using augmented
 /// matrices, ACM Trans. Graph. 35(2), 2016.
-pub struct Delayed<S: DenseStore> {
-    pub(super) stiffness: SparseStiffness,
-    /// Behind a lock: a solution may replace a C that it can't be refined with, and a store may
-    /// need its own buffers for reading.
-    kept: Mutex<Kept<S>>,
-    pub(super) most: usize,
-    tally: Tally,
-}
+pub type Delayed<S> = Maintained<DelayedMethod<S>>;
 
-struct Kept<S> {
-    store: S,
-    /// Whether C was computed from K since the last update.
-    is_rebuilt: bool,
+/// See [`Delayed`].
+pub struct DelayedMethod<S> {
+    /// Behind a lock: it may need its own buffers for reading.
+    store: Mutex<S>,
+    pub(super) most: usize,
 }
 
 impl<S: DenseStore> Delayed<S> {
     /// Inverts `stiffness` into `store`. Cost: O(n³).
-    ///
     /// # Errors
     /// [`InverseError::Singular`] if it is not positive definite, or quasi-definite as announced;
     /// [`InverseError::Storage`] if the store has not enough memory.
-    pub fn new(stiffness: SparseStiffness, mut store: S) -> Result<Self, InverseError> {
-        store.load(symmetric_inverse(&stiffness)?.as_ref())?;
-        let kept = Mutex::new(Kept { store, is_rebuilt: true });
-        Ok(Self { stiffness, kept, most: MOST_DELAYED, tally: Tally::default() })
+    pub fn new(stiffness: SparseStiffness, store: S) -> Result<Self, InverseError> {
+        Self::by(DelayedMethod { store: Mutex::new(store), most: MOST_DELAYED }, stiffness)
     }
 
     /// The same, folding as soon as `most` columns are deferred; 0 and 1 defer nothing.
     #[must_use]
     pub fn with_most_delayed(mut self, most: usize) -> Self {
-        self.most = most;
+        self.method().most = most;
         self
     }
 
     /// Folds the deferred columns into C now, for example after the last update of a frame.
-    ///
     /// # Errors
     /// [`InverseError::Storage`].
     pub fn fold(&mut self) -> Result<(), InverseError> {
-        self.store().fold()
+        self.method().ask(|store| store.fold())
     }
 
     /// The store, e.g. to ask a device what it has done.
     pub fn store(&mut self) -> &mut S {
-        &mut self.kept.get_mut().unwrap_or_else(PoisonError::into_inner).store
+        self.method().store.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
+}
 
-    fn lock(&self) -> MutexGuard<'_, Kept<S>> {
+impl<S: DenseStore> DelayedMethod<S> {
+    /// The answer of the store, whose errors get the maintainer's name.
+    pub(super) fn ask<T>(
+        &self,
+        question: impl FnOnce(&mut S) -> Result<T, S::Error>,
+    ) -> Result<T, InverseError> {
         // Nothing panics half-way through a change of C.
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn update(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {
-        self.stiffness.check(update)?;
-        match self.prepare(update) {
-            // In this order, so that a store that is lost on the way leaves K as it was.
-            Ok(own) => self.accept(own.as_ref(), update.removed())?,
-            Err(cause) => return self.rebuild_after(cause, update),
-        }
-        self.stiffness.apply_update(update);
-        Ok(())
+        let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
+        let method = store.method();
+        question(&mut store)
+            .map_err(|cause| InverseError::Storage { method, cause: StorageError::new(cause) })
     }
 
     /// Stages an update of K by U Λ Uᵀ and, where a vertex is added, its rows C_:r `t` after it.
     /// Returns their corner `inverse` + tᵀ C_rr t.
-    fn prepare(&mut self, update: UpdateRef<'_>) -> Result<Mat<f64>, InverseError> {
-        let Self { stiffness, kept, .. } = self;
-        let net = NetChange::of(update, stiffness.negative())?;
-        let (rows, change, t) = (stiffness.rows_of(update.slots()), net.low_rank(), &net.t);
-        let store = &mut kept.get_mut().unwrap_or_else(PoisonError::into_inner).store;
-        let own = store.submatrix(&rows)?;
-        let (terms, softening) = small_algebra::<S::Scalar>(&change, &own, stiffness.negative())?;
-        let (p, k, m) = (change.gained.ncols(), change.columns(), t.ncols());
-        let is_softened = softening <= <S::Scalar as Precision>::SOFTENING;
-        let lost = match is_softened {
-            true => Some(lost_terms(store, stiffness, &rows, &change, &terms)?),
-            false => None,
-        };
+    fn prepare(
+        &self,
+        k: &SparseStiffness,
+        update: UpdateRef<'_>,
+    ) -> Result<Mat<f64>, InverseError> {
+        let net = NetChange::of(update, k.negative())?;
+        let (rows, t) = (k.rows_of(update.slots()), &net.t);
+        let own = self.ask(|store| store.submatrix(&rows))?;
+        let terms = Terms::new::<S::Scalar>(&net, &own, k.negative())?;
+        let (p, columns, m) = (net.gained, net.u.ncols(), t.ncols());
+        let refine = || self.lost_terms(k, &rows, &net, &terms);
+        let lost = terms.is_softening.then(refine).transpose()?;
         // C_:r t + Y Σ Y_rᵀ t, those of Y from C_:r by W, the others as they are.
-        let from_c = if is_softened { p } else { k };
-        let mut x = Mat::zeros(rows.len(), k + m);
+        let from_c = if terms.is_softening { p } else { columns };
+        let mut x = Mat::zeros(rows.len(), columns + m);
         x.subcols_mut(0, from_c).copy_from(terms.w.subcols(0, from_c));
-        let inner = terms.signed(terms.at_ring.as_ref(), t.as_ref());
-        x.subcols_mut(k, m).copy_from(t + terms.w.subcols(0, from_c) * inner.subrows(0, from_c));
+        let inner = terms.signed(&terms.at_ring, t.as_ref());
+        let border = t + terms.w.subcols(0, from_c) * inner.subrows(0, from_c);
+        x.subcols_mut(columns, m).copy_from(border);
         let plus = lost.map(|lost| {
             // Their signs are + all.
-            let inner = at_rows(&lost, &rows).transpose() * t;
-            let mut plus = Mat::zeros(lost.nrows(), k + m);
-            plus.subcols_mut(p, k - p).copy_from(&lost);
-            plus.subcols_mut(k, m).copy_from(lost * inner);
+            let inner = at_rows(lost.as_ref(), &rows).transpose() * t;
+            let mut plus = Mat::zeros(lost.nrows(), columns + m);
+            plus.subcols_mut(p, columns - p).copy_from(&lost);
+            plus.subcols_mut(columns, m).copy_from(lost * inner);
             plus
         });
-        let mut border = &own * x.subcols(k, m);
+        let mut border = &own * x.subcols(columns, m);
         if let Some(plus) = &plus {
-            border += at_rows(&plus.subcols(k, m).to_owned(), &rows);
+            border += at_rows(plus.subcols(columns, m), &rows);
         }
         let corner = &net.inverse + t.transpose() * border;
-        let staged = Staged {
-            rows: &rows,
-            x: x.as_ref(),
-            plus: plus.as_ref().map(|plus| plus.as_ref()),
-            signs: &terms.signs,
-        };
-        let diagonal = store.stage(&staged)?.into_iter().chain((0..m).map(|a| corner[(a, a)]));
-        check_diagonal(stiffness, diagonal, &update.removed_rows(stiffness))?;
+        let plus = plus.as_ref().map(|plus| plus.as_ref());
+        let staged = Staged { rows: &rows, x: x.as_ref(), plus, signs: &terms.signs };
+        self.stage(k, &staged, &corner, &update.removed_rows(k))?;
         Ok(corner)
+    }
+
+    /// Has the store compute what is to be added to C, and checks the diagonal with that of the
+    /// `corner` of new rows.
+    pub(super) fn stage(
+        &self,
+        k: &SparseStiffness,
+        staged: &Staged<'_>,
+        corner: &Mat<f64>,
+        removed: &Range<usize>,
+    ) -> Result<(), InverseError> {
+        let diagonal = self.ask(|store| store.stage(staged))?;
+        let new = corner.diagonal().column_vector().iter().copied();
+        check_diagonal(k, diagonal.into_iter().chain(new), removed)
+    }
+
+    /// Y of the columns lost, n × q, from C'' N after one step of refinement by K: I + NᵀC''N does
+    /// not cancel.
+    /// # Errors
+    /// [`InverseError::Singular`] if that is not positive definite; those of the store.
+    fn lost_terms(
+        &self,
+        k: &SparseStiffness,
+        rows: &[usize],
+        change: &NetChange,
+        terms: &Terms,
+    ) -> Result<Mat<f64>, InverseError> {
+        let lost = change.lost();
+        let product = |x: Mat<f64>| self.ask(|store| store.product(rows, x.as_ref()));
+        let at = terms.signed(&terms.at_ring, lost);
+        let mut softened = product(lost + &terms.w * at)?;
+        let residual = residual(k, rows, change, softened.as_ref())?;
+        let step = self.multiply(residual.as_ref())?;
+        // Yᵀ R = Wᵀ (C R)_r.
+        let inner = terms.signed(&terms.w, at_rows(step.as_ref(), rows).as_ref());
+        softened += step;
+        softened += product(&terms.w * inner)?;
+        let one = Mat::<f64>::identity(lost.ncols(), lost.ncols());
+        let g = &one + lost.transpose() * at_rows(softened.as_ref(), rows);
+        Ok(softened * Capacitance::of(change.what, g.as_ref(), 0)?.half_solve(one.as_ref()))
     }
 
     /// Hands what is staged to the store, with the corner of new rows and the slot that goes.
     pub(super) fn accept(
-        &mut self,
+        &self,
         own: MatRef<'_, f64>,
         removed: Option<usize>,
+        block: usize,
     ) -> Result<(), InverseError> {
-        let (block, most) = (self.stiffness.block(), self.most);
-        let kept = self.kept.get_mut().unwrap_or_else(PoisonError::into_inner);
-        kept.is_rebuilt = false;
-        kept.store.accept(own)?;
-        if let Some(slot) = removed {
-            kept.store.remove(slot, block)?;
-        }
-        if kept.store.delayed() >= most.max(1) {
-            kept.store.fold()?;
-        }
-        Ok(())
-    }
-
-    /// Makes an update whose small factor failed: K changes and is inverted from scratch. An error
-    /// of the store is no failure of the update and is returned.
-    fn rebuild_after(
-        &mut self,
-        cause: InverseError,
-        update: UpdateRef<'_>,
-    ) -> Result<(), InverseError> {
-        if matches!(cause, InverseError::Storage { .. }) {
-            return Err(cause);
-        }
-        let mut stiffness = self.stiffness.clone();
-        stiffness.apply_update(update);
-        self.replace_by(&stiffness)?;
-        tracing::warn!(%cause, "{}: update refused, inverse computed afresh", self.name());
-        self.stiffness = stiffness;
-        self.tally.rebuilt_for_pivot();
-        Ok(())
-    }
-
-    fn replace_by(&self, stiffness: &SparseStiffness) -> Result<(), InverseError> {
-        let inverse = symmetric_inverse(stiffness)?;
-        let mut kept = self.lock();
-        kept.store.load(inverse.as_ref())?;
-        kept.is_rebuilt = true;
-        Ok(())
-    }
-
-    fn kept_drift(&self, seed: u64) -> Result<f64, InverseError> {
-        let mut failure = None;
-        let drift = kept_drift(&self.stiffness, seed, |at| {
-            self.lock().store.columns(at).unwrap_or_else(|error| {
-                failure = Some(error);
-                Mat::zeros(self.stiffness.dofs(), at.len())
-            })
-        });
-        failure.map_or(Ok(drift), Err)
-    }
-
-    /// X with K X = F by refinement from `start`; where C no longer helps it is replaced, once.
-    fn refined(
-        &self,
-        load: &Panel,
-        start: impl Fn(&mut S) -> Result<Mat<f64>, InverseError>,
-    ) -> Result<Panel, InverseError> {
-        loop {
-            let mut kept = self.lock();
-            let is_rebuilt = kept.is_rebuilt;
-            let name = kept.store.method();
-            let first = Panel::from_matrix(start(&mut kept.store)?.as_ref());
-            let multiply = |x: &Panel| {
-                let product = kept.store.multiply(x.to_matrix().as_ref())?;
-                Ok(Panel::from_matrix(product.as_ref()))
-            };
-            match refine_columns(name, &self.stiffness, &self.tally, load, first, multiply) {
-                Err(InverseError::NotRefined { .. }) if !is_rebuilt => {}
-                other => return other,
+        self.ask(|store| {
+            store.accept(own)?;
+            if let Some(slot) = removed {
+                store.remove(slot, block)?;
             }
-            drop(kept);
-            self.replace_by(&self.stiffness)?;
-            self.tally.rebuilt();
-            tracing::warn!("{name}: refinement failed, inverse computed afresh");
-        }
-    }
-}
-
-/// W, Σ, Y_r of an update and the smallest pivot of what it takes away, from C_rr alone.
-pub(super) fn small_algebra<E: Precision>(
-    change: &LowRank<'_>,
-    c_rr: &Mat<f64>,
-    negative: usize,
-) -> Result<(Terms, f64), InverseError> {
-    let u = change.beside(Mat::zeros(c_rr.nrows(), 0).as_ref());
-    let own = c_rr * &u;
-    let root = SignedRoot::new::<E>(change, own.as_ref(), negative)?;
-    let signs = root.signs.iter().map(|sign| -sign).collect();
-    let (w, at_ring) = (&u * &root.root, own * &root.root);
-    Ok((Terms { w, signs, at_ring }, root.softening))
-}
-
-impl<S: DenseStore> InverseMaintainer for Delayed<S> {
-    maintained!(S::Scalar::DRIFT_LIMIT);
-
-    fn name(&self) -> &'static str {
-        self.lock().store.method()
-    }
-
-    fn place(&self) -> Option<String> {
-        self.lock().store.place()
-    }
-
-    fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
-        self.update_all(updates)
-    }
-
-    fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        let rows = self.stiffness.dofs();
-        if S::Scalar::REFINED {
-            check_vector("f", f, rows)?;
-            check_length("u", u, rows)?;
-            let f = MatRef::from_column_major_slice(f, rows, 1);
-            let load = Panel::from_matrix(f);
-            self.refined(&load, |store| store.multiply(f))?.copy_column(0, u);
-            return Ok(());
-        }
-        let store = &mut self.lock().store;
-        solve_refined(&self.stiffness, &self.tally, (f, u), |x| {
-            let product = store.multiply(MatRef::from_column_major_slice(x, rows, 1))?;
-            x.copy_from_slice(product.col_as_slice(0));
+            if store.delayed() >= self.most.max(1) {
+                store.fold()?;
+            }
             Ok(())
         })
     }
+}
 
-    fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        check_range(slots, self.vertices())?;
-        let rows = self.stiffness.rows_of(slots);
-        if !S::Scalar::REFINED {
-            return self.lock().store.columns(&rows);
-        }
-        let load = Panel::from_matrix(self.stiffness.unit_columns(&rows).as_ref());
-        Ok(self.refined(&load, |store| store.columns(&rows))?.to_matrix())
+impl<S: DenseStore> Method for DelayedMethod<S> {
+    const DRIFT_LIMIT: f64 = S::Scalar::DRIFT_LIMIT;
+    const REFINED: bool = S::Scalar::REFINED;
+
+    fn name(&self) -> &'static str {
+        self.store.lock().unwrap_or_else(PoisonError::into_inner).method()
     }
 
-    fn holds_columns(&self) -> bool {
-        // What is refined is a solution for every column.
-        !S::Scalar::REFINED
+    fn place(&self) -> Option<String> {
+        self.store.lock().unwrap_or_else(PoisonError::into_inner).place()
     }
 
-    fn rebuild(&mut self) -> Result<(), InverseError> {
-        self.replace_by(&self.stiffness)
+    fn invert(&mut self, k: &SparseStiffness) -> Result<(), InverseError> {
+        let inverse = symmetric_inverse(k)?;
+        self.ask(|store| store.load(inverse.as_ref()))
+    }
+
+    fn update(&mut self, k: &SparseStiffness, update: UpdateRef<'_>) -> Result<(), InverseError> {
+        let own = self.prepare(k, update)?;
+        self.accept(own.as_ref(), update.removed(), k.block())
+    }
+
+    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        self.ask(|store| store.multiply(x))
+    }
+
+    fn columns(&self, _: &SparseStiffness, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
+        self.ask(|store| store.columns(rows))
+    }
+
+    fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
+        whole.update_all(updates)
     }
 }

@@ -8,7 +8,7 @@ use super::pass::SignedPanel;
 use crate::dense::precision::Precision;
 
 /// C = T + Y Σ Yᵀ with T in tiles. What is read is C; one pass adds Y Σ Yᵀ to T.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Deferred<E> {
     tiles: Tiles<E>,
     pending: SignedPanel,
@@ -67,7 +67,7 @@ impl<E: Precision> Deferred<E> {
     /// The diagonal of C with further terms.
     pub(crate) fn diagonal_with(&self, terms: &SignedPanel) -> Vec<f64> {
         let more = self.pending.diagonal().into_iter().zip(terms.diagonal());
-        self.tiles.diagonal().iter().zip(more).map(|(c, (old, new))| c + old + new).collect()
+        self.tiles.diagonal.iter().zip(more).map(|(c, (old, new))| c + old + new).collect()
     }
 
     /// C ← C + `terms`, which the next pass adds to the tiles.
@@ -90,13 +90,8 @@ impl<E: Precision> Deferred<E> {
 
     /// Adds Y Σ Yᵀ to the tiles: the pass.
     pub(crate) fn flush(&mut self) {
-        let none = SignedPanel::none(self.pending.columns.rows());
+        let none = SignedPanel::none(self.pending.columns.rows);
         let pending = std::mem::replace(&mut self.pending, none);
         self.tiles.add(&pending);
-    }
-
-    #[cfg(test)]
-    pub(crate) fn scale_rows(&mut self, count: usize, factor: f64) {
-        self.tiles.scale_rows(count, factor);
     }
 }

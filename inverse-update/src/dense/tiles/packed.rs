@@ -14,7 +14,7 @@ pub(super) const PARALLEL_FROM: usize = 8 << 20;
 ///
 /// Tiles are row-major. Those on the diagonal hold both halves, equal to the last bit; rows and
 /// columns beyond the last are 0.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Tiles<E> {
     /// Behind the last tile row there may be more tiles, all 0, that were in use before.
     pub(super) data: Vec<Tile<E, TILE>>,
@@ -38,7 +38,7 @@ impl<E: Precision> Tiles<E> {
     /// Takes the lower triangle of a square matrix, rounded.
     pub(crate) fn from_lower(matrix: MatRef<'_, f64>) -> Self {
         let rows = matrix.nrows();
-        let mut tiles = Self { data: Vec::new(), rows: 0, diagonal: Vec::new() };
+        let mut tiles = Self::default();
         tiles.grow(rows);
         for i in 0..rows {
             for j in 0..=i {
@@ -47,10 +47,6 @@ impl<E: Precision> Tiles<E> {
         }
         tiles.read_diagonal();
         tiles
-    }
-
-    pub(crate) fn diagonal(&self) -> &[f64] {
-        &self.diagonal
     }
 
     pub(super) fn get(&self, i: usize, j: usize) -> E {
@@ -148,19 +144,6 @@ impl<E: Precision> Tiles<E> {
 }
 
 #[cfg(test)]
-impl<E: Precision> Tiles<E> {
-    /// Scales the first rows and columns: C is wrong then.
-    pub(crate) fn scale_rows(&mut self, count: usize, factor: f64) {
-        for i in 0..self.rows {
-            for j in 0..count.min(i + 1) {
-                self.set(i, j, E::of(factor * self.get(i, j).value()));
-            }
-        }
-        self.read_diagonal();
-    }
-}
-
-#[cfg(test)]
 pub(super) mod tests {
     use super::*;
     use faer::Mat;
@@ -175,7 +158,7 @@ pub(super) mod tests {
         for (i, j) in (0..c.rows).flat_map(|i| (0..i).map(move |j| (i, j))) {
             assert_eq!(whole[(i, j)], whole[(j, i)]);
         }
-        assert_eq!(c.diagonal(), (0..c.rows).map(|i| whole[(i, i)]).collect::<Vec<_>>());
+        assert_eq!(c.diagonal, (0..c.rows).map(|i| whole[(i, i)]).collect::<Vec<_>>());
         // Passes rely on zeros behind the last row.
         let filled = whole.col_iter().flat_map(|c| c.iter()).filter(|x| **x != 0.0).count();
         let tiles = (0..c.tile_rows()).flat_map(|i| (0..=i).map(move |j| (i, j)));

@@ -7,25 +7,16 @@ use super::tile::TILE;
 
 /// An n × k matrix with k small: block after block of [`TILE`] rows, each k × [`TILE`]. Rows
 /// beyond n are 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Panel {
-    rows: usize,
-    columns: usize,
-    data: Vec<f64>,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    pub(super) data: Vec<f64>,
 }
 
 impl Panel {
     pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
         Self { rows, columns, data: vec![0.0; rows.div_ceil(TILE) * TILE * columns] }
-    }
-
-    /// Columns of equal length.
-    pub(crate) fn from_columns(rows: usize, columns: &[&[f64]]) -> Self {
-        let mut panel = Self::zeros(rows, columns.len());
-        for (k, column) in columns.iter().enumerate() {
-            panel.set_column(k, column);
-        }
-        panel
     }
 
     /// A matrix's columns.
@@ -42,24 +33,6 @@ impl Panel {
     /// All of it as a matrix.
     pub(crate) fn to_matrix(&self) -> Mat<f64> {
         Mat::from_fn(self.rows, self.columns, |row, k| self.get(row, k))
-    }
-
-    pub(crate) fn rows(&self) -> usize {
-        self.rows
-    }
-
-    pub(crate) fn columns(&self) -> usize {
-        self.columns
-    }
-
-    /// All numbers, block after block.
-    pub(crate) fn data(&self) -> &[f64] {
-        &self.data
-    }
-
-    /// As [`data`](Self::data), to be written to; rows beyond the last have to stay 0.
-    pub(crate) fn data_mut(&mut self) -> &mut [f64] {
-        &mut self.data
     }
 
     fn at(&self, row: usize, column: usize) -> usize {
@@ -79,21 +52,6 @@ impl Panel {
     pub(crate) fn pieces(&self, column: usize) -> impl Iterator<Item = &[f64; TILE]> {
         let pieces = self.data.as_chunks::<TILE>().0;
         pieces.iter().skip(column).step_by(self.columns)
-    }
-
-    /// Writes one column out.
-    pub(crate) fn copy_column(&self, column: usize, target: &mut [f64]) {
-        for (block, piece) in target.chunks_mut(TILE).enumerate() {
-            let first = self.at(block * TILE, column);
-            piece.copy_from_slice(&self.data[first..first + piece.len()]);
-        }
-    }
-
-    pub(crate) fn set_column(&mut self, column: usize, source: &[f64]) {
-        for (block, piece) in source.chunks(TILE).enumerate() {
-            let first = self.at(block * TILE, column);
-            self.data[first..first + piece.len()].copy_from_slice(piece);
-        }
     }
 
     /// Some rows, as a matrix of their own.

@@ -12,7 +12,7 @@ use crate::dense::precision::Precision;
 const GROUP: usize = 16;
 
 /// Σ_k s_k y_k y_kᵀ with signs s_k = ±1.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct SignedPanel {
     pub(crate) columns: Panel,
     pub(crate) signs: Vec<f64>,
@@ -25,16 +25,16 @@ impl SignedPanel {
 
     /// What is added to every diagonal entry.
     pub(crate) fn diagonal(&self) -> Vec<f64> {
-        let mut sums = vec![0.0; self.columns.rows().div_ceil(TILE) * TILE];
+        let mut sums = vec![0.0; self.columns.rows.div_ceil(TILE) * TILE];
         let width = self.signs.len() * TILE;
         if width > 0 {
-            for (sums, block) in sums.chunks_mut(TILE).zip(self.columns.data().chunks(width)) {
+            for (sums, block) in sums.chunks_mut(TILE).zip(self.columns.data.chunks(width)) {
                 for (y, sign) in block.chunks(TILE).zip(&self.signs) {
                     sums.iter_mut().zip(y).for_each(|(sum, y)| *sum += sign * y * y);
                 }
             }
         }
-        sums.truncate(self.columns.rows());
+        sums.truncate(self.columns.rows);
         sums
     }
 
@@ -42,7 +42,7 @@ impl SignedPanel {
     pub(crate) fn signed(&self) -> Panel {
         let mut signed = self.columns.clone();
         let width = (self.signs.len() * TILE).max(1);
-        for block in signed.data_mut().chunks_mut(width) {
+        for block in signed.data.chunks_mut(width) {
             for (y, sign) in block.chunks_mut(TILE).zip(&self.signs) {
                 y.iter_mut().for_each(|y| *y *= sign);
             }
@@ -67,7 +67,7 @@ impl<E: Precision> Tiles<E> {
         if width == 0 {
             return;
         }
-        let pieces = terms.columns.data().as_chunks::<TILE>().0;
+        let pieces = terms.columns.data.as_chunks::<TILE>().0;
         let right: Vec<Tile<E, 1>> = pieces.iter().map(|y| Tile([y.map(E::of)])).collect();
         let signs = terms.signs.iter().cycle();
         let left = pieces.iter().zip(signs).map(|(y, sign)| Tile([y.map(|y| E::of(sign * y))]));
@@ -171,8 +171,7 @@ mod tests {
     #[test]
     fn threads_do_not_change_a_bit() {
         let n = 1500;
-        let column: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
-        let columns = Panel::from_columns(n, &[&column]);
+        let columns = Panel::from_matrix(Mat::from_fn(n, 1, |i, _| (i as f64).sin()).as_ref());
         let terms = SignedPanel { columns, signs: vec![-1.0] };
         let result = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -30,10 +30,10 @@ impl<E: Precision> Tiles<E> {
         };
         let blocks = k * TILE;
         if self.is_large() {
-            let targets = product.data_mut().par_chunks_mut(blocks).enumerate();
+            let targets = product.data.par_chunks_mut(blocks).enumerate();
             targets.with_min_len(8).for_each(|(i, target)| each(i, target));
         } else {
-            let targets = product.data_mut().chunks_mut(blocks).enumerate();
+            let targets = product.data.chunks_mut(blocks).enumerate();
             targets.for_each(|(i, target)| each(i, target));
         }
         product
@@ -72,11 +72,11 @@ impl<E: Precision> Tiles<E> {
     ///
     /// Sums over a tile are in the stored scalar, all others in f64, in a fixed order.
     pub(crate) fn multiply(&self, f: &Panel) -> Panel {
-        let source: Vec<E> = f.data().iter().map(|&x| E::of(x)).collect();
+        let source: Vec<E> = f.data.iter().map(|&x| E::of(x)).collect();
         let share = |stretch: &[usize; 2]| {
-            let mut share = Panel::zeros(self.rows, f.columns());
-            let (source, target) = (source.as_slice(), share.data_mut());
-            let width = TILE * f.columns();
+            let mut share = Panel::zeros(self.rows, f.columns);
+            let (source, target) = (source.as_slice(), share.data.as_mut_slice());
+            let width = TILE * f.columns;
             pulp::Arch::new().dispatch(Stretch {
                 tiles: self,
                 of: *stretch,
@@ -95,9 +95,9 @@ impl<E: Precision> Tiles<E> {
         } else {
             stretches.iter().map(share).collect()
         };
-        let mut sum = Panel::zeros(self.rows, f.columns());
+        let mut sum = Panel::zeros(self.rows, f.columns);
         for share in &shares {
-            sum.data_mut().iter_mut().zip(share.data()).for_each(|(sum, x)| *sum += x);
+            sum.data.iter_mut().zip(&share.data).for_each(|(sum, x)| *sum += x);
         }
         sum
     }
