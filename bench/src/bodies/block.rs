@@ -26,15 +26,6 @@ pub(crate) const FINEST_LEVEL: u8 = 15;
 /// Height from which pressures count as away from the clamp, whose edge makes them singular.
 const ABOVE_CLAMP: f64 = 0.25;
 
-/// What fills the cube.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Filling {
-    /// One material.
-    Homogeneous,
-    /// A ball of radius .3 around (.53, .47, .51), stiffer by this ratio.
-    Sphere(f64),
-}
-
 /// A unit cube of E = 1 around what fills it.
 pub(crate) struct Block {
     tree: Arc<LabelTree>,
@@ -70,17 +61,16 @@ enum Pressure {
 }
 
 impl Block {
-    /// The cube with one Poisson's ratio throughout, homogenised by a scene name.
-    pub fn new(filling: Filling, poisson_ratio: f64, homogenisation: &str) -> Result<Self> {
-        let (tree, ratio) = match filling {
-            Filling::Homogeneous => (LabelTree::homogeneous([1; 3], 1), 1.0),
-            Filling::Sphere(ratio) => (sphere()?, ratio),
-        };
+    /// The cube with one Poisson's ratio throughout, homogenised by `laminate`; with a ball of
+    /// radius .3 around (.53, .47, .51) that is so many times as stiff, if there is one.
+    pub fn new(ball: Option<f64>, poisson_ratio: f64) -> Result<Self> {
+        let tree = if ball.is_some() { sphere()? } else { LabelTree::homogeneous([1; 3], 1) };
         let tree = Arc::new(tree);
-        let materials = [1.0, 1.0, ratio].map(|young| Material::new(young, poisson_ratio, 1.0));
+        let materials =
+            [1.0, 1.0, ball.unwrap_or(1.0)].map(|young| Material::new(young, poisson_ratio, 1.0));
         let materials = materials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let moduli = MixedModuli::new(&materials[1].elasticity())?;
-        let embedding = Embedding::new(Arc::clone(&tree), materials, by_name(homogenisation)?)?;
+        let embedding = Embedding::new(Arc::clone(&tree), materials, by_name("laminate")?)?;
         Ok(Self { tree, embedding, moduli })
     }
 

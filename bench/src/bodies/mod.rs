@@ -1,8 +1,8 @@
 //! Bodies that benches and studies work on.
 //!
 //! Start with `organ.rs`: the liver phantom that most of them share. `block.rs` is a unit cube at
-//! rest under load (`cube_mesh.rs`), `solid.rs` makes bodies of simple shapes without a bisection mesh, `statics.rs`
-//! solves them, `beams.rs` bends them.
+//! rest under load (its meshes are in `cube_mesh.rs`), `solid.rs` makes bodies of simple shapes
+//! without a bisection mesh, `statics.rs` solves them, `beams.rs` bends them.
 
 pub(crate) mod beams;
 pub(crate) mod block;

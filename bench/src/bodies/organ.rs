@@ -72,7 +72,7 @@ impl Size {
 impl Organ {
     /// Makes the phantom, its labels and its start mesh.
     /// # Errors
-    /// `BenchError::Image`, `BenchError::Bisection`, `BenchError::Embed`: a defect of the constants above.
+    /// Those of the image, the forest and the embedding: a defect of the constants above.
     pub fn new(size: Size) -> Result<Self> {
         let volume = liver(size.phantom())?;
         let grid = CellGrid::around(&volume, VOXELS_PER_CELL)?;
@@ -96,9 +96,7 @@ impl Organ {
 
     /// The body of the finer start mesh that has at most `free` free vertices, the coarser one if
     /// neither has.
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_at_most(free: usize) -> Result<Self> {
+    pub(crate) fn with_at_most(free: usize) -> Result<Self> {
         let full = Self::new(Size::Full)?;
         if full.free_vertices().count() <= free { Ok(full) } else { Self::new(Size::Quick) }
     }
@@ -108,16 +106,13 @@ impl Organ {
         self.placement.position(point)
     }
 
-    /// True where a vertex of the start mesh at `point` is fixed.
-    pub fn is_held(&self, point: Point) -> bool {
-        let x = self.rest(point);
-        let [low, high] = &self.held;
-        (0..3).all(|i| x[i] >= low[i] && x[i] <= high[i])
-    }
-
     /// Vertices of the start mesh that are not fixed, ascending.
     pub fn free_vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
-        self.forest.vertices().filter(|&v| !self.is_held(self.forest.point(v)))
+        let [low, high] = &self.held;
+        self.forest.vertices().filter(|&v| {
+            let x = self.rest(self.forest.point(v));
+            (0..3).any(|i| x[i] < low[i] || x[i] > high[i])
+        })
     }
 
     /// The organ's material on all levels, by a homogenisation's scene name.

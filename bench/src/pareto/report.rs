@@ -60,9 +60,9 @@ const COLUMNS: &[(&str, &str, &str)] = &[
     ("rebuilds", "rebuilds", "fresh starts of the inverse by itself"),
 ];
 
-/// The page, complete in itself: no other file and no network is asked for anything. `fronts` are the
-/// names of the rows on the fronts by the errors of displacement and force; `plots` and `body` are
-/// SVG texts.
+/// The page, complete in itself: no other file and no network is asked for anything. `fronts` are
+/// the names of the rows on the fronts by the errors of displacement and force; `plots` and `body`
+/// are SVG texts.
 pub(crate) fn page(
     results: &Results<'_>,
     machine: &Machine,
@@ -109,8 +109,8 @@ fn facts(results: &Results<'_>, machine: &Machine, fronts: &[Vec<&str>; 2]) -> S
         (
             "Reference",
             format!(
-                "uniform level {level}, {vertices} vertices, element {element}, {good} of {steps} steps \
-                 converged, largest relative residual {residual_max:.1e}{own}"
+                "uniform level {level}, {vertices} vertices, element {element}, {good} of {steps} \
+                 steps converged, largest relative residual {residual_max:.1e}{own}"
             ),
         ),
         ("On the front of displacement", fronts[0].join("; ")),

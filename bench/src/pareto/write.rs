@@ -62,7 +62,8 @@ fn summary(results: &Results<'_>, machine: &Machine, fronts: &[Vec<&str>; 2]) ->
     let ReferenceSummary { level, vertices, element, converged: good, steps, .. } = reference;
     let mut text = format!(
         "# {}: error against time\n\n{cpu}, {threads_available} threads. Reference: uniform level \
-         {level} with {vertices} vertices, {element}, {good} of {steps} steps to {:.1e}, {:.0} s.\n\n",
+         {level} with {vertices} vertices, {element}, {good} of {steps} steps to {:.1e}, {:.0} \
+         s.\n\n",
         scene.name, reference.residual_max, reference.total_s,
     );
     if let Some(error) = own_error(results) {

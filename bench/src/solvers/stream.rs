@@ -22,11 +22,6 @@ impl Stream {
         Self { data: vec![1.0; numbers] }
     }
 
-    /// True without room for any pass.
-    pub fn is_empty(&self) -> bool {
-        self.data.is_empty()
-    }
-
     /// Reads, changes and writes the first `numbers` numbers (or all, if there are fewer), in the
     /// pieces and with the threads of an update of the dense inverse. Returns the bytes that it
     /// went over, each read and written once.

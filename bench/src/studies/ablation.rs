@@ -31,18 +31,14 @@ enum Part {
     Everything,
 }
 
-const PARTS: [Part; 4] = [Part::Refinement, Part::Surface, Part::InverseUpdate, Part::Everything];
+const PARTS: [(Part, &str); 4] = [
+    (Part::Refinement, "refinement"),
+    (Part::Surface, "surface"),
+    (Part::InverseUpdate, "inverse update"),
+    (Part::Everything, "everything"),
+];
 
 impl Part {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Refinement => "refinement",
-            Self::Surface => "surface",
-            Self::InverseUpdate => "inverse update",
-            Self::Everything => "everything",
-        }
-    }
-
     /// The scene with this part switched on; its finest level is `finest`.
     fn switch_on(self, planned: &Scene, finest: u8) -> Scene {
         let mut scene = planned.clone();
@@ -75,8 +71,8 @@ pub fn run(arguments: &CaseArguments) -> Result<String> {
     let folder = Folder::open(&selection.out, &options, selection.force)?;
     let mut cases = Vec::new();
     for scene in SCENES {
-        for part in PARTS {
-            let name = format!("{scene} with {}", part.name());
+        for (part, name) in PARTS {
+            let name = format!("{scene} with {name}");
             let work = move |advance: Advance<'_>| both(scene, part, quick, advance);
             cases.push(Case::new(scene, name, work));
         }

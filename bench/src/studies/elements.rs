@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 use yawara_embed::{ElementFormulation, FORMULATIONS, P1P1, formulation_by_name};
 
-use crate::bodies::block::{Block, Difference, FINEST_LEVEL, Field, Filling, VOXEL_LEVEL};
+use crate::bodies::block::{Block, Difference, FINEST_LEVEL, Field, VOXEL_LEVEL};
 use crate::error::Result;
 use crate::harness::plot::{log_log, slope};
 use crate::harness::report::markdown::table;
@@ -94,7 +94,7 @@ fn measure(quick: bool) -> Result<Vec<Row>> {
     let mut progress = Progress::new((POISSON_RATIOS.len() + SPHERE_RATIOS.len()) as f64);
     let mut rows = Vec::new();
     for nu in POISSON_RATIOS {
-        let block = Block::new(Filling::Homogeneous, nu, "laminate")?;
+        let block = Block::new(None, nu)?;
         let mixed = P1P1::default();
         let coarse = block.solve(finest - 3, &mixed)?;
         let fine = block.solve(finest, &mixed)?;
@@ -106,7 +106,7 @@ fn measure(quick: bool) -> Result<Vec<Row>> {
         progress.advance("homogeneous", 1.0);
     }
     for nu in SPHERE_RATIOS {
-        let block = Block::new(Filling::Sphere(1e3), nu, "laminate")?;
+        let block = Block::new(Some(1e3), nu)?;
         let fine = block.solve(VOXEL_LEVEL, &P1P1::default())?;
         for level in [VOXEL_LEVEL - 6, VOXEL_LEVEL - 3] {
             rows.extend(compare(&block, "sphere 1e3, laminate", nu, level, &fine)?);

@@ -1,7 +1,7 @@
 //! The studies, each in a file or folder of its own, by its name on the command line.
 //!
-//! A study's `run` writes its files and returns what is printed. Bad arguments and a folder that is in
-//! use are refused before anything is measured, and nothing is written then.
+//! A study's `run` writes its files and returns what is printed. Bad arguments and a folder that is
+//! in use are refused before anything is measured, and nothing is written then.
 //!
 //! Start with `elements.rs`: it measures its rows and hands them to
 //! [`harness::report::write`](crate::harness::report::write), as all others do. `race` is shared by

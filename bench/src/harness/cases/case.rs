@@ -115,8 +115,8 @@ pub fn run(folder: &Folder, cases: &[Case<'_>], shard: Shard) -> Result<Measured
         return Ok(Measured::All(kept));
     }
     Ok(Measured::Waiting(format!(
-        "{done} of {all} cases are done; the tables come with the last one (run the other parts, or \
-         again without --shard, over the same folder)\n"
+        "{done} of {all} cases are done; the tables come with the last one (run the other parts, \
+         or again without --shard, over the same folder)\n"
     )))
 }
 

@@ -49,8 +49,8 @@ pub(crate) fn lines(rows: &[Row]) -> Vec<Map<String, Value>> {
     rows.iter().map(line).collect()
 }
 
-/// The columns `names` of all rows in Markdown, apart by blanks, numbers to three digits; a row without figures has
-/// its reason below the table.
+/// The columns `names`, apart by blanks, of all rows in Markdown, numbers to three digits; a row
+/// without figures has its reason below the table.
 pub(crate) fn markdown(rows: &[Row], names: &str) -> String {
     let heads: Vec<String> = names.split(' ').map(str::to_owned).collect();
     let title = |row: &Row| format!("{}: {}", row.group, row.case);

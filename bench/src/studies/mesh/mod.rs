@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Placement, Quality};
+use yawara_mesh::{BisectionForest, Domain, LabelTree, Lattice, MeshDelta, Quality};
 
 use crate::error::Result;
 use crate::harness::arguments::Common;
@@ -70,11 +70,9 @@ pub fn run(arguments: &Common) -> Result<String> {
         true => (&[3, 6, 13], &[64, 96, 128]),
         false => (&[3, 6, 13, 28], &[64, 96, 128, 192, 256]),
     };
+    let update = |&n: &usize| updates::row(&mut forest(n, 3, 6)?);
     let found = Found {
-        updates: cells
-            .iter()
-            .map(|&n| updates::row(&mut forest(n, 3, 6)?))
-            .collect::<Result<_, _>>()?,
+        updates: cells.iter().map(update).collect::<Result<_, _>>()?,
         volumes: sizes.iter().map(|&n| volumes::row(n)).collect::<Result<_, _>>()?,
         shapes: shapes()?,
         closures: closures()?,
@@ -97,20 +95,18 @@ fn forest(cells: usize, start: u8, max: u8) -> Result<BisectionForest> {
 }
 
 fn shapes() -> Result<Vec<ShapeRow>> {
-    let placement = Placement { origin: Vector3::zeros(), unit: 1.0 };
-    (0..3)
-        .map(|level| {
-            let f = forest(2, level, 3)?;
-            let worst = f
-                .leaves()
-                .map(|t| Quality::of(&t.vertices.map(|v| placement.position(f.point(v)))))
-                .reduce(Quality::worse);
-            let Quality { radius_ratio, circumradius_over_shortest_edge } = worst
-                .unwrap_or(Quality { radius_ratio: 0.0, circumradius_over_shortest_edge: 0.0 });
-            let shape = format!("TYPE{level}");
-            Ok(ShapeRow { shape, circumradius_over_shortest_edge, radius_ratio })
-        })
-        .collect()
+    let mut rows = Vec::new();
+    for level in 0..3 {
+        let f = forest(2, level, 3)?;
+        let rest = |v| Vector3::from(f.point(v).map(f64::from));
+        let worst = f.leaves().map(|t| Quality::of(&t.vertices.map(rest))).reduce(Quality::worse);
+        rows.extend(worst.map(|quality| ShapeRow {
+            shape: format!("TYPE{level}"),
+            circumradius_over_shortest_edge: quality.circumradius_over_shortest_edge,
+            radius_ratio: quality.radius_ratio,
+        }));
+    }
+    Ok(rows)
 }
 
 /// Random refinement from 27 to a few thousand vertices.

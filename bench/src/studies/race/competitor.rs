@@ -8,7 +8,7 @@ use yawara_inverse_update::{InverseMaintainer, SparseStiffness, build, drift};
 use yawara_mesh::Change;
 
 use super::samples::{Samples, timed};
-use super::settings::{BURST, Settings, is_sparse};
+use super::settings::{BURST, FAMILIES, Settings, is_sparse};
 use super::workload::Burst;
 use crate::error::Result;
 use crate::harness::statistics::milliseconds_since;
@@ -95,6 +95,10 @@ impl Competitor {
 
     pub fn is_dense(&self) -> bool {
         !is_sparse(self.name)
+    }
+
+    pub fn family(&self) -> &'static str {
+        FAMILIES[self.workload].name
     }
 
     /// Of what it stores, by its name.

@@ -33,7 +33,7 @@ impl Memory {
 
     /// As many passes as a method has updates; none without room.
     pub fn burst(&mut self, number: usize) {
-        if self.double.is_empty() {
+        if self.numbers == 0 {
             return;
         }
         let (count, nowhere) = (self.numbers, &mut Samples::default());

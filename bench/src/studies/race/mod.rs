@@ -90,7 +90,7 @@ impl<'a> Race<'a> {
             let seed = settings.seed;
             let history = History::refined(&organ, family.homogenisation, vertices, 0, seed)?;
             let stiffness = history.stiffness()?;
-            race.workloads.push(Workload::new(family, history));
+            race.workloads.push(Workload::new(history));
             for name in maintainers() {
                 race.enter(name, &stiffness, growth)?;
             }
@@ -109,7 +109,7 @@ impl<'a> Race<'a> {
     /// Number and name of the family that enters.
     fn entering(&self) -> (usize, &'static str) {
         let workload = self.workloads.len() - 1;
-        (workload, self.workloads[workload].family.name)
+        (workload, FAMILIES[workload].name)
     }
 
     fn leave_out(&mut self, method: &'static str, reason: String) {
@@ -200,19 +200,14 @@ impl<'a> Race<'a> {
     /// The errors of those who have run their last burst.
     fn judge(&mut self, number: usize) -> Result<()> {
         let bursts = self.settings.bursts();
-        for workload in &mut self.workloads {
-            workload.reference = None;
-        }
-        for competitor in &mut self.size.competitors {
-            if competitor.last_burst(bursts) != Some(number) {
-                continue;
-            }
-            let workload = &mut self.workloads[competitor.workload];
-            if workload.reference.is_none() {
-                workload.reference = Some(Reference::new(workload.history.stiffness()?)?);
-            }
-            if let Some(reference) = &workload.reference {
-                competitor.judge(reference, self.settings.seed)?;
+        for (at, workload) in self.workloads.iter().enumerate() {
+            let is_due = |one: &&mut Competitor| {
+                one.workload == at && one.last_burst(bursts) == Some(number)
+            };
+            let mut due = self.size.competitors.iter_mut().filter(is_due).peekable();
+            if due.peek().is_some() {
+                let reference = Reference::new(workload.history.stiffness()?)?;
+                due.try_for_each(|competitor| competitor.judge(&reference, self.settings.seed))?;
             }
         }
         Ok(())
@@ -223,10 +218,10 @@ impl<'a> Race<'a> {
         size.memory.free();
         let mut rows = Vec::new();
         for competitor in &size.competitors {
-            let Workload { family, ranks, .. } = &workloads[competitor.workload];
+            let ranks = &workloads[competitor.workload].ranks;
             let bound = size.memory.bound(competitor.precision());
-            let row = Row::measured(competitor, family.name, size.vertices, bound, ranks)?;
-            growth.note((competitor.name, family.name, "split"), row.dofs, row.split_ms.p50);
+            let row = Row::measured(competitor, size.vertices, bound, ranks)?;
+            growth.note((row.method, row.family, "split"), row.dofs, row.split_ms.p50);
             rows.push(row);
         }
         rows.append(&mut size.rows);
@@ -244,7 +239,7 @@ mod tests {
     fn race(settings: &Settings) -> Race<'_> {
         let organ = Organ::new(Size::Quick).unwrap();
         let history = History::refined(&organ, "linear", 160, 0, 1).unwrap();
-        let workloads = vec![Workload::new(FAMILIES[0], history)];
+        let workloads = vec![Workload::new(history)];
         Race { settings, workloads, size: AtSize { vertices: 1000, ..AtSize::default() } }
     }
 

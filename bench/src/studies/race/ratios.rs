@@ -26,13 +26,8 @@ pub(crate) fn rows(sizes: &[AtSize]) -> Vec<Row> {
 }
 
 impl AtSize {
-    /// The name of a competitor's family.
-    pub fn family(&self, competitor: &Competitor) -> &'static str {
-        FAMILIES[competitor.workload].name
-    }
-
     pub fn competitor(&self, name: &str, family: &str) -> Option<&Competitor> {
-        self.competitors.iter().find(|one| one.name == name && self.family(one) == family)
+        self.competitors.iter().find(|one| one.name == name && one.family() == family)
     }
 
     /// Time of a split by `slow` over that by `fast`, and whether `slow` is extrapolated.
@@ -83,7 +78,7 @@ fn ratios(size: &AtSize) -> Vec<Ratio> {
         }
     };
     for family in FAMILIES.map(|family| family.name) {
-        for competitor in size.competitors.iter().filter(|one| size.family(one) == family) {
+        for competitor in size.competitors.iter().filter(|one| one.family() == family) {
             if competitor.name.starts_with("woodbury") {
                 let bar = STREAMING.filter(|_| competitor.precision() == "f64");
                 let [bound, cold_bound] = size.memory.bound(competitor.precision());

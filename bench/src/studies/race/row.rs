@@ -40,11 +40,11 @@ impl Row {
     /// What a competitor has measured.
     pub fn measured(
         competitor: &Competitor,
-        family: &'static str,
         vertices: usize,
         [bound, cold_bound]: [&Samples; 2],
         ranks: &[f64],
     ) -> Result<Self> {
+        let family = competitor.family();
         let finite = |value: f64, what: &str| {
             let what = format!("{what} of {} in {family} at {vertices} vertices", competitor.name);
             if value.is_finite() { Ok(value) } else { Err(BenchError::NotFinite(what, value)) }

@@ -1,8 +1,7 @@
 //! One family's mesh, and the updates and loads that all methods of that family get.
 
-use super::settings::{BURST, Family};
+use super::settings::BURST;
 use crate::error::Result;
-use crate::solvers::reference::Reference;
 use crate::workloads::{History, SplitMix64, Update};
 
 /// Two updates, of which the second undoes the first.
@@ -17,16 +16,13 @@ pub(crate) struct Burst {
 
 /// One family's mesh and what is derived from it.
 pub(crate) struct Workload {
-    pub family: Family,
     pub history: History,
     pub ranks: Vec<f64>,
-    /// Of the present mesh, made when it is asked for.
-    pub reference: Option<Reference>,
 }
 
 impl Workload {
-    pub fn new(family: Family, history: History) -> Self {
-        Self { family, history, ranks: Vec::new(), reference: None }
+    pub fn new(history: History) -> Self {
+        Self { history, ranks: Vec::new() }
     }
 
     /// Pairs that leave the size as it is, alternately a split with its merge and a merge with its
@@ -55,15 +51,15 @@ impl Workload {
 #[cfg(test)]
 mod tests {
     use super::super::competitor::Competitor;
-    use super::super::settings::FAMILIES;
+    use super::super::settings::{FAMILIES, Family};
     use super::*;
     use crate::bodies::organ::{Organ, Size};
-    use crate::solvers::direct::Direct;
+    use crate::solvers::{Direct, Reference};
 
     fn workload(family: Family) -> Workload {
         let organ = Organ::new(Size::Quick).unwrap();
         let history = History::refined(&organ, family.homogenisation, 180, 0, 1).unwrap();
-        Workload::new(family, history)
+        Workload::new(history)
     }
 
     #[test]

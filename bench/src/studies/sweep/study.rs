@@ -39,8 +39,8 @@ impl Point {
 }
 
 /// What is said of each point.
-const COLUMNS: &str = "steps converged error_displacement error_force iterations fallbacks rebuilds \
-                       drift_max updates step_p50_ms";
+const COLUMNS: &str = "steps converged error_displacement error_force iterations fallbacks \
+                       rebuilds drift_max updates step_p50_ms";
 
 /// Measures all points, as cases that are kept one by one, and writes STUDY.csv, .json and .md;
 /// what is printed.

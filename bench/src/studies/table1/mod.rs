@@ -1,5 +1,5 @@
-//! `table1`: one vertex in and out at the sizes of the paper's Table 1, by every method: here on the
-//! processor, in `gpu.rs` (feature `gpu`) on a graphics device.
+//! `table1`: one vertex in and out at the sizes of the paper's Table 1, by every method: here on
+//! the processor, in `gpu.rs` (feature `gpu`) on a graphics device.
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
