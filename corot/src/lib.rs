@@ -12,6 +12,7 @@ mod contact;
 mod element;
 mod equilibrium;
 mod error;
+mod field;
 mod forces;
 mod grip;
 mod kernels;
@@ -22,13 +23,14 @@ pub use body::{Body, LawState};
 pub use contact::{Contact, ContactOutcome, Obstacle, Sphere, SurfacePoint, solve_with_contact};
 pub use element::{Element, rotation};
 pub use equilibrium::{
-    Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Iterate, Lbfgs, Newton, Outcome, Problem,
-    Tolerance, check_mixed, check_pair, equilibrium_by_name,
+    Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Iterate, Iteration, Lbfgs, Newton,
+    Outcome, Problem, Tolerance, check_mixed, check_pair, equilibrium_by_name,
 };
 pub use error::CorotError;
+pub use field::Field;
 pub use forces::{
     ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
-    PaperCorotation, RowCorotation, element_tangent, forces_by_name,
+    PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
 };
 pub use grip::{Constraints, Grip, Located, Responses, WeightedPoint, locate};
 pub use kernels::element::StiffnessPacket;
@@ -36,6 +38,6 @@ pub use law::{
     ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,
 };
 pub use time::{
-    INTEGRATORS, ImplicitEuler, Inertia, InertiaWeights, QuasiStatic, TimeIntegrator, TimeStep,
-    VertexMotion, forces_with_inertia, integrator_by_name,
+    INTEGRATORS, ImplicitEuler, Inertia, QuasiStatic, TimeIntegrator, TimeStep, VertexMotion,
+    forces_with_inertia, integrator_by_name,
 };

@@ -12,10 +12,7 @@ use crate::error::EmbedError;
 use crate::fine::{FineBody, lattice_tet, voxel};
 use crate::homogenisation::{ChildPair, Excess, Homogenisation, ParentMaterial, combine_solids};
 use crate::linear_tet::LinearTet;
-use crate::material::Material;
-use crate::material::Materials;
-use crate::material::Packed6;
-use crate::material::VoidRule;
+use crate::material::{Material, Materials, Packed6, VoidRule};
 
 /// Elasticity and density of every tetrahedron of a [`LabelTree`].
 ///
@@ -69,17 +66,15 @@ impl Embedding {
     ) -> Result<Self, EmbedError> {
         check_labels(&tree, &materials)?;
         let body = FineBody::new(&tree, &materials);
-        let given = match homogenisation.global() {
-            Some(global) => Some(global.homogenise(&body, progress)?),
-            None => None,
-        };
+        let global = homogenisation.global();
+        let given = global.map(|global| global.homogenise(&body, progress)).transpose()?;
         if let Some(found) = given.as_ref().map(Vec::len).filter(|&n| n != tree.node_count()) {
             let (name, want) = (homogenisation.name().to_owned(), tree.node_count());
             return Err(EmbedError::NodeCount { name, found, want });
         }
         let rule = Rule { body, homogenisation: homogenisation.as_ref(), given };
         let cell_count: usize = tree.grid().cells.iter().product();
-        let parts: Vec<Share> = (0..cell_count)
+        let parts: Vec<CellPart<'_>> = (0..cell_count)
             .into_par_iter()
             .map(|cell| CellPart::build(&rule, cell))
             .collect::<Result<_, _>>()?;
@@ -120,7 +115,7 @@ impl Embedding {
     /// Elasticity D of a tetrahedron's content, Pa.
     pub fn elasticity(&self, of: NodeRef) -> Matrix6<f64> {
         match of.open() {
-            Content::Label(label) => *self.materials.by_label()[usize::from(label)].elasticity(),
+            Content::Label(label) => *self.materials.of_label(label).elasticity(),
             Content::Node(i) => self.elasticity_of_node[i].matrix(),
         }
     }
@@ -128,7 +123,7 @@ impl Embedding {
     /// Mean density of a tetrahedron's content, kg/m³.
     pub fn density(&self, of: NodeRef) -> f64 {
         match of.open() {
-            Content::Label(label) => self.materials.by_label()[usize::from(label)].density_kg_m3(),
+            Content::Label(label) => self.materials.of_label(label).density_kg_m3(),
             Content::Node(i) => self.density_of_node[i],
         }
     }
@@ -226,8 +221,12 @@ struct Rule<'a> {
     given: Option<Vec<Option<Packed6>>>,
 }
 
-/// What one root cube adds.
-struct Share {
+/// One root cube's share, in the tree's order: children before parents.
+struct CellPart<'a> {
+    rule: &'a Rule<'a>,
+    cell: usize,
+    /// The number of its first node.
+    first: usize,
     elasticity: Vec<Packed6>,
     density: Vec<f64>,
     /// By the local rule alone; empty unless there is a global one.
@@ -237,30 +236,18 @@ struct Share {
     solid: Vec<f64>,
 }
 
-/// One root cube's share, in the tree's order: children before parents.
-struct CellPart<'a> {
-    rule: &'a Rule<'a>,
-    cell: usize,
-    first: usize,
-    share: Share,
-}
-
 impl<'a> CellPart<'a> {
-    fn build(rule: &'a Rule<'a>, cell: usize) -> Result<Share, EmbedError> {
-        let tree = rule.body.tree();
-        let nodes = tree.cell_nodes(cell);
-        let share = Share {
-            elasticity: Vec::with_capacity(nodes.len()),
-            density: Vec::with_capacity(nodes.len()),
-            local: Vec::new(),
-            left: 0,
-            solid: Vec::new(),
-        };
-        let mut part = Self { rule, cell, first: nodes.start, share };
+    fn build(rule: &'a Rule<'a>, cell: usize) -> Result<Self, EmbedError> {
+        let nodes = rule.body.tree().cell_nodes(cell);
+        let (elasticity, density) =
+            (Vec::with_capacity(nodes.len()), Vec::with_capacity(nodes.len()));
+        let (first, local, left, solid) = (nodes.start, Vec::new(), 0, Vec::new());
+        let mut part = Self { rule, cell, first, elasticity, density, local, left, solid };
         for order in 0..ROOTS_PER_CELL {
-            part.descend(tree.root(cell, order), rule.body.root_corners(cell, order), 0)?;
+            let root = rule.body.tree().root(cell, order);
+            part.descend(root, rule.body.root_corners(cell, order), 0)?;
         }
-        Ok(part.share)
+        Ok(part)
     }
 
     /// Homogenises below and at `of`; visits nodes in the order in which the tree numbers them.
@@ -274,17 +261,17 @@ impl<'a> CellPart<'a> {
             let materials = self.rule.body.materials();
             let material = materials.of_voxel(voxel(tree, &corners), tree.majority(of))?;
             let packed = Packed6::new(material.elasticity());
-            self.share.elasticity.push(packed);
-            self.share.local.extend(self.rule.given.as_ref().map(|_| packed));
-            self.share.density.push(material.density_kg_m3());
+            self.elasticity.push(packed);
+            self.local.extend(self.rule.given.as_ref().map(|_| packed));
+            self.density.push(material.density_kg_m3());
             let fraction = solid_fraction(tree.majority(of));
-            self.share.solid.extend(self.scales_by_volume().then_some(fraction));
+            self.solid.extend(self.scales_by_volume().then_some(fraction));
             return Ok(());
         }
         let halved = bisect(&corners, level, midpoint(&corners, level));
         self.descend(halves[0], halved[0], level + 1)?;
         self.descend(halves[1], halved[1], level + 1)?;
-        debug_assert_eq!(index, self.first + self.share.elasticity.len());
+        debug_assert_eq!(index, self.first + self.elasticity.len());
 
         let elasticity = halves.map(|half| self.local_elasticity(half));
         let geometry = lattice_tet(&corners);
@@ -292,7 +279,7 @@ impl<'a> CellPart<'a> {
         let rule = self.rule.homogenisation;
         let local = if self.scales_by_volume() {
             let fractions = halves.map(|half| self.solid_fraction(half));
-            self.share.solid.push(0.5 * (fractions[0] + fractions[1]));
+            self.solid.push(0.5 * (fractions[0] + fractions[1]));
             let void = self.rule.body.materials().by_label()[0].elasticity();
             combine_solids(rule, &pair, fractions, void).elasticity
         } else {
@@ -301,17 +288,17 @@ impl<'a> CellPart<'a> {
         self.check(&local, level)?;
         let local = Packed6::new(&local);
         match self.rule.given.as_ref().map(|given| given[index]) {
-            None => self.share.elasticity.push(local),
+            None => self.elasticity.push(local),
             Some(given) => {
                 if let Some(given) = given {
                     self.check(&given.matrix(), level)?;
                 }
-                self.share.left += usize::from(given.is_none());
-                self.share.elasticity.push(given.unwrap_or(local));
-                self.share.local.push(local);
+                self.left += usize::from(given.is_none());
+                self.elasticity.push(given.unwrap_or(local));
+                self.local.push(local);
             }
         }
-        self.share.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
+        self.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
         Ok(())
     }
 
@@ -324,28 +311,23 @@ impl<'a> CellPart<'a> {
     fn solid_fraction(&self, of: NodeRef) -> f64 {
         match of.open() {
             Content::Label(label) => solid_fraction(label),
-            Content::Node(i) => self.share.solid[i - self.first],
+            Content::Node(i) => self.solid[i - self.first],
         }
     }
 
     /// What the local rule makes of a half.
     fn local_elasticity(&self, of: NodeRef) -> Matrix6<f64> {
-        let nodes =
-            if self.rule.given.is_some() { &self.share.local } else { &self.share.elasticity };
+        let nodes = if self.rule.given.is_some() { &self.local } else { &self.elasticity };
         match of.open() {
-            Content::Label(label) => {
-                *self.rule.body.materials().by_label()[usize::from(label)].elasticity()
-            }
+            Content::Label(label) => *self.rule.body.materials().of_label(label).elasticity(),
             Content::Node(i) => nodes[i - self.first].matrix(),
         }
     }
 
     fn density(&self, of: NodeRef) -> f64 {
         match of.open() {
-            Content::Label(label) => {
-                self.rule.body.materials().by_label()[usize::from(label)].density_kg_m3()
-            }
-            Content::Node(i) => self.share.density[i - self.first],
+            Content::Label(label) => self.rule.body.materials().of_label(label).density_kg_m3(),
+            Content::Node(i) => self.density[i - self.first],
         }
     }
 

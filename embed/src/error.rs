@@ -1,12 +1,14 @@
 //! What can be wrong with materials and elements.
 
+use yawara_mesh::Lattice;
+
 /// Why a material or an embedding was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmbedError {
-    /// A material constant outside its range.
+    /// A constant of a material, an element or a time step outside its range.
     #[error("{what} is {value}, want {want}")]
-    Material {
+    Range {
         /// Which constant.
         what: &'static str,
         /// Its value.
@@ -14,17 +16,19 @@ pub enum EmbedError {
         /// The admissible range.
         want: &'static str,
     },
-    /// An entry of an elasticity matrix that is no number.
-    #[error(
-        "entry ({row}, {column}) of an elasticity matrix is {value}, want a finite number (Pa)"
-    )]
-    ElasticityEntry {
+    /// An entry of an elasticity matrix (Pa) or of an element's (N/m) that is no number.
+    #[error("entry ({row}, {column}) of {matrix} is {value}, want {want}")]
+    NotFinite {
+        /// Which matrix.
+        matrix: &'static str,
         /// Row, from 0.
         row: usize,
         /// Column, from 0.
         column: usize,
         /// The value.
         value: f64,
+        /// What it should be.
+        want: &'static str,
     },
     /// An elasticity matrix that no stable material has.
     #[error(
@@ -38,21 +42,6 @@ pub enum EmbedError {
         limit: f64,
         /// The smallest eigenvalue of the symmetric part, Pa.
         eigenvalue: f64,
-    },
-    /// A matrix of an element that is not finite.
-    #[error(
-        "entry ({row}, {column}) of the matrix of an element `{element}` is {value}, want a finite \
-         number (N/m): its elasticity has to be positive definite"
-    )]
-    ElementEntry {
-        /// The element.
-        element: &'static str,
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// The value.
-        value: f64,
     },
     /// A label of the volume without a material.
     #[error("no material for dense label {label}: {given} materials were given")]
@@ -124,18 +113,15 @@ pub enum EmbedError {
     },
     /// A coarse mesh that a detail mesh does not belong to.
     #[error(
-        "the coarse mesh has {found:?} root cubes of {found_units} lattice units, the detail mesh \
-         {want:?} of {want_units}: want the same cubes and at most its units"
+        "the coarse mesh has {:?} root cubes of {} lattice units, the detail mesh {:?} of {}: want \
+         the same cubes and at most its units",
+        found.cells, found.units, want.cells, want.units
     )]
     OtherLattice {
-        /// Root cubes of the coarse mesh.
-        found: [usize; 3],
-        /// Its lattice units per cube.
-        found_units: i32,
-        /// Root cubes of the detail mesh.
-        want: [usize; 3],
-        /// Its lattice units per cube.
-        want_units: i32,
+        /// Of the coarse mesh.
+        found: Lattice,
+        /// Of the detail mesh.
+        want: Lattice,
     },
     /// An embedding of other labels than a mesh's.
     #[error(
@@ -148,12 +134,6 @@ pub enum EmbedError {
         /// Nodes of the mesh's tree.
         want: usize,
     },
-    /// A lattice unit that is no length.
-    #[error("a lattice unit of {unit} m, want a finite length > 0")]
-    LatticeUnit {
-        /// The length given, m.
-        unit: f64,
-    },
     /// Fewer positions than vertex numbers.
     #[error("{found} positions for vertex numbers below {want}")]
     PositionCount {
@@ -163,26 +143,14 @@ pub enum EmbedError {
         want: usize,
     },
     /// An unknown name.
-    #[error("no homogenisation `{name}`; there are {}", choices.join(", "))]
-    UnknownHomogenisation {
+    #[error("no {what} `{name}`; there are {}", choices.join(", "))]
+    Unknown {
+        /// Which stage.
+        what: &'static str,
         /// What was asked for.
         name: String,
         /// What there is.
         choices: &'static [&'static str],
-    },
-    /// An unknown name of an element.
-    #[error("no element `{name}`; there are {}", choices.join(", "))]
-    UnknownFormulation {
-        /// What was asked for.
-        name: String,
-        /// What there is.
-        choices: &'static [&'static str],
-    },
-    /// A stabilisation of the mixed element outside its range.
-    #[error("the stabilisation of p1p1 is {value}, want 0.5 to 2")]
-    Stabilisation {
-        /// α.
-        value: f64,
     },
     /// An elasticity matrix that κ, μ and D' can't be read off.
     #[error(
@@ -192,15 +160,5 @@ pub enum EmbedError {
     MixedModuli {
         /// The smallest eigenvalue, Pa, or NaN.
         eigenvalue: f64,
-    },
-    /// A weight of mass or stiffness that no time step has.
-    #[error("the {what} is {value}, want {want}")]
-    StepWeight {
-        /// Which one.
-        what: &'static str,
-        /// What was given.
-        value: f64,
-        /// What it should be.
-        want: &'static str,
     },
 }

@@ -31,7 +31,7 @@ pub use element::{
 pub use embedding::Embedding;
 pub use error::EmbedError;
 pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
-pub use hand_over::{ContentStiffness, Halved, Leaf, LeafMaterial, RingPart, RingStiffness, clamp};
+pub use hand_over::{ContentStiffness, Halved, RingPart, RingStiffness, clamp};
 pub use homogenisation::{
     CHOICES, ChildPair, Excess, GlobalHomogenisation, Homogenisation, Kharevych, Laminate, Linear,
     Paper, ParentMaterial, by_name,

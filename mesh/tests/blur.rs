@@ -68,7 +68,7 @@ fn impossible_widths_are_refused() {
     let image = delta(3, 1.0);
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let error = gaussian_blur(&image, bad).unwrap_err();
-        assert!(matches!(error, ImageError::LengthValue { .. }), "{error}");
+        assert!(matches!(error.problem(), ImageError::Parameter { .. }), "{error}");
         assert!(error.to_string().contains("standard deviation"), "{error}");
     }
 }

@@ -43,7 +43,7 @@ fn ranges_that_say_nothing_or_two_things_are_refused() {
         range(0, 1.0, 2.0),
     ] {
         let error = classify(&image(&[0.0]), &[range(2, 7.0, 8.0), bad]).unwrap_err();
-        assert!(matches!(error, ImageError::ValueRange { index: 1, .. }), "{error}");
+        assert!(matches!(error.problem(), ImageError::ValueRange { index: 1, .. }), "{error}");
     }
     let middle = range(1, 0.0, 10.0);
     for meeting in [
@@ -56,7 +56,10 @@ fn ranges_that_say_nothing_or_two_things_are_refused() {
     ] {
         for pair in [[middle, meeting], [meeting, middle]] {
             let error = classify(&image(&[0.0]), &pair).unwrap_err();
-            assert!(matches!(error, ImageError::RangesMeet { first: 0, second: 1, .. }), "{error}");
+            assert!(
+                matches!(error.problem(), ImageError::RangesMeet { first: 0, second: 1, .. }),
+                "{error}"
+            );
         }
     }
     for beside in [range(2, 10.0, 20.0), range(2, -5.0, 0.0)] {

@@ -118,17 +118,20 @@ fn a_file_is_replaced_whole_or_not_at_all() {
     assert_eq!(read_labels(&path).unwrap().values(), [0, 9]);
     for name in ["a.nrrd", "nii", "a.gz", ""] {
         let error = write_labels(&folder.path().join(name), &volume).unwrap_err();
-        assert!(matches!(error, ImageError::Unwritable { field: "the name", .. }), "{error}");
+        assert!(
+            matches!(error.problem(), ImageError::Unwritable { field: "the name", .. }),
+            "{error}"
+        );
     }
     let long = LabelVolume::new(oblique([32768, 1, 1]), vec![0; 32768], vec![0]).unwrap();
     let error = write_labels(&path, &long).unwrap_err();
     assert!(error.to_string().contains("32768"), "{error}");
     let missing = folder.path().join("none").join("a.nii");
-    assert!(matches!(write_labels(&missing, &volume), Err(ImageError::Io { .. })));
+    assert!(matches!(write_labels(&missing, &volume).unwrap_err().problem(), ImageError::Io(_)));
     // A folder of that name stops the renaming; nothing half-written stays.
     let taken = folder.path().join("taken.nii");
     std::fs::create_dir(&taken).unwrap();
-    assert!(matches!(write_labels(&taken, &volume), Err(ImageError::Io { .. })));
+    assert!(matches!(write_labels(&taken, &volume).unwrap_err().problem(), ImageError::Io(_)));
     let mut left: Vec<_> =
         std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     left.sort();

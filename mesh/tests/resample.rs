@@ -134,26 +134,32 @@ fn impossible_spacings_and_grids_are_refused() {
     let volume = || scan.volume(Voxels::U8(vec![1; 12]));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error = volume().labels(Some(bad)).unwrap_err();
-        assert!(matches!(error, ImageError::LengthValue { .. }), "{error}");
+        assert!(matches!(error.problem(), ImageError::Parameter { .. }), "{error}");
     }
     for tiny in [0.1, 1e-300] {
         let error = volume().intensities(Some(tiny)).unwrap_err();
-        assert!(matches!(error, ImageError::ResampledVoxels { limit: 3072, .. }), "{error}");
+        assert!(
+            matches!(error.problem(), ImageError::ResampledVoxels { limit: 3072, .. }),
+            "{error}"
+        );
         assert!(error.to_string().contains("larger spacing"), "{error}");
     }
     let new = |dims, voxels| RawVolume::new(Path::new("scan"), dims, &scan.affine, None, voxels);
     let few = new([3, 2, 2], Voxels::U8(vec![1; 11]));
-    assert!(matches!(few, Err(ImageError::VoxelCount { found: 11, .. })));
+    assert!(matches!(few.unwrap_err().problem(), ImageError::VoxelCount { found: 11, .. }));
     let none = new([3, 0, 2], Voxels::U8(vec![]));
-    assert!(matches!(none, Err(ImageError::Grid { field: "dims", .. })));
+    assert!(matches!(
+        none.unwrap_err().problem(),
+        ImageError::Parameter { field: "grid: dims", .. }
+    ));
     let many = new([usize::MAX, 2, 2], Voxels::U8(vec![]));
-    assert!(matches!(many, Err(ImageError::TooManyVoxels { .. })));
+    assert!(matches!(many.unwrap_err().problem(), ImageError::TooManyVoxels { .. }));
     let mut affine = scan.affine.clone();
     affine.columns[1].x = f64::NAN;
     let error = RawVolume::new(Path::new("scan"), [1; 3], &affine, None, Voxels::U8(vec![1]));
-    assert!(matches!(error, Err(ImageError::SingularAffine { .. })));
+    assert!(matches!(error.unwrap_err().problem(), ImageError::SingularAffine { .. }));
     let bad = scan.volume(Voxels::F32(vec![f32::NAN; 12])).intensities(None);
-    assert!(matches!(bad, Err(ImageError::IntensityValue { .. })));
+    assert!(matches!(bad.unwrap_err().problem(), ImageError::VoxelValue { .. }));
 }
 
 proptest! {

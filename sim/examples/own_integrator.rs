@@ -4,7 +4,7 @@
 
 use nalgebra::Vector3;
 use yawara::{SimError, Simulation, Stages, scene_file};
-use yawara_corot::{ImplicitEuler, InertiaWeights, TimeIntegrator, TimeStep, VertexMotion};
+use yawara_corot::{ImplicitEuler, TimeIntegrator, TimeStep, VertexMotion};
 
 /// Average acceleration (β = ¼, γ = ½): a' = 4u/h² − 4v/h − a and v' = 2u/h − v with u = x' − x.
 struct Newmark;
@@ -16,9 +16,9 @@ impl TimeIntegrator for Newmark {
     fn uses_accelerations(&self) -> bool {
         true
     }
-    fn weights(&self, step: &TimeStep) -> Option<InertiaWeights> {
+    fn mass_per_s2(&self, step: &TimeStep) -> Option<f64> {
         let TimeStep { length_s: h, damping_mass_per_s: alpha } = *step;
-        Some(InertiaWeights { mass_per_s2: (4.0 / h + 2.0 * alpha) / h })
+        Some((4.0 / h + 2.0 * alpha) / h)
     }
     fn predict(&self, step: &TimeStep, start: &VertexMotion) -> Vector3<f64> {
         let TimeStep { length_s: h, damping_mass_per_s: alpha } = *step;
@@ -53,6 +53,13 @@ fn swing(integrator: Box<dyn TimeIntegrator>) -> Result<[f64; 2], SimError> {
 }
 
 fn main() -> Result<(), SimError> {
+    // Left alone, a vertex goes on as it was.
+    let step = TimeStep { length_s: 0.1, damping_mass_per_s: 0.0 };
+    let (rest, velocity) = (Vector3::zeros(), Vector3::new(3.0, 0.0, 0.0));
+    let start = VertexMotion { position: rest, velocity, acceleration: Vector3::zeros() };
+    let alone = Newmark.predict(&step, &start);
+    assert!((alone - 0.1 * velocity).norm() < 1e-15);
+    assert!((Newmark.finish(&step, &start, alone).velocity - velocity).norm() < 1e-14);
     let [newmark, euler] = [swing(Box::new(Newmark))?, swing(Box::new(ImplicitEuler))?];
     println!("newmark: {newmark:.1?} mm, implicit Euler: {euler:.1?} mm");
     assert!(newmark[1] > 0.8 * newmark[0] && euler[1] < 0.5 * euler[0]);

@@ -7,10 +7,10 @@ use faer::Mat;
 use nalgebra::{Matrix6, Vector3};
 use yawara::scene::{Image, Scene};
 use yawara::{BodyAtRest, Simulation, Stages, Tool, scene_file};
-use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1, RingStiffness};
+use yawara_embed::{ElementFormulation, Halved, LinearTet, P1, RingPart};
+use yawara_mesh::VertexId;
 use yawara_mesh::phantom::block;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{MeshDelta, VertexId};
 
 fn beam() -> Scene {
     let settings = ["mesh.max_level=3".into(), "time.steps=2".into()];
@@ -101,11 +101,11 @@ fn a_tool_of_ones_own_holds_vertices_as_a_built_in_one_does() {
     assert!(own.set_tool_pose(0, yawara::Pose::default()).is_err(), "it has no path");
 }
 
-/// `p1` with unknowns as told, counting its matrices and rings.
+/// `p1` with unknowns as told, counting its matrices and shares of rings.
 struct Counting {
     unknowns: usize,
     matrices: Arc<AtomicUsize>,
-    rings: Arc<AtomicUsize>,
+    shares: Arc<AtomicUsize>,
 }
 
 impl ElementFormulation for Counting {
@@ -126,14 +126,9 @@ impl ElementFormulation for Counting {
         P1.stiffness(geometry, elasticity)
     }
 
-    fn ring(
-        &self,
-        delta: &MeshDelta,
-        embedding: &Embedding,
-        position: &dyn Fn(VertexId) -> Vector3<f64>,
-    ) -> RingStiffness {
-        self.rings.fetch_add(1, Ordering::Relaxed);
-        P1.ring(delta, embedding, position)
+    fn part(&self, halved: &Halved) -> RingPart {
+        self.shares.fetch_add(1, Ordering::Relaxed);
+        P1.part(halved)
     }
 }
 
@@ -142,10 +137,10 @@ fn an_element_of_ones_own_makes_the_matrix_and_its_changes() {
     let mut scene = beam();
     scene.stages.element = "p1".into();
     let counters = || (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-    let with = |unknowns, (matrices, rings): &(Arc<AtomicUsize>, Arc<AtomicUsize>)| {
+    let with = |unknowns, (matrices, shares): &(Arc<AtomicUsize>, Arc<AtomicUsize>)| {
         let mut stages = Stages::by_name(&scene.stages).unwrap();
-        let (matrices, rings) = (Arc::clone(matrices), Arc::clone(rings));
-        stages.element = Some(Box::new(Counting { unknowns, matrices, rings }));
+        let (matrices, shares) = (Arc::clone(matrices), Arc::clone(shares));
+        stages.element = Some(Box::new(Counting { unknowns, matrices, shares }));
         Simulation::new(&scene, stages)
     };
     let counts = counters();

@@ -38,7 +38,7 @@ fn the_derivative_at_rest_is_the_effective_matrix() {
             let start = rest.iter().map(still);
             let inertia =
                 Inertia::new(&ImplicitEuler, &step, mass, &body, start, |_| density).unwrap();
-            let c = ImplicitEuler.weights(&step).unwrap().mass_per_s2;
+            let c = ImplicitEuler.mass_per_s2(&step).unwrap();
             let weights = StepWeights::new(mass, c, body.stiffening()).unwrap();
             assert_eq!(body.stiffening(), 1.5, "1 + β/h");
             let (u, q) = (waves(n), |v: usize| (0.9 * v as f64).cos());

@@ -123,7 +123,7 @@ fn another_tree_or_unit_is_refused() {
     assert!(matches!(error, EmbedError::OtherTree { .. }), "{error}");
     for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let error = DetailMesh::embedded(forest(), &organ.embedding("linear"), unit).err().unwrap();
-        assert!(matches!(error, EmbedError::LatticeUnit { .. }), "{error}");
+        assert!(matches!(error, EmbedError::Range { .. }), "{error}");
     }
     let detail = detail(&organ, "laminate");
     let small = DetailMesh::new(organ.forest(3, 3));

@@ -304,7 +304,7 @@ fn what_is_no_elasticity_is_refused() {
     let mut bad = Matrix6::identity();
     bad[(2, 4)] = f64::NAN;
     let error = FineMaterial::new(bad, 1.0).unwrap_err();
-    assert!(matches!(error, EmbedError::ElasticityEntry { row: 2, column: 4, .. }), "{error}");
+    assert!(matches!(error, EmbedError::NotFinite { row: 2, column: 4, .. }), "{error}");
     bad[(2, 4)] = 0.1;
     let error = FineMaterial::new(bad, 1.0).unwrap_err();
     assert!(matches!(error, EmbedError::Elasticity { asymmetry: 0.1, .. }), "{error}");
@@ -314,7 +314,7 @@ fn what_is_no_elasticity_is_refused() {
     assert!(error.to_string().contains("-1e-3 Pa"), "{error}");
     for density in [-1.0, f64::NAN, f64::INFINITY] {
         let error = FineMaterial::new(Matrix6::identity(), density).unwrap_err();
-        assert!(matches!(error, EmbedError::Material { what: "density_kg_m3", .. }), "{error}");
+        assert!(matches!(error, EmbedError::Range { what: "density_kg_m3", .. }), "{error}");
     }
     // Errors of a user's function come back as they are.
     let refuse = Materials::new([FineMaterial::new(Matrix6::identity(), 0.0).unwrap(); 2])
@@ -323,6 +323,6 @@ fn what_is_no_elasticity_is_refused() {
         let list = Materials::new(refuse.by_label().to_vec())
             .with_voxels(|_, _| Material::new(1.0, 0.7, 0.0).map(FineMaterial::from));
         let error = embed(&varying(2), list, choice).err().unwrap();
-        assert!(matches!(error, EmbedError::Material { value: 0.7, .. }), "{choice}: {error}");
+        assert!(matches!(error, EmbedError::Range { value: 0.7, .. }), "{choice}: {error}");
     }
 }

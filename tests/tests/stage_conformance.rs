@@ -38,12 +38,20 @@ conformance!(element_formulation, p1, &P1);
 conformance!(element_formulation, p1p1, &P1P1::default());
 conformance!(element_formulation, p1p1_little_stabilised, &P1P1::new(0.5).unwrap());
 conformance!(element_formulation, p1p1_much_stabilised, &P1P1::new(2.0).unwrap());
-conformance!(element_formulation, p1_in_time, &Dynamic::new(weights(Mass::Consistent)));
-conformance!(element_formulation, p1_lumped, &Dynamic::new(weights(Mass::Lumped)));
+conformance!(
+    element_formulation,
+    p1_in_time,
+    &Dynamic { element: P1, weights: weights(Mass::Consistent) }
+);
+conformance!(
+    element_formulation,
+    p1_lumped,
+    &Dynamic { element: P1, weights: weights(Mass::Lumped) }
+);
 conformance!(
     element_formulation,
     p1p1_in_time,
-    &Dynamic::mixed(P1P1::default(), weights(Mass::Consistent))
+    &Dynamic { element: P1P1::default(), weights: weights(Mass::Consistent) }
 );
 
 /// Mass and stiffness of like size: ρ h² c against E.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::{Rotation3, Vector3};
-use yawara_corot::{Body, ElementTangent, Equilibrium, InternalForces, Outcome, Tolerance};
+use yawara_corot::{Body, Equilibrium, InternalForces, Outcome, TangentOf, Tolerance};
 use yawara_embed::{P1P1, isotropic};
 
 use crate::bodies::solid::Solid;
@@ -164,12 +164,7 @@ impl InternalForces for Recorded<'_> {
         self.inner.internal_forces(body, positions, forces)
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        self.inner.tangent(body, number, positions)
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        self.inner.tangent()
     }
 }

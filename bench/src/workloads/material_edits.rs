@@ -2,7 +2,7 @@
 
 use yawara::inverse::SlotMap;
 use yawara_corot::Element;
-use yawara_embed::{ContentStiffness, Leaf, LeafMaterial, P1};
+use yawara_embed::{ContentStiffness, ElementFormulation, P1};
 use yawara_inverse_update::{SparseStiffness, StiffnessChange};
 use yawara_mesh::VertexId;
 
@@ -68,10 +68,8 @@ impl MaterialEdits {
     ) -> Result<Option<StiffnessChange>> {
         let Element { vertices, geometry, elasticity, .. } = self.elements[element];
         let vertices = vertices.map(|v| VertexId(v as u32));
-        let leaf = Leaf { element: &P1, vertices, held: [false; 4], geometry };
-        let [old, new] = parts
-            .map(|part| LeafMaterial { elasticity: elasticity * (1.0 + part), density_kg_m3: 0.0 });
-        Ok(slots.content_change(&ContentStiffness::new(&leaf, &old, &new)?))
+        let matrices = parts.map(|part| P1.stiffness(&geometry, &(elasticity * (1.0 + part))));
+        Ok(slots.content_change(&ContentStiffness::new(vertices, [false; 4], matrices)?))
     }
 }
 

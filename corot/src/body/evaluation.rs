@@ -2,17 +2,17 @@
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use yawara_embed::strain_from_gradient;
 
 use super::storage::Body;
 use crate::element::Element;
+use crate::element::pressures::Pressures;
 use crate::element::rotation::polar_warm;
-use crate::element::stress::{add_forces, scaled_stress, stress_matrix};
+use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
-use crate::kernels::simd::LANES;
+use crate::kernels::simd::{LANES, set_matrix};
 use crate::kernels::vertex::VertexPass;
-use crate::law::pass::LawPass;
 use crate::law::states::StateRun;
 
 /// The most runs of elements that are evaluated at once. How many there are goes by the number of
@@ -24,16 +24,16 @@ const RUNS: usize = 4;
 const RUN_PACKETS: usize = 1024;
 
 impl Body {
-    /// Renews the rotation of each element from `positions`.
-    pub(crate) fn renew_elements(&mut self, positions: &[Vector3<f64>]) {
+    /// Renews the rotations of elements and vertices from `positions`.
+    pub(crate) fn renew_rotations(&mut self, positions: &Field) {
         self.turn_elements(positions.len(), |element| {
             let f = element.deformation_gradient(positions);
             [polar_warm(&f, &element.rotation), f]
         });
     }
 
-    /// Sets the rotation of each element to the first of what `turn` says of it, and sums the second
-    /// up around its vertices.
+    /// Sets the rotation of each element to the first of what `turn` says of it, and that of each
+    /// vertex to the one nearest to the mean of the second around it.
     fn turn_elements(&mut self, vertices: usize, turn: impl Fn(&Element) -> [Matrix3<f64>; 2]) {
         self.gradient_sums.clear();
         self.gradient_sums.resize(vertices, (Matrix3::zeros(), 0.0));
@@ -41,13 +41,21 @@ impl Body {
             let [rotation, f] = turn(element);
             element.rotation = rotation;
             let packet = &mut self.packets.packets[number / LANES];
-            packet.set_rotation(number % LANES, &element.rotation);
+            set_matrix(&mut packet.rotation, number % LANES, &element.rotation);
             for v in element.vertices {
                 let (sum, volume) = &mut self.gradient_sums[v];
                 *sum += f * element.geometry.volume;
                 *volume += element.geometry.volume;
             }
         }
+        self.renew_vertices();
+    }
+
+    /// R_i = polar(Σ V_e F_e / Σ V_e) from the sums around the vertices.
+    fn renew_vertices(&mut self) {
+        let Self { gradient_sums: gradients, vertex_rotations: rotations, .. } = self;
+        rotations.resize(gradients.len(), Matrix3::identity());
+        pulp::Arch::new().dispatch(VertexPass { gradients, rotations });
     }
 
     /// f_int of any co-rotation into `forces` (overwritten): each element's rotation becomes what
@@ -62,12 +70,11 @@ impl Body {
     pub fn forces_with_rotations(
         &mut self,
         rotation: impl Fn(&Element) -> Matrix3<f64>,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
     ) -> f64 {
         self.turn_elements(positions.len(), |element| [rotation(element); 2]);
-        self.renew_vertices();
-        self.forces_in(|element| element.rotation, positions, forces)
+        self.forces_as_turned(positions, forces)
     }
 
     /// f_int of element co-rotation into `forces` (overwritten) with the rotations of elements and
@@ -85,8 +92,8 @@ impl Body {
     /// another.
     pub fn forces_and_stiffness(
         &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
         stiffness: &mut [StiffnessPacket],
     ) -> f64 {
         let (vertices, is_mixed) = (positions.len(), self.is_mixed());
@@ -97,8 +104,8 @@ impl Body {
         let (count, stiffening) = (packets.packets.len(), states.stiffening());
         let length = count.div_ceil((count / RUN_PACKETS).clamp(1, RUNS)).max(1);
         partial_sums.resize_with(count.div_ceil(length).max(1), Accumulators::default);
-        let mut rest = stiffness;
-        let mut laws = states.passes(LANES * length, elements.len());
+        let mut stiffness = stiffness.chunks_mut(length);
+        let mut laws = states.runs(LANES * length);
         let runs: Vec<(Pass<'_>, Option<StateRun<'_>>)> = packets
             .packets
             .chunks_mut(length)
@@ -106,9 +113,7 @@ impl Body {
             .zip(partial_sums.iter_mut())
             .enumerate()
             .map(|(run, ((packets, elements), sums))| {
-                let blocks = std::mem::take(&mut rest);
-                let (stiffness, behind) = blocks.split_at_mut(length.min(blocks.len()));
-                rest = behind;
+                let stiffness = stiffness.next().unwrap_or_default();
                 let (first, pressures) = (LANES * length * run, pressures.as_ref());
                 let pass = Pass { packets, positions, elements, first, sums, stiffness, pressures };
                 (pass, laws.next())
@@ -117,11 +122,10 @@ impl Body {
         drop(laws);
         let evaluate = |(mut pass, states): (Pass<'_>, Option<StateRun<'_>>)| {
             pass.sums.clear(vertices, is_mixed);
-            pulp::Arch::new().dispatch(pass.reborrow());
+            pulp::Arch::new().dispatch(&mut pass);
             if let Some(states) = states {
-                let Pass { elements, first, sums, pressures, .. } = pass;
-                let law = LawPass { elements, first, pressures, states };
-                sums.squares += law.add_to(positions, &mut sums.forces);
+                let Pass { elements, sums, pressures, .. } = pass;
+                sums.squares += states.add_to(elements, pressures, positions, &mut sums.forces);
             }
         };
         if runs.len() > 1 && rayon::current_num_threads() > 1 {
@@ -150,27 +154,37 @@ impl Body {
     /// rotation; nothing under a linear law. Returns Σ_e ‖·‖² of what was added.
     ///
     /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself.
-    pub fn add_law_forces(
-        &mut self,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    pub fn add_law_forces(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         let Self { elements, pressures, states, .. } = self;
-        let Some(states) = states.passes(elements.len(), elements.len()).next() else {
-            return 0.0;
-        };
-        LawPass { elements, first: 0, pressures: pressures.as_ref(), states }
-            .add_to(positions, forces)
+        let runs = states.runs(elements.len());
+        runs.map(|run| run.add_to(elements, pressures.as_ref(), positions, forces)).sum()
     }
 
-    /// Σ_e of the elements' forces into `forces` (overwritten), each in the frame `frame` gives it,
-    /// one element after the other; with pressures also their residuals. Returns √Σ_e ‖f_e‖².
-    pub(crate) fn forces_in(
+    /// f_int of a co-rotation by vertices into `forces` (overwritten): rotations are renewed, then
+    /// `corner_forces` gives those of D ε on an element's corners from the vertices' rotations, to
+    /// which comes what the law has beyond. Returns √Σ_e ‖f_e‖².
+    pub(crate) fn forces_of_corners(
         &mut self,
-        frame: impl Fn(&Element) -> Matrix3<f64>,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
+        positions: &Field,
+        forces: &mut Field,
+        corner_forces: impl Fn(&Element, &[Matrix3<f64>]) -> [Vector3<f64>; 4],
     ) -> f64 {
+        forces.fill(Vector3::zeros());
+        self.renew_rotations(positions);
+        let mut squares = 0.0;
+        for element in &self.elements {
+            let corners = corner_forces(element, &self.vertex_rotations);
+            for (v, force) in element.vertices.into_iter().zip(corners) {
+                squares += force.norm_squared();
+                forces[v] += force;
+            }
+        }
+        (squares + self.add_law_forces(positions, forces)).sqrt()
+    }
+
+    /// Σ_e of the elements' forces into `forces` (overwritten), each in the frame of its rotation,
+    /// one element after the other; with pressures also their residuals. Returns √Σ_e ‖f_e‖².
+    pub(crate) fn forces_as_turned(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         forces.fill(Vector3::zeros());
         let Self { elements, pressures, states, .. } = self;
         let mut residuals = Vec::new();
@@ -178,54 +192,28 @@ impl Body {
             pressures.begin(positions.len(), elements);
             residuals.resize(positions.len(), 0.0);
         }
-        let mut squares = 0.0;
+        let (mut squares, mut law) = (0.0, states.runs(elements.len()).next());
         for (number, element) in elements.iter().enumerate() {
-            let r = frame(element);
-            let gradient =
-                r.transpose() * element.deformation_gradient(positions) - Matrix3::identity();
+            let Element { vertices, elasticity, rotation, .. } = element;
+            let strain = element.corotated_strain(positions);
+            let (mut stress, mut pull) = (elasticity * strain, 0.0);
             if let Some(pressures) = pressures {
-                pressures.add_residual(number, element.vertices, gradient.trace(), &mut residuals);
+                let dilation = strain[0] + strain[1] + strain[2];
+                pressures.add_residual(number, *vertices, dilation, &mut residuals);
+                stress = pressures.moduli(number).deviatoric * strain;
+                pull = pressures.pull(number, *vertices);
             }
-            let scaled = match pressures {
-                _ if !states.law().is_linear() => {
-                    let strain = strain_from_gradient(&gradient);
-                    let strain = match pressures {
-                        None => strain,
-                        Some(p) => p.assumed_strain(number, element.vertices, &strain),
-                    };
-                    let stress = states.evaluate(number, &element.elasticity, strain);
-                    r * stress_matrix(&stress) * element.geometry.volume
-                }
-                None => scaled_stress(element, &r, &gradient),
-                Some(pressures) => {
-                    let elasticity = pressures.moduli(number).deviatoric;
-                    let pull = pressures.pull(number, element.vertices);
-                    let element = Element { elasticity, ..*element };
-                    scaled_stress(&element, &r, &gradient) + r * pull
-                }
-            };
-            squares += add_forces(element, &scaled, forces);
+            if let Some(law) = &mut law {
+                let assumed = |p: &Pressures| p.assumed_strain(number, *vertices, &strain);
+                let strain = pressures.as_ref().map_or(strain, assumed);
+                (stress, pull) = (law.stress(number, elasticity, strain), 0.0);
+            }
+            let scaled = rotation * stress_matrix(&stress) * element.geometry.volume;
+            squares += element.add_forces(&(scaled + rotation * pull), forces);
         }
         if let Some(pressures) = pressures {
             pressures.set_residuals(&residuals, states.stiffening());
         }
         squares.sqrt()
-    }
-
-    /// R_i = polar(Σ V_e F_e / Σ V_e) from the sums of the last [`Self::renew_elements`].
-    pub(crate) fn renew_vertices(&mut self) {
-        let Self { gradient_sums: gradients, vertex_rotations: rotations, .. } = self;
-        rotations.resize(gradients.len(), Matrix3::identity());
-        pulp::Arch::new().dispatch(VertexPass { gradients, rotations });
-    }
-
-    /// Sets all rotations, of elements and of `vertices` vertices, to the identity.
-    pub(crate) fn unrotate(&mut self, vertices: usize) {
-        for element in &mut self.elements {
-            element.rotation = Matrix3::identity();
-        }
-        self.packets.unrotate();
-        self.vertex_rotations.clear();
-        self.vertex_rotations.resize(vertices, Matrix3::identity());
     }
 }

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use yawara_embed::Strain;
 use yawara_mesh::TetId;
 
 use super::storage::Body;
 use crate::element::Element;
+use crate::field::Field;
 use crate::law::states::States;
 use crate::law::{ConstitutiveLaw, LawHalf};
 
@@ -88,7 +89,7 @@ impl Body {
     ///
     /// # Panics
     /// If `number` is not below the number of [`elements`](Self::elements).
-    pub fn stress(&self, number: usize, positions: &[Vector3<f64>]) -> Strain {
+    pub fn stress(&self, number: usize, positions: &Field) -> Strain {
         let element = &self.elements()[number];
         let strain = element.corotated_strain(positions);
         let elastic = match &self.pressures {
@@ -104,7 +105,7 @@ impl Body {
     ///
     /// # Panics
     /// As [`stress`](Self::stress).
-    pub fn stress_without_pressure(&self, number: usize, positions: &[Vector3<f64>]) -> Strain {
+    pub fn stress_without_pressure(&self, number: usize, positions: &Field) -> Strain {
         let element = &self.elements()[number];
         let elastic = element.elasticity * element.corotated_strain(positions);
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
@@ -112,11 +113,7 @@ impl Body {
 
     /// The law's answer for an element at `positions` with its stored rotation: σ and ∂σ/∂ε, Pa,
     /// pressures as they are.
-    pub(crate) fn response(
-        &self,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> (Strain, Matrix6<f64>) {
+    pub(crate) fn response(&self, number: usize, positions: &Field) -> (Strain, Matrix6<f64>) {
         let element = &self.elements()[number];
         let strain = element.corotated_strain(positions);
         if self.law().is_linear() {

@@ -189,3 +189,23 @@ impl Body {
             .fold(0.0, f64::max)
     }
 }
+
+#[cfg(test)]
+impl Body {
+    /// One tetrahedron of no symmetry, unrotated, and where its corners rest.
+    pub(crate) fn of_one(
+        mut self,
+        elasticity: nalgebra::Matrix6<f64>,
+    ) -> (Self, [Vector3<f64>; 4]) {
+        let rest = [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
+        let rest = rest.map(Vector3::from);
+        self.insert(Element {
+            tet: TetId(3),
+            vertices: [0, 1, 2, 3],
+            geometry: yawara_embed::LinearTet::new(&rest),
+            elasticity,
+            rotation: Matrix3::identity(),
+        });
+        (self, rest)
+    }
+}

@@ -2,11 +2,10 @@
 //!
 //! `obstacle.rs` is the stage [`Obstacle`] with a ball; `surface_contact.rs` says which points may
 //! touch what; `solve.rs` is the way in. `run.rs` keeps a solve under way, which `together.rs`
-//! iterates with positions and contact forces in one and `in_turn.rs` one after the other;
-//! `gauss_seidel.rs` finds forces that push where there is contact. Open `solve.rs` first.
+//! iterates with positions and contact forces in one; `gauss_seidel.rs` finds forces that push where
+//! there is contact. Open `solve.rs` first.
 
 mod gauss_seidel;
-mod in_turn;
 mod obstacle;
 mod run;
 mod solve;

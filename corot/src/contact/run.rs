@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::gauss_seidel::projected_gauss_seidel;
 use super::surface_contact::{Contact, ContactOutcome};
 use crate::equilibrium::{Iterate, Outcome, Problem, Tolerance};
+use crate::field::Field;
 
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
@@ -16,7 +17,7 @@ pub(super) type Place = (f64, Iterate, Vec<f64>);
 pub(super) struct Run<'a, 'b, 'p> {
     pub(super) problem: &'a mut Problem<'p>,
     pub(super) contact: &'a Contact<'b>,
-    pub(super) internal: &'a mut [Vector3<f64>],
+    pub(super) internal: &'a mut Field,
     pub(super) tolerance: &'a Tolerance,
     pub(super) lambda: Vec<f64>,
     /// Which points push, where that is settled for now: with a force of either sign, and no other.
@@ -26,13 +27,9 @@ pub(super) struct Run<'a, 'b, 'p> {
     /// Loads with the contact forces.
     pub(super) loads: Vec<Vector3<f64>>,
     pub(super) residual: Vec<f64>,
-    pub(super) scratch: Vec<f64>,
-    pub(super) push: Vec<f64>,
     pub(super) compliance: Vec<f64>,
-    pub(super) size: f64,
-    pub(super) iterations: usize,
-    pub(super) evaluations: usize,
-    pub(super) fallbacks: usize,
+    /// The work so far and the residual of the last evaluation.
+    pub(super) outcome: Outcome,
 }
 
 impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
@@ -40,7 +37,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         problem: &'a mut Problem<'p>,
         contact: &'a Contact<'b>,
         multipliers: &[f64],
-        internal: &'a mut [Vector3<f64>],
+        internal: &'a mut Field,
         tolerance: &'a Tolerance,
     ) -> Self {
         let (n, k) = (problem.rows(), contact.points.len());
@@ -49,16 +46,11 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         Self {
             loads: problem.external.to_vec(),
             residual: vec![0.0; n],
-            scratch: vec![0.0; n],
-            push: vec![0.0; n],
             set: None,
             gaps: vec![0.0; k],
             normals: vec![Vector3::zeros(); k],
             compliance: Vec::new(),
-            size: f64::NAN,
-            iterations: 0,
-            evaluations: 0,
-            fallbacks: 0,
+            outcome: Outcome { residual: f64::NAN, method: "contact", ..Outcome::default() },
             problem,
             contact,
             internal,
@@ -68,7 +60,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     }
 
     /// Renews gaps, normals, loads, forces and residual where the positions are.
-    pub(super) fn evaluate(&mut self, positions: &[Vector3<f64>]) {
+    pub(super) fn evaluate(&mut self, positions: &Field) {
         self.loads.copy_from_slice(self.problem.external);
         for (i, (point, obstacle)) in self.contact.points.iter().enumerate() {
             let at = point.position(positions);
@@ -78,8 +70,9 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             }
         }
         let mut loaded = self.problem.with_loads(&self.loads);
-        self.size = loaded.evaluate(positions, self.internal, &mut self.residual, self.tolerance);
-        self.evaluations += 1;
+        self.outcome.residual =
+            loaded.evaluate(positions, self.internal, &mut self.residual, self.tolerance);
+        self.outcome.evaluations += 1;
     }
 
     /// How far from converged, at most 1 when it is: the residual and what is deeper or farther
@@ -96,12 +89,17 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
 
     pub(super) fn merit_with(&self, off: impl Iterator<Item = f64>) -> f64 {
         // A NaN must stay one.
-        off.fold(self.size / self.tolerance.residual, |merit, off| {
+        off.fold(self.outcome.residual / self.tolerance.residual, |merit, off| {
             if off / self.contact.depth <= merit { merit } else { off / self.contact.depth }
         })
     }
 
-    pub(super) fn return_to(&mut self, best: &Place, positions: &mut [Vector3<f64>]) {
+    /// Where it stands.
+    pub(super) fn place(&self, merit: f64, positions: &Field) -> Place {
+        (merit, self.problem.iterate(positions), self.lambda.clone())
+    }
+
+    pub(super) fn return_to(&mut self, best: &Place, positions: &mut Field) {
         self.problem.return_to(&best.1, positions);
         self.lambda.copy_from_slice(&best.2);
         self.evaluate(positions);
@@ -131,39 +129,31 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     /// moves ← moves + Ĉ Gᵀ(λ' − λ).
     pub(super) fn add_push(&mut self, renewed: &[f64], moves: &mut [f64]) {
         let m = self.problem.unknowns_per_vertex();
-        self.push.fill(0.0);
+        let mut push = vec![0.0; moves.len()];
         for (i, (point, _)) in self.contact.points.iter().enumerate() {
             let force = self.normals[i] * (renewed[i] - self.lambda[i]);
             for (&v, weight) in point.vertices.iter().zip(point.weights) {
                 if self.problem.free[v] {
                     for axis in 0..3 {
-                        self.push[m * v + axis] += weight * force[axis];
+                        push[m * v + axis] += weight * force[axis];
                     }
                 }
             }
         }
-        let mut pushed = vec![0.0; moves.len()];
-        self.problem.precondition(&self.push, &mut self.scratch, &mut pushed);
+        let [mut scratch, mut pushed] = [(); 2].map(|()| vec![0.0; moves.len()]);
+        self.problem.precondition(&push, &mut scratch, &mut pushed);
         for (d, p) in moves.iter_mut().zip(&pushed) {
             *d += p;
         }
     }
 
-    pub(super) fn outcome(self) -> ContactOutcome {
-        let deepest = self.gaps.iter().fold(0.0, |deepest: f64, gap| deepest.max(-gap));
+    pub(super) fn into_outcome(self) -> ContactOutcome {
         ContactOutcome {
-            outcome: Outcome {
-                iterations: self.iterations,
-                evaluations: self.evaluations,
-                residual: self.size,
-                converged: self.merit() <= 1.0,
-                method: "contact",
-                fallbacks: self.fallbacks,
-            },
+            outcome: Outcome { converged: self.merit() <= 1.0, ..self.outcome },
+            penetration: self.gaps.iter().fold(0.0, |deepest: f64, gap| deepest.max(-gap)),
             multipliers: self.lambda,
             normals: self.normals,
             compliance: self.compliance,
-            penetration: deepest,
         }
     }
 }

@@ -1,10 +1,13 @@
 //! Equilibrium in the way of obstacles: they push, and never pull.
 
-use nalgebra::Vector3;
-
-use super::run::Run;
+use super::run::{Place, Run};
 use super::surface_contact::{Contact, ContactOutcome};
+use crate::equilibrium::anderson::MIN_DAMPING;
 use crate::equilibrium::{Equilibrium, Problem, Tolerance};
+use crate::field::Field;
+
+/// Solves under given contact forces at most.
+const TURNS: usize = 40;
 
 /// Finds x and λ with f_int(x) = f_ext + Σ λ_i n_i w_i, gap_i(x) ≥ 0, λ_i ≥ 0 and λ_i gap_i = 0.
 ///
@@ -33,16 +36,52 @@ pub fn solve_with_contact(
     equilibrium: &mut dyn Equilibrium,
     contact: &Contact<'_>,
     multipliers: &[f64],
-    positions: &mut [Vector3<f64>],
-    internal: &mut [Vector3<f64>],
+    positions: &mut Field,
+    internal: &mut Field,
     tolerance: &Tolerance,
 ) -> ContactOutcome {
     let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
     run.evaluate(positions);
-    let start = (run.merit(), run.problem.iterate(positions), run.lambda.clone());
+    let start = run.place(run.merit(), positions);
     if !run.together(&start, positions) {
         run.return_to(&start, positions);
         run.in_turn(equilibrium, positions);
     }
-    run.outcome()
+    run.into_outcome()
+}
+
+impl Run<'_, '_, '_> {
+    /// Positions under given forces, then forces by the gaps, in turn.
+    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut Field) {
+        self.outcome.fallbacks = 1;
+        let mut best: Option<Place> = None;
+        let mut damping = 1.0;
+        for _ in 0..TURNS {
+            let mut loaded = self.problem.with_loads(&self.loads);
+            let solved = equilibrium.solve(&mut loaded, positions, self.internal, self.tolerance);
+            self.outcome.iterations += solved.iterations;
+            self.outcome.evaluations += solved.evaluations;
+            self.evaluate(positions);
+            let merit = self.merit();
+            match &best {
+                Some(least) if !(merit < least.0) => {
+                    damping *= 0.5;
+                    self.return_to(least, positions);
+                }
+                _ => best = Some(self.place(merit, positions)),
+            }
+            if merit <= 1.0 || damping < MIN_DAMPING {
+                break;
+            }
+            let mut moves = vec![0.0; self.residual.len()];
+            let renewed = self.forces_by_gaps(&moves);
+            let damped =
+                self.lambda.iter().zip(renewed).map(|(old, new)| old + damping * (new - old));
+            let damped: Vec<f64> = damped.collect();
+            self.add_push(&damped, &mut moves);
+            self.problem.advance(positions, &moves, 1.0);
+            self.lambda = damped;
+            self.evaluate(positions);
+        }
+    }
 }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::obstacle::Obstacle;
 use crate::equilibrium::{Outcome, Problem};
+use crate::field::Field;
 
 /// A point of a body's surface: x = Σ w_i x_i over the corners of its coarse tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +17,7 @@ pub struct SurfacePoint {
 
 impl SurfacePoint {
     /// Where it is when the vertices are at `positions`.
-    pub fn position(&self, positions: &[Vector3<f64>]) -> Vector3<f64> {
+    pub fn position(&self, positions: &Field) -> Vector3<f64> {
         (0..4).map(|i| self.weights[i] * positions[self.vertices[i]]).sum()
     }
 }
@@ -54,7 +55,7 @@ pub struct ContactOutcome {
 
 impl Contact<'_> {
     /// W = G T C_pp Tᵀ Gᵀ, k × k by rows, m/N.
-    pub(super) fn compliance(&self, normals: &[Vector3<f64>], problem: &Problem<'_>) -> Vec<f64> {
+    pub(super) fn compliance(&self, normals: &Field, problem: &Problem<'_>) -> Vec<f64> {
         let (k, rows) = (self.points.len(), 3 * self.vertices.len());
         let rotations = problem.body.vertex_rotations();
         // Per point and corner: the row of its vertex and w Tᵀ n.

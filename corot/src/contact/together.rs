@@ -1,16 +1,15 @@
 //! Positions and contact forces in one iteration.
 
-use nalgebra::Vector3;
-
 use super::run::{Place, Run};
 use crate::equilibrium::anderson::{Anderson, MIN_DAMPING, Memory};
+use crate::field::Field;
 
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;
 
 impl Run<'_, '_, '_> {
     /// Positions and forces in one iteration; true if it has converged.
-    pub(super) fn together(&mut self, start: &Place, positions: &mut [Vector3<f64>]) -> bool {
+    pub(super) fn together(&mut self, start: &Place, positions: &mut Field) -> bool {
         let Anderson { depth, growth } = Anderson::default();
         let mut memory = Memory::new(depth);
         let mut damping = 1.0;
@@ -18,13 +17,13 @@ impl Run<'_, '_, '_> {
         let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
         let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
         let mut flips = 0;
-        while !self.is_done() && self.iterations < self.tolerance.max_iterations {
+        while !self.is_done() && self.outcome.iterations < self.tolerance.max_iterations {
             if let Some(set) = &self.set
                 && self.merit_of_set(set) <= 1.0
             {
                 // Settled for this set, but not the right one.
                 self.set = Some(self.next_set(set));
-                best = (f64::INFINITY, self.problem.iterate(positions), self.lambda.clone());
+                best = self.place(f64::INFINITY, positions);
                 memory.clear();
             }
             if !(self.progress() <= growth * best.0) {
@@ -36,7 +35,7 @@ impl Run<'_, '_, '_> {
                 memory.clear();
             }
             let renewed = self.plain_step(&mut step);
-            self.iterations += 1;
+            self.outcome.iterations += 1;
             let push = |i: usize| match &self.set {
                 Some(set) => set[i],
                 None => renewed[i] > 0.0,
@@ -54,7 +53,7 @@ impl Run<'_, '_, '_> {
                 best.0 = f64::INFINITY;
             }
             if self.progress() < best.0 {
-                best = (self.progress(), self.problem.iterate(positions), self.lambda.clone());
+                best = self.place(self.progress(), positions);
             }
         }
         self.set = None;
@@ -65,7 +64,7 @@ impl Run<'_, '_, '_> {
     /// on from the last solve, and only just good enough, would be carried on again.
     fn is_done(&self) -> bool {
         let is_touched = self.lambda.iter().any(|&force| force > 0.0);
-        self.merit() <= 1.0 && (self.iterations > 0 || !is_touched)
+        self.merit() <= 1.0 && (self.outcome.iterations > 0 || !is_touched)
     }
 
     /// What an iteration is to make smaller.
@@ -95,8 +94,8 @@ impl Run<'_, '_, '_> {
         let (moves, pushes) = step.split_at_mut(n);
         moves.fill(0.0);
         // Where forces balance already, only the contacts move.
-        if !(self.size <= self.tolerance.residual) {
-            self.problem.precondition(&self.residual, &mut self.scratch, moves);
+        if !(self.outcome.residual <= self.tolerance.residual) {
+            self.problem.precondition(&self.residual, &mut vec![0.0; n], moves);
         }
         let renewed = self.forces_by_gaps(moves);
         for i in 0..k {
@@ -109,7 +108,7 @@ impl Run<'_, '_, '_> {
     }
 
     /// Takes a mixed step; what does not push stays so.
-    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut [Vector3<f64>]) {
+    fn take(&mut self, step: &[f64], pushing: &[bool], positions: &mut Field) {
         let (n, k) = (self.residual.len(), self.lambda.len());
         self.problem.advance(positions, &step[..n], 1.0);
         for i in 0..k {

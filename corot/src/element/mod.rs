@@ -5,7 +5,6 @@
 
 pub(crate) mod pressures;
 pub mod rotation;
-pub(crate) mod stress;
-mod tetrahedron;
+pub(crate) mod tetrahedron;
 
 pub use tetrahedron::Element;

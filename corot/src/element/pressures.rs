@@ -55,13 +55,22 @@ impl Pressures {
         }
     }
 
-    /// Takes in the last element; returns it as the displacements see it, D' in place of D.
+    /// Takes in the last element; returns it as the displacements see it, D' in place of D. What is
+    /// no elasticity has NaN: its forces are then no numbers, which every solver refuses.
     pub fn push(&mut self, element: &Element) -> Element {
         self.stale = true;
-        let moduli = moduli_of(element);
-        self.elements.push(PressedElement::new(element, &moduli, self.stabilisation));
+        let moduli = MixedModuli::new(&element.elasticity)
+            .unwrap_or_else(|_| MixedModuli::split(&Matrix6::repeat(f64::NAN)));
+        let MixedModuli { bulk, shear, deviatoric, .. } = moduli;
+        let (a, s) = (shear * (shear / bulk), self.stabilisation * shear);
+        let volume = element.geometry.volume;
+        self.elements.push(PressedElement {
+            quarter: 0.25 * volume * shear,
+            own: volume / 20.0 * (a + s),
+            across: volume / 20.0 * (a - 0.25 * s),
+        });
         self.moduli.push(moduli);
-        Element { elasticity: moduli.deviatoric, ..*element }
+        Element { elasticity: deviatoric, ..*element }
     }
 
     /// The last element takes the place of element `at`; see [`Self::push`].
@@ -151,29 +160,6 @@ impl Pressures {
         let dilation = strain[0] + strain[1] + strain[2];
         strain + expansion * (shear * self.mean(corners) - bulk * dilation)
     }
-}
-
-impl PressedElement {
-    fn new(element: &Element, moduli: &MixedModuli, stabilisation: f64) -> Self {
-        let MixedModuli { bulk, shear, .. } = *moduli;
-        let (volume, s) = (element.geometry.volume, stabilisation * shear);
-        let a = shear * (shear / bulk);
-        Self {
-            quarter: 0.25 * volume * shear,
-            own: volume / 20.0 * (a + s),
-            across: volume / 20.0 * (a - 0.25 * s),
-        }
-    }
-}
-
-/// NaN for what is no elasticity: its forces are then no numbers, which every solver refuses.
-fn moduli_of(element: &Element) -> MixedModuli {
-    MixedModuli::new(&element.elasticity).unwrap_or(MixedModuli {
-        bulk: f64::NAN,
-        shear: f64::NAN,
-        deviatoric: Matrix6::repeat(f64::NAN),
-        expansion: Strain::repeat(f64::NAN),
-    })
 }
 
 /// The largest |∇λ|, 1/m: one over the least height.

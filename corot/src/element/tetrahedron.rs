@@ -1,8 +1,10 @@
 //! One linear tetrahedron of a body.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix3, Matrix6};
 use yawara_embed::{LinearTet, Strain, strain_from_gradient};
 use yawara_mesh::TetId;
+
+use crate::field::Field;
 
 /// A linear tetrahedron in a [`Body`](crate::Body).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,13 +23,40 @@ pub struct Element {
 
 impl Element {
     /// Deformation gradient F = Σ x_i ⊗ ∇λ_i.
-    pub fn deformation_gradient(&self, positions: &[Vector3<f64>]) -> Matrix3<f64> {
+    pub fn deformation_gradient(&self, positions: &Field) -> Matrix3<f64> {
         self.geometry.gradient(&self.vertices.map(|v| positions[v]))
     }
 
     /// Strain of the co-rotated displacement Rᵀx − X under the stored rotation: sym(RᵀF) − I.
-    pub fn corotated_strain(&self, positions: &[Vector3<f64>]) -> Strain {
+    pub fn corotated_strain(&self, positions: &Field) -> Strain {
         let f = self.deformation_gradient(positions);
         strain_from_gradient(&(self.rotation.transpose() * f - Matrix3::identity()))
     }
+
+    /// V R σ(sym H) for the gradient H of a displacement in the frame of R: times ∇λ_i it is the
+    /// force on corner i, N.
+    pub(crate) fn scaled_stress(
+        &self,
+        rotation: &Matrix3<f64>,
+        displacement_gradient: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        let strain = strain_from_gradient(displacement_gradient);
+        rotation * stress_matrix(&(self.elasticity * strain)) * self.geometry.volume
+    }
+
+    /// Adds the forces on its corners, N; returns Σ ‖f_i‖² of them.
+    pub(crate) fn add_forces(&self, scaled_stress: &Matrix3<f64>, forces: &mut Field) -> f64 {
+        let mut squares = 0.0;
+        for (v, g) in self.vertices.iter().zip(&self.geometry.gradients) {
+            let force = scaled_stress * g;
+            squares += force.norm_squared();
+            forces[*v] += force;
+        }
+        squares
+    }
+}
+
+/// The symmetric matrix of a stress in Voigt order xx yy zz xy yz zx.
+pub(crate) fn stress_matrix(s: &Strain) -> Matrix3<f64> {
+    Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2])
 }

@@ -1,11 +1,10 @@
-//! `anderson`: a fixed-point iteration with the warped inverse, accelerated by mixing.
+//! `anderson`: a fixed-at iteration with the warped inverse, accelerated by mixing.
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector3;
-
-use super::iterate::Point;
-use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::iteration::Iteration;
+use super::problem::Problem;
+use super::solver::Equilibrium;
 use super::vectors::{axpy, dot};
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)) with Anderson mixing over the last `depth` iterates: the
@@ -39,14 +38,7 @@ impl Equilibrium for Anderson {
         "anderson"
     }
 
-    fn solve(
-        &mut self,
-        problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-    ) -> Outcome {
-        let mut point = Point::new(problem, positions, internal, tolerance);
+    fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let (mut scratch, mut step) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
@@ -65,7 +57,6 @@ impl Equilibrium for Anderson {
             point.advance(problem, &step, 1.0);
             point.keep_if_best(problem);
         }
-        point.finish(problem, self.name())
     }
 }
 

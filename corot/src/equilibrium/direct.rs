@@ -1,9 +1,8 @@
 //! `direct`: the warped inverse, applied as it is.
 
-use nalgebra::Vector3;
-
-use super::iterate::Point;
-use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::iteration::Iteration;
+use super::problem::Problem;
+use super::solver::Equilibrium;
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)), nothing else: for eq. (2) of the paper that is its own
 /// x = T(X + C T⁻¹f). One iteration is exact without co-rotation, a second one takes out its
@@ -22,14 +21,7 @@ impl Equilibrium for Direct {
         "direct"
     }
 
-    fn solve(
-        &mut self,
-        problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-    ) -> Outcome {
-        let mut point = Point::new(problem, positions, internal, tolerance);
+    fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let (mut scratch, mut step) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
         while point.goes_on() && point.is_within(GROWTH) {
             problem.precondition(&point.residual, &mut scratch, &mut step);
@@ -37,6 +29,5 @@ impl Equilibrium for Direct {
             point.advance(problem, &step, 1.0);
             point.keep_if_best(problem);
         }
-        point.finish(problem, self.name())
     }
 }

@@ -1,8 +1,8 @@
 //! `fallback`: one method after the other.
 
-use nalgebra::Vector3;
-
-use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::problem::{Outcome, Problem, Tolerance};
+use super::solver::Equilibrium;
+use crate::field::Field;
 
 /// Tries its methods in turn until one converges, each from where the solve began unless the
 /// methods before have come closer. In a [mixed](crate::Body::mixed) body those are left out that
@@ -42,20 +42,19 @@ impl Equilibrium for Fallback {
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
+        positions: &mut Field,
+        internal: &mut Field,
         tolerance: &Tolerance,
     ) -> Outcome {
         let start = problem.iterate(positions);
         let mut residual = vec![0.0; problem.rows()];
         let first = problem.evaluate(positions, internal, &mut residual, tolerance);
         let mut total = Outcome {
-            iterations: 0,
             evaluations: 1,
             residual: first,
             converged: first <= tolerance.residual,
             method: self.name,
-            fallbacks: 0,
+            ..Outcome::default()
         };
         let mixed = problem.body.is_mixed();
         let able = self.methods.iter_mut().filter(|method| !(mixed && method.needs_definite()));

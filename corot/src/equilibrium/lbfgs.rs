@@ -2,11 +2,10 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector3;
-
-use super::iterate::{Point, untouched};
+use super::iteration::Iteration;
 use super::line_search::search;
-use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::problem::Problem;
+use super::solver::Equilibrium;
 use super::vectors::{axpy, dot};
 
 /// L-BFGS over the last `depth` steps, its first matrix the warped inverse T C Tᵀ of the current
@@ -41,25 +40,18 @@ impl Equilibrium for Lbfgs {
         true
     }
 
-    fn solve(
-        &mut self,
-        problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-    ) -> Outcome {
+    fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         if problem.body.is_mixed() {
-            return untouched(problem, self.name(), positions, internal, tolerance);
+            return;
         }
         let n = problem.rows();
         let (mut direction, mut scratch, mut before) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let mut point = Point::new(problem, positions, internal, tolerance);
         let mut memory = Pairs { depth: self.depth, pairs: VecDeque::new() };
         while point.goes_on() {
             memory.direction(problem, &point.residual, &mut scratch, &mut direction);
             point.begin_iteration();
             before.copy_from_slice(&point.residual);
-            let length = search(problem, &mut point, &direction);
+            let length = search(problem, point, &direction);
             if length == 0.0 {
                 if memory.pairs.is_empty() {
                     break;
@@ -70,7 +62,6 @@ impl Equilibrium for Lbfgs {
             memory.push(&direction, length, &before, &point.residual);
             point.keep_if_best(problem);
         }
-        point.finish(problem, self.name())
     }
 }
 

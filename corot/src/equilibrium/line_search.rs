@@ -1,6 +1,6 @@
 //! How far to go along a direction, by the force along it alone.
 
-use super::iterate::Point;
+use super::iteration::Iteration;
 use super::problem::Problem;
 use super::vectors::dot;
 
@@ -20,7 +20,11 @@ const LONGEST: f64 = 8.0;
 /// There need not be an energy, nor one that is known to more digits than the solution asks for:
 /// from φ'(0) < 0 on, the first bracket in which the slope changes its sign is halved by secants.
 /// Source: the approximate Wolfe conditions of Hager and Zhang, SIAM J. Optim. 16(1), 2005.
-pub(crate) fn search(problem: &mut Problem<'_>, point: &mut Point<'_>, direction: &[f64]) -> f64 {
+pub(crate) fn search(
+    problem: &mut Problem<'_>,
+    point: &mut Iteration<'_>,
+    direction: &[f64],
+) -> f64 {
     let start = -dot(&point.residual, direction);
     if !(start < 0.0 && start.is_finite()) {
         return 0.0;

@@ -1,32 +1,29 @@
 //! How positions are found at which forces balance the loads: the swappable stage [`Equilibrium`].
 //!
-//! `problem.rs` holds the trait and the problem that every solver works on, `iterate.rs` where an
-//! iteration stands and the best place it has been at; one file per solver. Open `problem.rs`
-//! first. To add one: a file with a type that implements the trait, a line in
+//! `solver.rs` holds the trait, `problem.rs` what every solver works on, `iteration.rs` where an
+//! iteration stands and the best place it has been at; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait, a line in
 //! [`equilibrium_by_name`].
 
 pub(crate) mod anderson;
 mod direct;
 mod fallback;
-mod iterate;
+mod iteration;
 mod lbfgs;
 mod line_search;
 mod newton;
-pub(crate) mod problem;
+mod problem;
+mod solver;
 mod vectors;
 
 pub use anderson::Anderson;
 pub use direct::Direct;
 pub use fallback::Fallback;
+pub use iteration::Iteration;
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;
-pub use problem::{Equilibrium, Iterate, Outcome, Problem, Tolerance};
+pub use problem::{Iterate, Outcome, Problem, Tolerance};
+pub use solver::Equilibrium;
 
-use nalgebra::Vector3;
-use yawara_embed::LinearTet;
-
-use crate::body::Body;
-use crate::element::Element;
 use crate::error::CorotError;
 use crate::forces::InternalForces;
 
@@ -68,23 +65,14 @@ pub fn check_pair(
     forces: &dyn InternalForces,
     equilibrium: &dyn Equilibrium,
 ) -> Result<(), CorotError> {
-    let mut body = Body::new();
-    body.insert(Element {
-        tet: yawara_mesh::TetId(0),
-        vertices: [0; 4],
-        geometry: LinearTet { gradients: [Vector3::zeros(); 4], volume: 0.0 },
-        elasticity: nalgebra::Matrix6::zeros(),
-        rotation: nalgebra::Matrix3::identity(),
-    });
-    let has_tangent = forces.tangent(&body, 0, &[Vector3::zeros()]).is_some();
-    if equilibrium.needs_tangent() && !has_tangent {
+    if equilibrium.needs_tangent() && forces.tangent().is_none() {
         let (corotation, equilibrium) = (forces.name(), equilibrium.name());
         return Err(CorotError::NoTangent { corotation, equilibrium });
     }
     Ok(())
 }
 
-/// Whether these two work on a [mixed](Body::mixed) body.
+/// Whether these two work on a [mixed](crate::Body::mixed) body.
 ///
 /// # Errors
 /// [`CorotError::NoPressures`] naming the stage that does not.

@@ -5,10 +5,12 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use nalgebra::{Matrix4, Vector3};
 
-use super::iterate::{Point, untouched};
+use super::iteration::Iteration;
 use super::line_search::search;
-use super::problem::{Equilibrium, Outcome, Problem, Tolerance};
+use super::problem::Problem;
+use super::solver::Equilibrium;
 use super::vectors::dot;
+use crate::field::Field;
 use crate::forces::ElementTangent;
 use crate::forces::tangent::convex_part;
 
@@ -40,30 +42,22 @@ impl Equilibrium for Newton {
         true
     }
 
-    fn solve(
-        &mut self,
-        problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-    ) -> Outcome {
+    fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         if problem.body.is_mixed() {
-            return untouched(problem, self.name(), positions, internal, tolerance);
+            return;
         }
-        let mut point = Point::new(problem, positions, internal, tolerance);
         while point.goes_on() {
             point.begin_iteration();
-            if !(exact_step(problem, &mut point) || convex_step(problem, &mut point)) {
+            if !(exact_step(problem, point) || convex_step(problem, point)) {
                 break;
             }
             point.keep_if_best(problem);
         }
-        point.finish(problem, self.name())
     }
 }
 
 /// True if the exact tangent gave a step that was taken.
-fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
+fn exact_step(problem: &mut Problem<'_>, point: &mut Iteration<'_>) -> bool {
     let rows = Rows::new(problem.free);
     let Some(matrix) = rows.assemble(problem, point.positions, false) else {
         return false;
@@ -86,7 +80,7 @@ fn exact_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
 }
 
 /// True if the convex part of the tangent gave a step that was taken.
-fn convex_step(problem: &mut Problem<'_>, point: &mut Point<'_>) -> bool {
+fn convex_step(problem: &mut Problem<'_>, point: &mut Iteration<'_>) -> bool {
     let rows = Rows::new(problem.free);
     let Some(matrix) = rows.assemble(problem, point.positions, true) else {
         return false;
@@ -126,16 +120,16 @@ impl Rows {
     fn assemble(
         &self,
         problem: &Problem<'_>,
-        positions: &[Vector3<f64>],
+        positions: &Field,
         convex: bool,
     ) -> Option<SparseColMat<usize, f64>> {
-        let n = 3 * self.vertices.len();
+        let (n, tangent_of) = (3 * self.vertices.len(), problem.forces.tangent()?);
         let mut triplets = Vec::with_capacity(144 * problem.body.elements().len());
         let mut touched = vec![false; n];
         for (number, element) in problem.body.elements().iter().enumerate() {
-            let mut tangent = problem.forces.tangent(problem.body, number, positions)?;
+            let mut tangent = tangent_of(problem.body, number, positions);
             if let Some(inertia) = problem.inertia {
-                add_alike(&mut tangent, &inertia.matrix(element));
+                add_alike(&mut tangent, &inertia.matrix(number));
             }
             if convex {
                 tangent = convex_part(&tangent);

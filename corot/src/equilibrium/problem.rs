@@ -3,17 +3,18 @@
 use nalgebra::Vector3;
 
 use crate::body::Body;
+use crate::field::Field;
 use crate::forces::InternalForces;
 use crate::grip::Constraints;
 use crate::time::{Inertia, forces_with_inertia};
 
-/// Find x with f_int(x) = f_ext on the free vertices, up to the forces of constraints; in a [mixed](Body::mixed) body x and q with
-/// f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
+/// Find x with f_int(x) = f_ext on the free vertices, up to the forces of constraints; in a
+/// [mixed](Body::mixed) body x and q with f_int(x, q) = f_ext there and P q = G u on all vertices, held ones too.
 ///
 /// Solvers mix residuals and steps as plain vectors of [`rows`](Self::rows) entries, vertex-major,
 /// and touch positions through the methods here alone: an element with further unknowns per vertex
 /// changes this type, no solver. The matrix of a mixed body is indefinite: there is no energy to go
-/// down in, and solvers that [need one](Equilibrium::needs_definite) leave it as it is.
+/// down in, and solvers that [need one](crate::Equilibrium::needs_definite) leave it as it is.
 pub struct Problem<'a> {
     /// Elements and rotations, renewed with every force evaluation.
     pub body: &'a mut Body,
@@ -22,7 +23,7 @@ pub struct Problem<'a> {
     /// What the step's inertia adds to them; `None` for a static problem.
     pub inertia: Option<&'a Inertia>,
     /// Loads by vertex number, N.
-    pub external: &'a [Vector3<f64>],
+    pub external: &'a Field,
     /// Which vertices may move; the others stay where `positions` has them.
     pub free: &'a [bool],
     /// What tools hold of it besides: G x = g, with multipliers μ as further unknowns.
@@ -46,7 +47,7 @@ pub struct Tolerance {
 }
 
 /// How a solve ended. Positions and rotations are those of the smallest residual seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Applications of the inverse (of a tangent's factor for `newton`), by all methods together.
     pub iterations: usize,
@@ -69,100 +70,9 @@ pub struct Iterate {
     pressures: Vec<f64>,
 }
 
-/// Finds equilibrium positions.
-///
-/// A solver of one's own, the warped inverse with half of each step:
-/// ```
-/// use nalgebra::{Matrix3, Vector3};
-/// use yawara_corot::{Body, Element, ElementCorotation, Equilibrium, Outcome, Problem, Tolerance};
-/// use yawara_embed::{LinearTet, isotropic};
-/// use yawara_mesh::TetId;
-///
-/// struct Halfway;
-///
-/// impl Equilibrium for Halfway {
-///     fn name(&self) -> &'static str {
-///         "halfway"
-///     }
-///     fn solve(
-///         &mut self,
-///         problem: &mut Problem<'_>,
-///         positions: &mut [Vector3<f64>],
-///         internal: &mut [Vector3<f64>],
-///         tolerance: &Tolerance,
-///     ) -> Outcome {
-///         let [mut residual, mut scratch, mut step] = [(); 3].map(|_| vec![0.0; problem.rows()]);
-///         let mut size = problem.evaluate(positions, internal, &mut residual, tolerance);
-///         let mut iterations = 0;
-///         while size > tolerance.residual && iterations < tolerance.max_iterations {
-///             problem.precondition(&residual, &mut scratch, &mut step);
-///             problem.advance(positions, &step, 0.5);
-///             size = problem.evaluate(positions, internal, &mut residual, tolerance);
-///             iterations += 1;
-///         }
-///         let (evaluations, converged) = (iterations + 1, size <= tolerance.residual);
-///         let method = self.name();
-///         Outcome { iterations, evaluations, residual: size, converged, method, fallbacks: 0 }
-///     }
-/// }
-///
-/// // A tetrahedron with one free corner, pulled along z.
-/// let mut x = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
-/// let geometry = LinearTet::new(&x);
-/// let elasticity = isotropic(1e3, 0.3);
-/// let stiffness = geometry.stiffness(&elasticity).fixed_view::<3, 3>(9, 9).into_owned();
-/// let compliance = stiffness.try_inverse().unwrap();
-/// let mut body = Body::new();
-/// let rotation = Matrix3::identity();
-/// body.insert(Element { tet: TetId(0), vertices: [0, 1, 2, 3], geometry, elasticity, rotation });
-/// let pull = Vector3::new(0.0, 0.0, 1.0);
-/// let mut problem = Problem {
-///     body: &mut body,
-///     forces: &ElementCorotation,
-///     inertia: None,
-///     external: &[Vector3::zeros(), Vector3::zeros(), Vector3::zeros(), pull],
-///     free: &[false, false, false, true],
-///     constraints: None,
-///     inverse: &|f, y| {
-///         y.fill(0.0);
-///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
-///     },
-/// };
-/// let mut internal = [Vector3::zeros(); 4];
-/// let tolerance = Tolerance { residual: 1e-8, max_iterations: 100 };
-/// let outcome = Halfway.solve(&mut problem, &mut x, &mut internal, &tolerance);
-/// assert!(outcome.converged && (internal[3] - pull).norm() < 1e-7);
-/// ```
-pub trait Equilibrium: Send {
-    /// The scene name.
-    fn name(&self) -> &'static str;
-
-    /// Whether it needs [`InternalForces::tangent`]; without it it then ends where it begins.
-    fn needs_tangent(&self) -> bool {
-        false
-    }
-
-    /// Whether it goes down in energy or factors a tangent on displacements alone; in a
-    /// [mixed](Body::mixed) body it then ends where it begins.
-    fn needs_definite(&self) -> bool {
-        false
-    }
-
-    /// Moves the free vertices of `positions` (m, by vertex number) into equilibrium. On return
-    /// `internal` holds the internal forces there (N): at vertices that are not free,
-    /// internal − external is the reaction.
-    fn solve(
-        &mut self,
-        problem: &mut Problem<'_>,
-        positions: &mut [Vector3<f64>],
-        internal: &mut [Vector3<f64>],
-        tolerance: &Tolerance,
-    ) -> Outcome;
-}
-
 impl Problem<'_> {
     /// The same under other external forces, N by vertex number.
-    pub(crate) fn with_loads<'a>(&'a mut self, external: &'a [Vector3<f64>]) -> Problem<'a> {
+    pub(crate) fn with_loads<'a>(&'a mut self, external: &'a Field) -> Problem<'a> {
         Problem {
             body: &mut *self.body,
             forces: self.forces,
@@ -195,8 +105,8 @@ impl Problem<'_> {
     /// to the norm as the forces do.
     pub fn evaluate(
         &mut self,
-        positions: &[Vector3<f64>],
-        internal: &mut [Vector3<f64>],
+        positions: &Field,
+        internal: &mut Field,
         residual: &mut [f64],
         tolerance: &Tolerance,
     ) -> f64 {
@@ -219,7 +129,7 @@ impl Problem<'_> {
             squares += Vector3::from_column_slice(&row[..3]).norm_squared();
             row[3..].iter().for_each(|pressure| squares += pressure.powi(2));
         }
-        let norm = |a: &[Vector3<f64>]| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
+        let norm = |a: &Field| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
         let inertial = self.inertia.map_or(0.0, Inertia::stiffness_scale);
         let held = self.body.grip_scale();
         let stiffness = self.forces.stiffness_scale(self.body) + inertial + held;
@@ -285,7 +195,7 @@ impl Problem<'_> {
     }
 
     /// x ← x + `length` · `step`, and the pressures of a [mixed](Body::mixed) body with them.
-    pub fn advance(&mut self, positions: &mut [Vector3<f64>], step: &[f64], length: f64) {
+    pub fn advance(&mut self, positions: &mut Field, step: &[f64], length: f64) {
         let m = self.unknowns_per_vertex();
         for (v, (x, d)) in positions.iter_mut().zip(step.chunks_exact(m)).enumerate() {
             *x += length * Vector3::from_column_slice(&d[..3]);
@@ -298,12 +208,12 @@ impl Problem<'_> {
     }
 
     /// Where the body stands, to come back to.
-    pub fn iterate(&self, positions: &[Vector3<f64>]) -> Iterate {
+    pub fn iterate(&self, positions: &Field) -> Iterate {
         Iterate { positions: positions.to_vec(), pressures: self.body.pressures() }
     }
 
     /// Moves the body back to where it stood.
-    pub fn return_to(&mut self, iterate: &Iterate, positions: &mut [Vector3<f64>]) {
+    pub fn return_to(&mut self, iterate: &Iterate, positions: &mut Field) {
         positions.copy_from_slice(&iterate.positions);
         self.body.set_pressures(&iterate.pressures);
     }

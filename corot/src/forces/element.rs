@@ -1,10 +1,9 @@
 //! `element`: one rotation per element.
 
-use nalgebra::Vector3;
-
 use super::internal_forces::InternalForces;
-use super::tangent::{ElementTangent, element_tangent};
+use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
+use crate::field::Field;
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
 /// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
@@ -22,12 +21,7 @@ impl InternalForces for ElementCorotation {
         "element"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.forces_and_stiffness(positions, forces, &mut [])
     }
 
@@ -35,12 +29,7 @@ impl InternalForces for ElementCorotation {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        Some(element_tangent(body, number, positions))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(element_tangent))
     }
 }

@@ -1,10 +1,9 @@
 //! Element co-rotation, one element after the other.
 
-use nalgebra::Vector3;
-
 use super::internal_forces::InternalForces;
-use super::tangent::{ElementTangent, element_tangent};
+use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
+use crate::field::Field;
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
 /// those are tested against. Cost: about ten times theirs.
@@ -16,27 +15,16 @@ impl InternalForces for ElementReference {
         "element_reference"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
-        body.renew_elements(positions);
-        body.renew_vertices();
-        body.forces_in(|element| element.rotation, positions, forces)
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
+        body.renew_rotations(positions);
+        body.forces_as_turned(positions, forces)
     }
 
     fn carries_pressures(&self) -> bool {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        Some(element_tangent(body, number, positions))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(element_tangent))
     }
 }

@@ -1,9 +1,8 @@
 //! The stage from positions to internal forces.
 
-use nalgebra::Vector3;
-
-use super::tangent::ElementTangent;
+use super::tangent::TangentOf;
 use crate::body::Body;
+use crate::field::Field;
 
 /// How internal forces follow from positions.
 ///
@@ -51,22 +50,10 @@ pub trait InternalForces: Send + Sync {
     /// rotations of `body`. Returns √Σ_e ‖f_e‖², the scale against which residuals are measured.
     ///
     /// Cost: O(elements).
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64;
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64;
 
-    /// ∂f_int/∂x of element `number` of `body` at its stored rotation under the body's law, if there
-    /// is such a thing. N/m.
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        let _ = (body, number, positions);
+    /// ∂f_int/∂x by element at its stored rotation under the body's law, if there is such a thing.
+    fn tangent(&self) -> Option<TangentOf<'_>> {
         None
     }
 

@@ -18,7 +18,7 @@ pub use internal_forces::InternalForces;
 pub use none::NoCorotation;
 pub use paper::PaperCorotation;
 pub use row::RowCorotation;
-pub use tangent::{ElementTangent, element_tangent};
+pub use tangent::{ElementTangent, TangentOf, element_tangent};
 
 use crate::error::CorotError;
 

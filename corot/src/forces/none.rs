@@ -1,10 +1,11 @@
 //! `none`: linear elasticity.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
-use super::tangent::ElementTangent;
+use super::tangent::TangentOf;
 use crate::body::Body;
+use crate::field::Field;
 
 /// f_int = Σ_e K_e (x_e − X_e): all rotations are the identity. Exact for infinitesimal rotation;
 /// a body that turns by θ without strain is loaded as if strained by 1 − cos θ.
@@ -16,27 +17,18 @@ impl InternalForces for NoCorotation {
         "none"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
-        body.unrotate(positions.len());
-        body.forces_in(|_| Matrix3::identity(), positions, forces)
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
+        body.forces_with_rotations(|_| Matrix3::identity(), positions, forces)
     }
 
     fn carries_pressures(&self) -> bool {
         true
     }
 
-    fn tangent(
-        &self,
-        body: &Body,
-        number: usize,
-        positions: &[Vector3<f64>],
-    ) -> Option<ElementTangent> {
-        let (_, modulus) = body.response(number, positions);
-        Some(body.elements()[number].geometry.stiffness(&modulus))
+    fn tangent(&self) -> Option<TangentOf<'_>> {
+        Some(Box::new(|body, number, positions| {
+            let (_, modulus) = body.response(number, positions);
+            body.elements()[number].geometry.stiffness(&modulus)
+        }))
     }
 }

@@ -1,10 +1,10 @@
 //! `paper`: one rotation per vertex, applied to positions about the origin.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
 use crate::body::Body;
-use crate::element::stress::scaled_stress;
+use crate::field::Field;
 
 /// f = T K (T⁻¹x − X) literally, T the block diagonal of the vertices' rotations:
 /// f_i = R_i Σ_j K_ij (R_jᵀ x_j − X_j). Neighbours turn about the origin by different rotations, so
@@ -22,27 +22,14 @@ impl InternalForces for PaperCorotation {
         "paper"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
-        forces.fill(Vector3::zeros());
-        body.renew_elements(positions);
-        body.renew_vertices();
-        let rotations = body.vertex_rotations();
-        let mut squares = 0.0;
-        for element in body.elements() {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
+        body.forces_of_corners(positions, forces, |element, rotations| {
             let corners = element.vertices.map(|v| rotations[v].transpose() * positions[v]);
             let gradient = element.geometry.gradient(&corners) - Matrix3::identity();
-            let stress = scaled_stress(element, &Matrix3::identity(), &gradient);
-            for (&v, g) in element.vertices.iter().zip(&element.geometry.gradients) {
-                let force = rotations[v] * (stress * g);
-                squares += force.norm_squared();
-                forces[v] += force;
-            }
-        }
-        (squares + body.add_law_forces(positions, forces)).sqrt()
+            let stress = element.scaled_stress(&Matrix3::identity(), &gradient);
+            std::array::from_fn(|i| {
+                rotations[element.vertices[i]] * (stress * element.geometry.gradients[i])
+            })
+        })
     }
 }

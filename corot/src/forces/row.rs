@@ -1,10 +1,10 @@
 //! `row`: one rotation per vertex, applied to the rows of K.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::internal_forces::InternalForces;
 use crate::body::Body;
-use crate::element::stress::scaled_stress;
+use crate::field::Field;
 
 /// f_i = R_i Σ_j K_ij (R_iᵀ x_j − X_j), R_i the rotation of vertex i. Invariant to rotation and
 /// translation, but the two ends of an edge see different rotations: forces do not balance (ghost
@@ -21,27 +21,14 @@ impl InternalForces for RowCorotation {
         "row"
     }
 
-    fn internal_forces(
-        &self,
-        body: &mut Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
-        forces.fill(Vector3::zeros());
-        body.renew_elements(positions);
-        body.renew_vertices();
-        let rotations = body.vertex_rotations();
-        let mut squares = 0.0;
-        for element in body.elements() {
+    fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
+        body.forces_of_corners(positions, forces, |element, rotations| {
             let f = element.deformation_gradient(positions);
-            for (&v, g) in element.vertices.iter().zip(&element.geometry.gradients) {
-                let r = &rotations[v];
-                let force =
-                    scaled_stress(element, r, &(r.transpose() * f - Matrix3::identity())) * g;
-                squares += force.norm_squared();
-                forces[v] += force;
-            }
-        }
-        (squares + body.add_law_forces(positions, forces)).sqrt()
+            std::array::from_fn(|i| {
+                let r = &rotations[element.vertices[i]];
+                let gradient = r.transpose() * f - Matrix3::identity();
+                element.scaled_stress(r, &gradient) * element.geometry.gradients[i]
+            })
+        })
     }
 }

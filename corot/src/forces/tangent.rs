@@ -4,10 +4,14 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use yawara_embed::strain_from_gradient;
 
 use crate::body::Body;
-use crate::element::stress::stress_matrix;
+use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 
 /// ∂f_a/∂x_b of the four corners, 12×12, corner-major x, y, z.
 pub type ElementTangent = SMatrix<f64, 12, 12>;
+
+/// The tangent, N/m, of the element with a number in a body at positions (m, by vertex number).
+pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &Field) -> ElementTangent + 'a>;
 
 /// Eigenvalues of tr(S)I − S are kept this far from zero, relative to the largest.
 const FLOOR: f64 = 1e-6;
@@ -21,7 +25,7 @@ const FLOOR: f64 = 1e-6;
 ///
 /// # Panics
 /// If `number` is not below the number of the body's elements.
-pub fn element_tangent(body: &Body, number: usize, positions: &[Vector3<f64>]) -> ElementTangent {
+pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> ElementTangent {
     let element = &body.elements()[number];
     let (stress, modulus) = body.response(number, positions);
     let (r, gradients) = (&element.rotation, &element.geometry.gradients);
@@ -77,29 +81,13 @@ pub(crate) fn convex_part(tangent: &ElementTangent) -> ElementTangent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Element, ElementReference, InternalForces};
-    use nalgebra::Matrix6;
+    use crate::{ElementReference, InternalForces};
+    use nalgebra::{Matrix6, Rotation3};
     use proptest::prelude::*;
-    use yawara_embed::{LinearTet, isotropic};
-    use yawara_mesh::TetId;
-
-    const CORNERS: [[f64; 3]; 4] =
-        [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
-
-    fn body(elasticity: Matrix6<f64>) -> Body {
-        let mut body = Body::new();
-        body.insert(Element {
-            tet: TetId(0),
-            vertices: [0, 1, 2, 3],
-            geometry: LinearTet::new(&CORNERS.map(Vector3::from)),
-            elasticity,
-            rotation: Matrix3::identity(),
-        });
-        body
-    }
+    use yawara_embed::isotropic;
 
     fn forces(body: &mut Body, x: &[Vector3<f64>]) -> [f64; 12] {
-        let mut forces = vec![Vector3::zeros(); 4];
+        let mut forces = [Vector3::zeros(); 4];
         ElementReference.internal_forces(body, x, &mut forces);
         std::array::from_fn(|i| forces[i / 3][i % 3])
     }
@@ -113,11 +101,11 @@ mod tests {
         ) {
             let m = Matrix6::from_fn(|i, j| fibres[(6 * i + j) % 32]);
             for elasticity in [isotropic(1.0, 0.3), isotropic(1.0, 0.3) + m * m.transpose()] {
-                let mut body = body(elasticity);
-                let r = nalgebra::Rotation3::from_scaled_axis(Vector3::from(turn));
-                let mut x: Vec<_> = (0..4)
-                    .map(|i| r * (Vector3::from(CORNERS[i]) + Vector3::from_fn(|k, _| shake[3 * i + k])))
-                    .collect();
+                let (mut body, mut x) = Body::new().of_one(elasticity);
+                let r = Rotation3::from_scaled_axis(Vector3::from(turn));
+                for (x, off) in x.iter_mut().zip(shake.chunks(3)) {
+                    *x = r * (*x + Vector3::from_column_slice(off));
+                }
                 forces(&mut body, &x);
                 // Away from where rotations jump.
                 let s = body.elements()[0].deformation_gradient(&x);

@@ -5,11 +5,13 @@ use pulp::{Simd, WithSimd};
 
 use super::accumulators::Accumulators;
 use super::packets::Packet;
-use super::polar::polar;
-use super::simd::{LANES, M3, Row, V, dot, load3, load33, product, store33, transposed_product};
+use super::polar::renew_rotations;
+use super::simd::{
+    LANES, M3, Row, Rows, V, dot, load3, load33, matrix, product, store33, transposed_product,
+};
 use crate::element::Element;
 use crate::element::pressures::Pressures;
-use crate::element::rotation::polar_warm;
+use crate::field::Field;
 
 /// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
 /// `[12 i + j][l]`, N/m.
@@ -18,7 +20,7 @@ pub type StiffnessPacket = [[f64; LANES]; 144];
 /// What a pass over a run of elements reads and writes.
 pub(crate) struct Pass<'a> {
     pub packets: &'a mut [Packet],
-    pub positions: &'a [Vector3<f64>],
+    pub positions: &'a Field,
     /// The elements of these packets, whose rotations are renewed, and the number of the first.
     pub elements: &'a mut [Element],
     pub first: usize,
@@ -31,13 +33,12 @@ pub(crate) struct Pass<'a> {
 }
 
 /// What passes between the steps of one packet.
+#[derive(Default)]
 struct Buffers {
     /// Edges from corner 0, then the forces of corners 1 to 3.
-    edges: [[Row; 3]; 3],
-    /// F, row-major.
-    gradient: [[Row; 3]; 3],
-    rotation: [[Row; 3]; 3],
-    verdict: Row,
+    edges: Rows,
+    /// F.
+    gradient: Rows,
     squares: Row,
     /// V μ q̄, which pressures add to the scaled normal stresses; 0 without.
     pull: Row,
@@ -45,47 +46,25 @@ struct Buffers {
     dilation: Row,
 }
 
-impl Pass<'_> {
-    /// The same pass, for as long as this one is not used.
-    pub fn reborrow(&mut self) -> Pass<'_> {
-        Pass {
-            packets: self.packets,
-            elements: self.elements,
-            sums: self.sums,
-            stiffness: self.stiffness,
-            ..*self
-        }
-    }
-}
-
-impl WithSimd for Pass<'_> {
+impl WithSimd for &mut Pass<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Pass { packets, positions, elements, first, sums, stiffness, pressures } = self;
-        let zero = [0.0; LANES];
-        let mut buffers = Buffers {
-            edges: [[zero; 3]; 3],
-            gradient: [[zero; 3]; 3],
-            rotation: [[zero; 3]; 3],
-            verdict: zero,
-            squares: zero,
-            pull: zero,
-            dilation: zero,
-        };
+        let mut buffers = Buffers::default();
         for number in 0..packets.len() {
             let lanes = LANES.min(elements.len() - LANES * number);
             let packet = &mut packets[number];
             gather(packet, positions, &mut buffers.edges);
             for part in 0..LANES / S::F64_LANES {
-                rotate(simd, packet, &mut buffers, part);
+                deformation_gradients(simd, packet, &mut buffers, part);
             }
-            settle(packet, &buffers);
+            renew_rotations(simd, &buffers.gradient, &mut packet.rotation);
+            let first = *first + number * LANES;
             if let Some(pressures) = pressures {
                 for lane in 0..lanes {
-                    let corners = corners(packet, lane);
-                    buffers.pull[lane] = pressures.pull(first + number * LANES + lane, corners);
+                    buffers.pull[lane] = pressures.pull(first + lane, corners(packet, lane));
                 }
             }
             for part in 0..LANES / S::F64_LANES {
@@ -99,8 +78,8 @@ impl WithSimd for Pass<'_> {
                 scatter(packet, &buffers.edges, lane, &mut sums.forces);
                 if let Some(pressures) = pressures {
                     let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
-                    let number = first + number * LANES + lane;
-                    pressures.add_residual(number, corners, dilation, &mut sums.pressure_residuals);
+                    let residuals = &mut sums.pressure_residuals;
+                    pressures.add_residual(first + lane, corners, dilation, residuals);
                 }
                 add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
                 elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
@@ -111,12 +90,7 @@ impl WithSimd for Pass<'_> {
 
 /// Adds V F and V to the sums of the corners.
 #[inline(always)]
-fn add_gradient(
-    packet: &Packet,
-    gradient: &[[Row; 3]; 3],
-    lane: usize,
-    sums: &mut [(Matrix3<f64>, f64)],
-) {
+fn add_gradient(packet: &Packet, gradient: &Rows, lane: usize, sums: &mut [(Matrix3<f64>, f64)]) {
     let volume = packet.volume[lane];
     let weighted = matrix(gradient, lane) * volume;
     for corner in 0..4 {
@@ -133,16 +107,7 @@ fn corners(packet: &Packet, lane: usize) -> [usize; 4] {
 }
 
 #[inline(always)]
-fn matrix(rows: &[[Row; 3]; 3], lane: usize) -> Matrix3<f64> {
-    let [x, y, z] = rows;
-    Matrix3::new(
-        x[0][lane], x[1][lane], x[2][lane], y[0][lane], y[1][lane], y[2][lane], z[0][lane],
-        z[1][lane], z[2][lane],
-    )
-}
-
-#[inline(always)]
-fn gather(packet: &Packet, positions: &[Vector3<f64>], edges: &mut [[Row; 3]; 3]) {
+fn gather(packet: &Packet, positions: &Field, edges: &mut Rows) {
     for lane in 0..LANES {
         let origin = positions[packet.vertices[0][lane] as usize];
         for corner in 0..3 {
@@ -154,39 +119,12 @@ fn gather(packet: &Packet, positions: &[Vector3<f64>], edges: &mut [[Row; 3]; 3]
     }
 }
 
-/// F = Σ (x_i − x_0) ∇λ_iᵀ and its rotation.
+/// F = Σ (x_i − x_0) ∇λ_iᵀ.
 #[inline(always)]
-fn rotate<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+fn deformation_gradients<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
     let edges = load33(simd, &buffers.edges, part);
     let f: M3<S> = transposed_product(&edges, &load33(simd, &packet.gradients, part));
-    let (r, verdict) = polar(simd, &f, &load33(simd, &packet.rotation, part));
     store33(&f, &mut buffers.gradient, part);
-    store33(&r, &mut buffers.rotation, part);
-    verdict.store(&mut buffers.verdict, part);
-}
-
-/// Takes the new rotations; lanes in doubt are done over by the scalar code.
-#[inline(always)]
-fn settle(packet: &mut Packet, buffers: &Buffers) {
-    if buffers.verdict.iter().all(|&verdict| verdict < 1.0) {
-        packet.rotation = buffers.rotation;
-    } else {
-        settle_in_doubt(packet, buffers);
-    }
-}
-
-#[cold]
-#[inline(never)]
-fn settle_in_doubt(packet: &mut Packet, buffers: &Buffers) {
-    for lane in 0..LANES {
-        let r = if buffers.verdict[lane] < 1.0 {
-            Matrix3::from_fn(|i, j| buffers.rotation[i][j][lane])
-        } else {
-            let f = Matrix3::from_fn(|i, j| buffers.gradient[i][j][lane]);
-            polar_warm(&f, &packet.rotation(lane))
-        };
-        packet.set_rotation(lane, &r);
-    }
 }
 
 /// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
@@ -247,12 +185,7 @@ fn stress_of<S: Simd>(
 }
 
 #[inline(always)]
-fn scatter(
-    packet: &Packet,
-    corner_forces: &[[Row; 3]; 3],
-    lane: usize,
-    forces: &mut [Vector3<f64>],
-) {
+fn scatter(packet: &Packet, corner_forces: &Rows, lane: usize, forces: &mut Field) {
     let mut first = Vector3::zeros();
     for corner in 0..3 {
         let [x, y, z] = &corner_forces[corner];
@@ -293,7 +226,6 @@ fn rotated_stiffness<S: Simd>(simd: S, packet: &Packet, blocks: &mut StiffnessPa
         }
     }
     let mut first = [[zero; 3]; 3];
-    let mut columns = [[[zero; 3]; 3]; 3];
     for b in 0..3 {
         for k in 0..3 {
             let stress = stress_of(simd, packet, &strain_of[b][k], volume, part);
@@ -313,12 +245,7 @@ fn rotated_stiffness<S: Simd>(simd: S, packet: &Packet, blocks: &mut StiffnessPa
                 // Row of corner 0, and by symmetry the column of corner 0.
                 (-sums[axis]).store(&mut blocks[12 * axis + 3 * b + 3 + k], part);
                 (-sums[axis]).store(&mut blocks[12 * (3 * b + 3 + k) + axis], part);
-                columns[b][k][axis] = sums[axis];
-            }
-        }
-        for k in 0..3 {
-            for axis in 0..3 {
-                first[k][axis] = first[k][axis] + columns[b][k][axis];
+                first[k][axis] = first[k][axis] + sums[axis];
             }
         }
     }

@@ -1,22 +1,19 @@
 //! The elements of a body, eight to a packet, as the vector kernels read them.
 
-use nalgebra::Matrix3;
-
-use super::simd::{LANES, Row};
+use super::simd::{LANES, Row, Rows, set_matrix};
 use crate::element::Element;
 
 /// Eight elements, a number of each side by side.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Packet {
     /// Vertex numbers by corner.
     pub vertices: [[u32; LANES]; 4],
     /// ∇λ of corners 1 to 3; that of corner 0 is minus their sum.
-    pub gradients: [[Row; 3]; 3],
+    pub gradients: Rows,
     pub volume: Row,
     /// The lower half of D by rows.
     pub elasticity: [Row; 21],
-    /// R, row-major.
-    pub rotation: [[Row; 3]; 3],
+    pub rotation: Rows,
 }
 
 /// Packets without a gap: element i is lane i % 8 of packet i / 8. Lanes behind the last element
@@ -35,13 +32,7 @@ impl Packets {
         if lane > 0 {
             return self.packets[packet].set(lane, element);
         }
-        let mut new = Packet {
-            vertices: [[0; LANES]; 4],
-            gradients: [[[0.0; LANES]; 3]; 3],
-            volume: [0.0; LANES],
-            elasticity: [[0.0; LANES]; 21],
-            rotation: [[[0.0; LANES]; 3]; 3],
-        };
+        let mut new = Packet::default();
         (0..LANES).for_each(|lane| new.set(lane, element));
         self.packets.push(new);
     }
@@ -61,13 +52,6 @@ impl Packets {
             self.packets[packet].copy_lane(0, lane);
         }
     }
-
-    /// Sets all rotations to the identity.
-    pub fn unrotate(&mut self) {
-        for packet in &mut self.packets {
-            (0..LANES).for_each(|lane| packet.set_rotation(lane, &Matrix3::identity()));
-        }
-    }
 }
 
 impl Packet {
@@ -83,17 +67,7 @@ impl Packet {
         for (row, (i, j)) in self.elasticity.iter_mut().zip(lower) {
             row[lane] = 0.5 * (element.elasticity[(i, j)] + element.elasticity[(j, i)]);
         }
-        self.set_rotation(lane, &element.rotation);
-    }
-
-    pub fn set_rotation(&mut self, lane: usize, rotation: &Matrix3<f64>) {
-        for i in 0..3 {
-            (0..3).for_each(|j| self.rotation[i][j][lane] = rotation[(i, j)]);
-        }
-    }
-
-    pub fn rotation(&self, lane: usize) -> Matrix3<f64> {
-        Matrix3::from_fn(|i, j| self.rotation[i][j][lane])
+        set_matrix(&mut self.rotation, lane, &element.rotation);
     }
 
     fn copy_lane(&mut self, from: usize, to: usize) {

@@ -2,7 +2,11 @@
 
 use pulp::Simd;
 
-use super::simd::{M3, V, V3, dot, product, transposed_product};
+use super::simd::{
+    LANES, M3, Row, Rows, V, V3, dot, load33, matrix, product, set_matrix, store33,
+    transposed_product,
+};
+use crate::element::rotation::polar_warm;
 
 /// Steps before a lane is left to the scalar code.
 const STEPS: usize = 4;
@@ -14,6 +18,31 @@ const DONE: f64 = 1e-16;
 /// away from 0; else a lane is left to the scalar code.
 const DEFINITE: f64 = 1e-3;
 
+/// Renews rotations: each becomes the one nearest to that of `gradients`. Lanes in doubt are done
+/// over by the scalar code.
+#[inline(always)]
+pub(super) fn renew_rotations<S: Simd>(simd: S, gradients: &Rows, rotations: &mut Rows) {
+    let (start, mut verdict) = (*rotations, [0.0; LANES]);
+    for part in 0..LANES / S::F64_LANES {
+        let f = load33(simd, gradients, part);
+        let (r, in_doubt) = polar(simd, &f, &load33(simd, &start, part));
+        store33(&r, rotations, part);
+        in_doubt.store(&mut verdict, part);
+    }
+    if !verdict.iter().all(|&verdict| verdict < 1.0) {
+        renew_in_doubt(gradients, &start, &verdict, rotations);
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn renew_in_doubt(gradients: &Rows, start: &Rows, verdict: &Row, rotations: &mut Rows) {
+    for lane in (0..LANES).filter(|&lane| !(verdict[lane] < 1.0)) {
+        let r = polar_warm(&matrix(gradients, lane), &matrix(start, lane));
+        set_matrix(rotations, lane, &r);
+    }
+}
+
 /// The rotations nearest to `f`, from `start`, and a figure per lane that is below 1 where the
 /// iteration ended well; anywhere else (NaN included) the lane means nothing.
 ///
@@ -21,7 +50,7 @@ const DEFINITE: f64 = 1e-3;
 /// in third order and needs no sine: R ← R (I + 2(A + A²)/(1+|a|²)), a = ω/2, A = a×. With
 /// H = tr(S)I − S positive definite the end is the one maximum of tr(RᵀF).
 #[inline(always)]
-pub(crate) fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>) {
+fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>) {
     let mut r = *start;
     let mut verdict = V::splat(simd, f64::INFINITY);
     for _ in 0..STEPS {

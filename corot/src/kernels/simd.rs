@@ -5,6 +5,7 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
+use nalgebra::Matrix3;
 use pulp::Simd;
 
 /// Elements that share a packet: one 512-bit vector, or several narrower ones.
@@ -13,21 +14,16 @@ pub(crate) const LANES: usize = 8;
 /// One number of each element of a packet.
 pub(crate) type Row = [f64; LANES];
 
+/// One matrix of each element of a packet, row-major.
+pub(crate) type Rows = [[Row; 3]; 3];
+
 /// As many lanes as the vector unit has.
+#[derive(Clone, Copy)]
 pub(crate) struct V<S: Simd>(pub S, pub S::f64s);
 
 pub(crate) type V3<S> = [V<S>; 3];
 /// Row-major.
 pub(crate) type M3<S> = [[V<S>; 3]; 3];
-
-impl<S: Simd> Clone for V<S> {
-    #[inline(always)]
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<S: Simd> Copy for V<S> {}
 
 impl<S: Simd> Add for V<S> {
     type Output = Self;
@@ -133,15 +129,33 @@ pub(crate) fn load3<S: Simd>(simd: S, rows: &[Row; 3], part: usize) -> V3<S> {
 }
 
 #[inline(always)]
-pub(crate) fn load33<S: Simd>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> M3<S> {
+pub(crate) fn load33<S: Simd>(simd: S, rows: &Rows, part: usize) -> M3<S> {
     [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
 }
 
 #[inline(always)]
-pub(crate) fn store33<S: Simd>(matrix: &M3<S>, rows: &mut [[Row; 3]; 3], part: usize) {
+pub(crate) fn store33<S: Simd>(matrix: &M3<S>, rows: &mut Rows, part: usize) {
     for i in 0..3 {
         for j in 0..3 {
             matrix[i][j].store(&mut rows[i][j], part);
+        }
+    }
+}
+
+#[inline(always)]
+pub(crate) fn matrix(rows: &Rows, lane: usize) -> Matrix3<f64> {
+    let [x, y, z] = rows;
+    Matrix3::new(
+        x[0][lane], x[1][lane], x[2][lane], y[0][lane], y[1][lane], y[2][lane], z[0][lane],
+        z[1][lane], z[2][lane],
+    )
+}
+
+#[inline(always)]
+pub(crate) fn set_matrix(rows: &mut Rows, lane: usize, matrix: &Matrix3<f64>) {
+    for i in 0..3 {
+        for j in 0..3 {
+            rows[i][j][lane] = matrix[(i, j)];
         }
     }
 }

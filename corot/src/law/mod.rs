@@ -2,12 +2,11 @@
 //!
 //! `linear.rs` is σ = D ε, which the vector kernels do by themselves; `rayleigh.rs` adds damping by
 //! stiffness and is the model of a law with a state. `states.rs` keeps the states of a body's
-//! elements, `pass.rs` adds to the forces what a law has beyond D ε. Open `constitutive_law.rs`
-//! first. To add one: a file with a type that implements the trait, a line in [`law_by_name`].
+//! elements and adds to the forces what a law has beyond D ε. Open `constitutive_law.rs` first. To
+//! add one: a file with a type that implements the trait, a line in [`law_by_name`].
 
 mod constitutive_law;
 mod linear;
-pub(crate) mod pass;
 mod rayleigh;
 pub(crate) mod states;
 

@@ -8,6 +8,10 @@ use yawara_embed::Strain;
 
 use super::constitutive_law::{ConstitutiveLaw, MaterialPoint};
 use super::linear::LinearElastic;
+use crate::element::Element;
+use crate::element::pressures::Pressures;
+use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
 
 /// A law and its states, by element number; both lists are empty under a linear law.
 #[derive(Clone)]
@@ -23,13 +27,48 @@ pub(crate) struct States {
     stiffening: f64,
 }
 
-/// The law with the states, and σ − D ε̃, of a run of elements.
+/// The law with the states, and σ − D ε̃, of the elements from number `first` on.
 pub(crate) struct StateRun<'a> {
-    pub law: &'a dyn ConstitutiveLaw,
-    pub step_s: f64,
-    pub committed: &'a [f64],
-    pub trial: &'a mut [f64],
-    pub beyond: &'a mut [Strain],
+    law: &'a dyn ConstitutiveLaw,
+    step_s: f64,
+    first: usize,
+    committed: &'a [f64],
+    trial: &'a mut [f64],
+    beyond: &'a mut [Strain],
+}
+
+impl StateRun<'_> {
+    /// σ of its element `i`, with the state that it leaves.
+    pub fn stress(&mut self, i: usize, elasticity: &Matrix6<f64>, strain: Strain) -> Strain {
+        let (n, step_s) = (self.law.state_len(), self.step_s);
+        let state = &self.committed[n * i..n * (i + 1)];
+        let point = MaterialPoint { elasticity, strain, state, step_s };
+        let stress = self.law.stress(&point, &mut self.trial[n * i..n * (i + 1)]);
+        self.beyond[i] = stress - elasticity * strain;
+        stress
+    }
+
+    /// Adds what the law has beyond linear elasticity, V R (σ − D ε̃) ∇λ of each element with its
+    /// rotation, to `forces`; returns Σ ‖·‖² of the elements' shares.
+    pub fn add_to(
+        mut self,
+        elements: &[Element],
+        pressures: Option<&Pressures>,
+        positions: &Field,
+        forces: &mut Field,
+    ) -> f64 {
+        let mut squares = 0.0;
+        for (i, element) in elements.iter().enumerate() {
+            let mut strain = element.corotated_strain(positions);
+            if let Some(pressures) = pressures {
+                strain = pressures.assumed_strain(self.first + i, element.vertices, &strain);
+            }
+            self.stress(i, &element.elasticity, strain);
+            let scaled = element.rotation * stress_matrix(&self.beyond[i]);
+            squares += element.add_forces(&(scaled * element.geometry.volume), forces);
+        }
+        squares
+    }
 }
 
 impl Default for States {
@@ -122,31 +161,16 @@ impl States {
         self.beyond[number] = beyond;
     }
 
-    /// σ of an element, with the state that it leaves.
-    pub fn evaluate(&mut self, number: usize, elasticity: &Matrix6<f64>, strain: Strain) -> Strain {
-        let n = self.len();
-        let (law, at) = (Arc::clone(&self.law), n * number..n * (number + 1));
-        let state = &self.committed[at.clone()];
-        let point = MaterialPoint { elasticity, strain, state, step_s: self.step_s };
-        let stress = law.stress(&point, &mut self.trial[at]);
-        self.beyond[number] = stress - elasticity * strain;
-        stress
-    }
-
-    /// The states of runs of `length` elements of `count`; none under a linear law.
-    pub fn passes(&mut self, length: usize, count: usize) -> impl Iterator<Item = StateRun<'_>> {
+    /// The states of runs of `length` elements; none under a linear law.
+    pub fn runs(&mut self, length: usize) -> impl Iterator<Item = StateRun<'_>> {
         let (n, step_s, law) = (self.len(), self.step_s, &*self.law);
-        let count = if law.is_linear() { 0 } else { count };
-        let (mut trial, mut beyond) = (&mut self.trial[..], &mut self.beyond[..]);
-        let committed = &self.committed;
-        (0..count).step_by(length.max(1)).map(move |first| {
-            let end = count.min(first + length);
-            let (these, behind) = std::mem::take(&mut trial).split_at_mut(n * (end - first));
-            trial = behind;
-            let (stresses, behind) = std::mem::take(&mut beyond).split_at_mut(end - first);
-            beyond = behind;
-            let committed = &committed[n * first..n * end];
-            StateRun { law, step_s, committed, trial: these, beyond: stresses }
+        let (mut committed, mut trial) = (&self.committed[..], &mut self.trial[..]);
+        let runs = self.beyond.chunks_mut(length.max(1)).enumerate();
+        runs.map(move |(run, beyond)| {
+            let states = ..n * beyond.len();
+            let committed = committed.split_off(states).unwrap_or_default();
+            let trial = trial.split_off_mut(states).unwrap_or_default();
+            StateRun { law, step_s, first: length * run, committed, trial, beyond }
         })
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::integrator::{InertiaWeights, TimeIntegrator, TimeStep, VertexMotion};
+use super::integrator::{TimeIntegrator, TimeStep, VertexMotion};
 
 /// v' = (x' − x)/h. With it M (v' − v)/h + α M v' is c M (x' − x̃), c = 1/h² + α/h,
 /// x̃ = x + v/(h c).
@@ -18,8 +18,8 @@ impl TimeIntegrator for ImplicitEuler {
         "implicit_euler"
     }
 
-    fn weights(&self, step: &TimeStep) -> Option<InertiaWeights> {
-        Some(InertiaWeights { mass_per_s2: weight(step) })
+    fn mass_per_s2(&self, step: &TimeStep) -> Option<f64> {
+        Some(weight(step))
     }
 
     fn predict(&self, step: &TimeStep, start: &VertexMotion) -> Vector3<f64> {

@@ -7,6 +7,7 @@ use yawara_mesh::TetId;
 use super::integrator::{TimeIntegrator, TimeStep, VertexMotion};
 use crate::body::Body;
 use crate::element::Element;
+use crate::field::Field;
 use crate::forces::InternalForces;
 
 /// The inertia of a body in a step: the forces c M (x − x̃).
@@ -16,9 +17,8 @@ pub struct Inertia {
     mass_per_s2: f64,
     /// x̃ by vertex number, m.
     predicted: Vec<Vector3<f64>>,
-    /// By tetrahedron number, kg/m³.
-    densities: Vec<f64>,
-    heaviest: f64,
+    /// By element number.
+    kilograms: Vec<f64>,
 }
 
 impl Inertia {
@@ -35,49 +35,33 @@ impl Inertia {
         start: impl Iterator<Item = VertexMotion>,
         density: impl Fn(TetId) -> f64,
     ) -> Option<Self> {
-        let mass_per_s2 = integrator.weights(step)?.mass_per_s2;
+        let mass_per_s2 = integrator.mass_per_s2(step)?;
         let predicted = start.map(|motion| integrator.predict(step, &motion)).collect();
-        let last = body.elements().iter().map(|e| e.tet.index()).max();
-        let mut densities = vec![0.0; last.map_or(0, |last| last + 1)];
-        let mut heaviest: f64 = 0.0;
-        for element in body.elements() {
-            let rho = density(element.tet);
-            densities[element.tet.index()] = rho;
-            heaviest = heaviest.max(rho * element.geometry.volume);
-        }
-        Some(Self { mass, mass_per_s2, predicted, densities, heaviest })
+        let kilograms = |element: &Element| element.geometry.volume * density(element.tet);
+        let kilograms = body.elements().iter().map(kilograms).collect();
+        Some(Self { mass, mass_per_s2, predicted, kilograms })
     }
 
     /// x̃ by vertex number, m: where each vertex would go by itself.
-    pub fn predicted(&self) -> &[Vector3<f64>] {
+    pub fn predicted(&self) -> &Field {
         &self.predicted
     }
 
-    /// c M of an element on its corners, the same for each axis, N/m.
-    pub fn matrix(&self, element: &Element) -> Matrix4<f64> {
-        self.mass.matrix(self.kilograms(element)) * self.mass_per_s2
+    /// c M of element `number` on its corners, the same for each axis, N/m.
+    pub fn matrix(&self, number: usize) -> Matrix4<f64> {
+        self.mass.matrix(self.kilograms[number]) * self.mass_per_s2
     }
 
     /// A bound on the entries of c M, N/m.
     pub fn stiffness_scale(&self) -> f64 {
-        self.mass_per_s2 * self.heaviest
-    }
-
-    fn kilograms(&self, element: &Element) -> f64 {
-        let density = self.densities.get(element.tet.index()).copied();
-        element.geometry.volume * density.unwrap_or(0.0)
+        self.mass_per_s2 * self.kilograms.iter().copied().fold(0.0, f64::max)
     }
 
     /// Adds c M (x − x̃) to `forces`; returns Σ_e ‖·‖² of the elements' shares.
-    pub fn add_to(
-        &self,
-        body: &Body,
-        positions: &[Vector3<f64>],
-        forces: &mut [Vector3<f64>],
-    ) -> f64 {
+    pub fn add_to(&self, body: &Body, positions: &Field, forces: &mut Field) -> f64 {
         let mut squares = 0.0;
-        for element in body.elements() {
-            let corner = self.mass_per_s2 * self.kilograms(element);
+        for (element, kilograms) in body.elements().iter().zip(&self.kilograms) {
+            let corner = self.mass_per_s2 * kilograms;
             let off = element.vertices.map(|v| positions[v] - self.predicted[v]);
             let (own, shared) = match self.mass {
                 Mass::Consistent => (corner / 20.0, off.iter().sum::<Vector3<f64>>()),
@@ -99,8 +83,8 @@ pub fn forces_with_inertia(
     internal: &dyn InternalForces,
     inertia: Option<&Inertia>,
     body: &mut Body,
-    positions: &[Vector3<f64>],
-    forces: &mut [Vector3<f64>],
+    positions: &Field,
+    forces: &mut Field,
 ) -> f64 {
     let elastic = internal.internal_forces(body, positions, forces);
     if inertia.is_none() && body.grips().is_empty() {
@@ -114,79 +98,68 @@ pub fn forces_with_inertia(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ElementCorotation, ImplicitEuler, Rayleigh};
-    use nalgebra::{Matrix3, Rotation3};
+    use crate::{ConstitutiveLaw, ElementCorotation, ImplicitEuler, Rayleigh};
+    use nalgebra::Rotation3;
     use std::sync::Arc;
-    use yawara_embed::{LinearTet, isotropic};
+    use yawara_embed::isotropic;
 
-    const CORNERS: [[f64; 3]; 4] =
-        [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
+    const STEP_S: f64 = 0.1;
+    const DENSITY_KG_M3: f64 = 12.0;
 
-    /// A tetrahedron with damping by stiffness β that begins a step of 0.1 s.
-    fn body(beta: f64) -> (Body, Vec<Vector3<f64>>) {
-        let x: Vec<Vector3<f64>> = CORNERS.map(Vector3::from).to_vec();
-        let law: Arc<dyn crate::ConstitutiveLaw> = Arc::new(Rayleigh::new(beta).unwrap());
-        let mut body = Body::new().with_law(law);
-        body.insert(Element {
-            tet: TetId(3),
-            vertices: [0, 1, 2, 3],
-            geometry: LinearTet::new(&CORNERS.map(Vector3::from)),
-            elasticity: isotropic(1e3, 0.3),
-            rotation: Matrix3::identity(),
-        });
-        body.begin_step(0.1);
-        (body, x)
+    /// A tetrahedron with damping by stiffness β at the start of a step.
+    fn body(beta: f64) -> (Body, [Vector3<f64>; 4]) {
+        let law: Arc<dyn ConstitutiveLaw> = Arc::new(Rayleigh::new(beta).unwrap());
+        let (mut body, rest) = Body::new().with_law(law).of_one(isotropic(1e3, 0.3));
+        body.begin_step(STEP_S);
+        (body, rest)
     }
 
-    fn inertia(mass: Mass, alpha: f64, velocity: Vector3<f64>) -> Inertia {
-        let (body, x) = body(0.0);
-        let step = TimeStep { length_s: 0.1, damping_mass_per_s: alpha };
-        let start = x.into_iter().map(|position| VertexMotion {
-            position,
-            velocity,
-            acceleration: Vector3::zeros(),
-        });
-        Inertia::new(&ImplicitEuler, &step, mass, &body, start, |_| 12.0).unwrap()
-    }
-
-    fn forces(inertia: &Inertia, body: &mut Body, x: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-        let mut forces = vec![Vector3::zeros(); 4];
-        forces_with_inertia(&ElementCorotation, Some(inertia), body, x, &mut forces);
+    /// The forces at the end of a step from rest positions and one velocity, with damping by mass α
+    /// and by stiffness β.
+    fn forces(
+        mass: Mass,
+        [alpha, beta]: [f64; 2],
+        velocity: Vector3<f64>,
+        end: impl Fn(Vector3<f64>) -> Vector3<f64>,
+    ) -> [Vector3<f64>; 4] {
+        let ((mut body, rest), mut forces) = (body(beta), [Vector3::zeros(); 4]);
+        let step = TimeStep { length_s: STEP_S, damping_mass_per_s: alpha };
+        let acceleration = Vector3::zeros();
+        let start = rest.map(|position| VertexMotion { position, velocity, acceleration });
+        let (start, density) = (start.into_iter(), |_| DENSITY_KG_M3);
+        let inertia = Inertia::new(&ImplicitEuler, &step, mass, &body, start, density);
+        let end = rest.map(end);
+        forces_with_inertia(&ElementCorotation, inertia.as_ref(), &mut body, &end, &mut forces);
         forces
     }
 
     #[test]
     fn a_body_that_moves_on_feels_only_damping_by_mass() {
         let v = Vector3::new(0.3, -0.2, 0.7);
+        let kg = DENSITY_KG_M3 * body(0.0).0.elements()[0].geometry.volume;
         for mass in [Mass::Consistent, Mass::Lumped] {
-            let (mut body, x) = body(0.2);
-            let moved: Vec<_> = x.iter().map(|x| x + 0.1 * v).collect();
-            let still = forces(&inertia(mass, 0.0, v), &mut body, &moved);
-            assert!(still.iter().all(|f| f.norm() < 1e-10), "{still:?}");
-            let kg = 12.0 * body.elements()[0].geometry.volume;
-            for f in forces(&inertia(mass, 2.0, v), &mut body, &moved) {
-                assert!((f - 2.0 * 0.25 * kg * v).norm() < 1e-10, "{f}");
+            for alpha in [0.0, 2.0] {
+                for f in forces(mass, [alpha, 0.2], v, |x| x + STEP_S * v) {
+                    assert!((f - alpha * 0.25 * kg * v).norm() < 1e-10, "{f}");
+                }
             }
         }
     }
 
     #[test]
     fn damping_by_stiffness_resists_stretching_and_lets_turning_be() {
-        let ((mut bare, x), (mut damped, _)) = (body(0.0), body(0.3));
-        let stretched: Vec<_> = x.iter().map(|x| x * 1.01).collect();
         let turn = Rotation3::from_scaled_axis(Vector3::new(0.3, 0.5, -0.2));
-        let turned: Vec<_> = x.iter().map(|x| turn * x).collect();
-        let inertia = inertia(Mass::Consistent, 0.0, Vector3::zeros());
-        let mut elastic = vec![Vector3::zeros(); 4];
-        ElementCorotation.internal_forces(&mut bare, &stretched, &mut elastic);
-        // The strain has grown from nothing to ε in a step: β/h = 3 times its force.
-        let without = forces(&inertia, &mut bare, &stretched);
-        let with = forces(&inertia, &mut damped, &stretched);
+        let ((mut bare, rest), mut elastic) = (body(0.0), [Vector3::zeros(); 4]);
+        ElementCorotation.internal_forces(&mut bare, &rest.map(|x| x * 1.01), &mut elastic);
+        let with = |beta, end: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
+            forces(Mass::Consistent, [0.0, beta], Vector3::zeros(), end)
+        };
+        let [stretched, damped] = [0.0, 0.3].map(|beta| with(beta, &|x| x * 1.01));
+        let [turned, as_turned] = [0.0, 0.3].map(|beta| with(beta, &|x| turn * x));
         for i in 0..4 {
-            assert!((with[i] - without[i] - 3.0 * elastic[i]).norm() < 1e-9, "{i}");
+            // The strain has grown from nothing to ε in a step: β/h = 3 times its force.
+            assert!((damped[i] - stretched[i] - 3.0 * elastic[i]).norm() < 1e-9, "{i}");
+            assert!((as_turned[i] - turned[i]).norm() < 1e-9, "{i}");
         }
-        let without = forces(&inertia, &mut bare, &turned);
-        let with = forces(&inertia, &mut damped, &turned);
-        (0..4).for_each(|i| assert!((with[i] - without[i]).norm() < 1e-9, "{i}"));
     }
 }

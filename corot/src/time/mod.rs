@@ -11,7 +11,7 @@ mod quasi_static;
 
 pub use implicit_euler::ImplicitEuler;
 pub use inertia::{Inertia, forces_with_inertia};
-pub use integrator::{InertiaWeights, TimeIntegrator, TimeStep, VertexMotion};
+pub use integrator::{TimeIntegrator, TimeStep, VertexMotion};
 pub use quasi_static::QuasiStatic;
 
 use crate::error::CorotError;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::integrator::{InertiaWeights, TimeIntegrator, TimeStep, VertexMotion};
+use super::integrator::{TimeIntegrator, TimeStep, VertexMotion};
 
 /// No inertia: a vertex left alone stays where it is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -13,7 +13,7 @@ impl TimeIntegrator for QuasiStatic {
         "quasi_static"
     }
 
-    fn weights(&self, _: &TimeStep) -> Option<InertiaWeights> {
+    fn mass_per_s2(&self, _: &TimeStep) -> Option<f64> {
         None
     }
 

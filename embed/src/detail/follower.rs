@@ -45,7 +45,7 @@ impl DetailMesh {
     ) -> Result<Vec<Vector3<f64>>, EmbedError> {
         let mut follower = Follower::new(self, self.forest().vertices());
         follower.follow(self, active, x, rotation)?;
-        Ok(follower.into_positions())
+        Ok(follower.positions)
     }
 }
 
@@ -137,10 +137,6 @@ impl Follower {
     pub fn evaluated(&self) -> usize {
         self.evaluated
     }
-
-    pub(crate) fn into_positions(self) -> Vec<Vector3<f64>> {
-        self.positions
-    }
 }
 
 fn same_bits(a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
@@ -155,9 +151,7 @@ fn check(
 ) -> Result<i32, EmbedError> {
     let (coarse, fine) = (active.domain().lattice(), detail.domain().lattice());
     if coarse.cells != fine.cells || coarse.units > fine.units {
-        let (found, found_units) = (coarse.cells, coarse.units);
-        let (want, want_units) = (fine.cells, fine.units);
-        return Err(EmbedError::OtherLattice { found, found_units, want, want_units });
+        return Err(EmbedError::OtherLattice { found: *coarse, want: *fine });
     }
     if x.len() < active.vertex_capacity() {
         let (found, want) = (x.len(), active.vertex_capacity());
@@ -172,7 +166,7 @@ mod tests {
 
     use super::*;
     use nalgebra::Matrix3;
-    use yawara_mesh::{Domain, LabelTree, Lattice, MeshDelta, Placement};
+    use yawara_mesh::{Domain, LabelTree, Lattice, MeshDelta};
 
     fn unturned(_: &Matrix3<f64>) -> Matrix3<f64> {
         Matrix3::identity()
@@ -185,15 +179,11 @@ mod tests {
     }
 
     /// Positions of `forest` on cubes of edge 1, moved by `map`.
-    fn moved(
-        forest: &BisectionForest,
-        map: impl Fn(Vector3<f64>) -> Vector3<f64>,
-    ) -> Vec<Vector3<f64>> {
+    fn moved(forest: &BisectionForest, map: fn(Vector3<f64>) -> Vector3<f64>) -> Vec<Vector3<f64>> {
         let unit = 1.0 / f64::from(forest.domain().lattice().units);
-        let placement = Placement { origin: Vector3::zeros(), unit };
         let mut x = vec![Vector3::zeros(); forest.vertex_capacity()];
         for v in forest.vertices() {
-            x[v.index()] = map(placement.position(forest.point(v)));
+            x[v.index()] = map(unit * Vector3::from(forest.point(v).map(f64::from)));
         }
         x
     }
@@ -223,17 +213,16 @@ mod tests {
         let x = moved(&active, bend);
         let detail = DetailMesh::new(forest(6, 6));
         let positions = detail.positions(&active, &x, &unturned).unwrap();
+        let exact = moved(detail.forest(), bend);
         let mut midpoints = 0;
         for v in detail.forest().vertices() {
-            let p = detail.forest().point(v);
-            if let Some(same) = active.vertex_at(p) {
+            if let Some(same) = active.vertex_at(detail.forest().point(v)) {
                 assert_eq!(positions[v.index()], x[same.index()]);
                 continue;
             }
             midpoints += 1;
             // Linear interpolation of a parabola along an edge of Δx lies ¼ Δx² above at most.
-            let exact = bend(p.map(f64::from).map(|c| 0.25 * c).into());
-            let above = positions[v.index()].z - exact.z;
+            let above = positions[v.index()].z - exact[v.index()].z;
             assert!((-1e-12..=0.25 + 1e-12).contains(&above), "{above}");
         }
         assert!(midpoints > 20);

@@ -77,7 +77,7 @@ impl DetailMesh {
     /// Cost: one combination of halves per heterogeneous tetrahedron that the forest bisects;
     /// 160 bytes each.
     /// # Errors
-    /// [`EmbedError::OtherTree`] if the embedding is of other labels; [`EmbedError::LatticeUnit`].
+    /// [`EmbedError::OtherTree`] if the embedding is of other labels; [`EmbedError::Range`].
     pub fn embedded(
         forest: BisectionForest,
         embedding: &Embedding,
@@ -90,7 +90,8 @@ impl DetailMesh {
             return Err(EmbedError::OtherTree { found, want });
         }
         if !(unit > 0.0 && unit.is_finite()) {
-            return Err(EmbedError::LatticeUnit { unit });
+            let (what, want) = ("the lattice unit, m,", "a finite length > 0");
+            return Err(EmbedError::Range { what, value: unit, want });
         }
         let mut mesh = Self { unit, ..Self::new(forest) };
         let mut ring = Vec::new();

@@ -1,11 +1,11 @@
 //! The stage that says what the vertices of a tetrahedron carry.
 
 use faer::Mat;
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
 use yawara_mesh::{MeshDelta, VertexId};
 
 use crate::embedding::Embedding;
-use crate::hand_over::RingStiffness;
+use crate::hand_over::{Halved, RingPart, RingStiffness};
 use crate::linear_tet::LinearTet;
 
 /// What a tetrahedron's vertices carry, and the symmetric matrix that couples them.
@@ -17,8 +17,7 @@ use crate::linear_tet::LinearTet;
 /// ```
 /// use faer::{Mat, Scale};
 /// use nalgebra::{Matrix6, Vector3};
-/// use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1, RingStiffness, isotropic};
-/// use yawara_mesh::{MeshDelta, VertexId};
+/// use yawara_embed::{ElementFormulation, Halved, LinearTet, P1, RingPart, isotropic};
 ///
 /// struct Times(f64);
 ///
@@ -35,17 +34,8 @@ use crate::linear_tet::LinearTet;
 ///     fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
 ///         P1.stiffness(geometry, &(elasticity * self.0))
 ///     }
-///     fn ring(
-///         &self,
-///         delta: &MeshDelta,
-///         embedding: &Embedding,
-///         position: &dyn Fn(VertexId) -> Vector3<f64>,
-///     ) -> RingStiffness {
-///         let mut ring = P1.ring(delta, embedding, position);
-///         let RingStiffness { k_p, k_c, a12, a22, b, positive, negative, .. } = &mut ring;
-///         [k_p, k_c, a12, a22, b].map(|matrix| *matrix = &*matrix * Scale(self.0));
-///         [positive, negative].map(|factor| *factor = &*factor * Scale(self.0.sqrt()));
-///         ring
+///     fn part(&self, halved: &Halved) -> RingPart {
+///         P1.part(halved).scaled(self.0)
 ///     }
 /// }
 ///
@@ -81,14 +71,32 @@ pub trait ElementFormulation: Send + Sync {
         self.stiffness(geometry, elasticity)
     }
 
+    /// The share of one parent, and of its halves, in the hand-over of a split or merge.
+    ///
+    /// Cost: some thousand flops.
+    fn part(&self, halved: &Halved) -> RingPart;
+
     /// The hand-over of a split or merge to the inverse; `position` gives rest positions (m) of
     /// old vertices.
     ///
-    /// Cost: some thousand flops per ring tetrahedron.
+    /// Cost: that of [`part`](Self::part) per ring tetrahedron.
     fn ring(
         &self,
         delta: &MeshDelta,
         embedding: &Embedding,
         position: &dyn Fn(VertexId) -> Vector3<f64>,
-    ) -> RingStiffness;
+    ) -> RingStiffness {
+        let part = |halved: &Halved| self.part(halved);
+        RingStiffness::assemble(self.unknowns(), delta, embedding, position, part)
+    }
+}
+
+/// A matrix of fixed shape as one of any.
+pub(super) fn dense<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>) -> Mat<f64> {
+    Mat::from_fn(R, C, |i, j| matrix[(i, j)])
+}
+
+/// A matrix of these columns.
+pub(super) fn columns<const R: usize>(columns: &[SVector<f64, R>]) -> Mat<f64> {
+    Mat::from_fn(R, columns.len(), |i, j| columns[j][i])
 }

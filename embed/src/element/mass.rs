@@ -1,6 +1,7 @@
 //! Mass of a linear tetrahedron, and what a bisection does to it.
 
-use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
+use faer::Mat;
+use nalgebra::{Matrix1, Matrix4, SMatrix, Vector4};
 
 use crate::hand_over::{Halved, RingPart};
 
@@ -26,14 +27,8 @@ impl Mass {
         }
     }
 
-    /// Adds `factor` (1/s²) times the mass to a parent's share of a ring. What its halves weigh
-    /// otherwise than the parent is left to [`Self::excess`], which a ring sums up first.
-    pub(crate) fn add_to<const M: usize, const N: usize>(
-        self,
-        part: &mut RingPart<M, N>,
-        halved: &Halved,
-        factor: f64,
-    ) {
+    /// Adds `factor` (1/s²) times the mass to a parent's share of a ring.
+    pub(super) fn add_to(self, part: &mut RingPart, halved: &Halved, factor: f64) {
         let half_volume = 0.5 * halved.geometry.volume;
         let parent = self.matrix(halved.density.iter().sum::<f64>() * half_volume);
         add_block(&mut part.parent, &parent, factor);
@@ -47,7 +42,10 @@ impl Mass {
             let onto = mass.column(replaced);
             add_block(&mut part.straight, &(straight.transpose() * mass * straight), factor);
             add_block(&mut part.coupling, &(straight.transpose() * onto), factor);
-            add_block(&mut part.own, &SMatrix::<f64, 1, 1>::new(onto[replaced]), factor);
+            add_block(&mut part.own, &Matrix1::new(onto[replaced]), factor);
+        }
+        for (lean, y) in part.lean.iter_mut().zip(self.excess(halved).iter()) {
+            *lean += factor * y;
         }
     }
 
@@ -57,7 +55,7 @@ impl Mass {
     /// With ½(ρ₁−ρ₂) = δ: `consistent` (δV/40)(3/2, 3/2, 1, 1) on (a, b, c, d), because the density
     /// leans to one end; `lumped` ½(−ρV/16 (e_a−e_b) + δV/8 (e_a+e_b)), because the ends give mass
     /// to the midpoint.
-    pub(crate) fn excess(self, halved: &Halved) -> Vector4<f64> {
+    fn excess(self, halved: &Halved) -> Vector4<f64> {
         let volume = halved.geometry.volume;
         let [first, second] = halved.density;
         let leaning = 0.5 * (first - second) * volume;
@@ -80,55 +78,16 @@ impl Mass {
 }
 
 /// Adds `factor` · `block` ⊗ I₃ to the displacements of a matrix with more unknowns per vertex.
-fn add_block<const R: usize, const C: usize, const BR: usize, const BC: usize>(
-    matrix: &mut SMatrix<f64, R, C>,
-    block: &SMatrix<f64, BR, BC>,
+pub(super) fn add_block<const R: usize, const C: usize>(
+    matrix: &mut Mat<f64>,
+    block: &SMatrix<f64, R, C>,
     factor: f64,
 ) {
-    let (rows, columns) = (R / BR, C / BC);
-    for j in 0..BC {
-        for i in 0..BR {
-            for axis in 0..3 {
-                matrix[(rows * i + axis, columns * j + axis)] += factor * block[(i, j)];
-            }
+    let (rows, columns) = (matrix.nrows() / R, matrix.ncols() / C);
+    for (i, j) in (0..R).flat_map(|i| (0..C).map(move |j| (i, j))) {
+        for axis in 0..3 {
+            matrix[(rows * i + axis, columns * j + axis)] += factor * block[(i, j)];
         }
-    }
-}
-
-/// The columns p and n with x yᵀ + y xᵀ = p pᵀ − n nᵀ; a column that is nothing but rounding is
-/// left out.
-pub(crate) fn signed_pair(x: &[f64], y: &[f64]) -> [Option<Vec<f64>>; 2] {
-    let norm = |v: &[f64]| v.iter().map(|a| a * a).sum::<f64>().sqrt();
-    let (long, short) = (norm(x), norm(y));
-    if !(short > 0.0) || !(long > 0.0) {
-        return [None, None];
-    }
-    // Both as long as each other: then p and n are orthogonal and nothing cancels.
-    let balance = (short / long).sqrt();
-    [1.0, -1.0].map(|sign| {
-        let column: Vec<f64> = x
-            .iter()
-            .zip(y)
-            .map(|(x, y)| std::f64::consts::FRAC_1_SQRT_2 * (x * balance + sign * y / balance))
-            .collect();
-        (norm(&column) > 1e-14 * balance * long).then_some(column)
-    })
-}
-
-impl<const M: usize, const N: usize> RingPart<M, N> {
-    /// The share of a ring with all its matrices multiplied by `factor` > 0.
-    pub(crate) fn scaled(mut self, factor: f64) -> Self {
-        let root = factor.sqrt();
-        self.parent *= factor;
-        self.straight *= factor;
-        self.coupling *= factor;
-        self.own *= factor;
-        let scale =
-            |columns: &mut Vec<SVector<f64, N>>| columns.iter_mut().for_each(|c| *c *= root);
-        scale(&mut self.positive);
-        scale(&mut self.negative);
-        self.edge *= root;
-        self
     }
 }
 
@@ -158,19 +117,5 @@ mod tests {
             }
         }
         assert!((Mass::Consistent.matrix(1.0) - exact).amax() < 1e-16);
-    }
-
-    #[test]
-    fn a_signed_pair_is_a_symmetric_product() {
-        let (x, y) = ([1.0, -1.0, 0.0], [1e-3, 2e-3, 4e-3]);
-        let [p, n] = signed_pair(&x, &y).map(Option::unwrap);
-        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
-            let want = x[i] * y[j] + y[i] * x[j];
-            assert!((p[i] * p[j] - n[i] * n[j] - want).abs() < 1e-17);
-        }
-        let down = x.map(|x| -2.0 * x);
-        let [p, n] = signed_pair(&x, &down);
-        assert!(p.is_none() && n.is_some());
-        assert_eq!(signed_pair(&x, &[0.0; 3]), [None, None]);
     }
 }

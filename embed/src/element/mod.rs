@@ -24,26 +24,26 @@ pub const FORMULATIONS: &[&str] = &["p1", "p1p1"];
 /// A built-in element, `p1p1` with its own choice of stabilisation.
 ///
 /// # Errors
-/// [`EmbedError::UnknownFormulation`] listing the choices.
+/// [`EmbedError::Unknown`] listing the choices.
 pub fn formulation_by_name(name: &str) -> Result<Box<dyn ElementFormulation>, EmbedError> {
     match name {
         "p1" => Ok(Box::new(P1)),
         "p1p1" => Ok(Box::new(P1P1::default())),
-        _ => Err(EmbedError::UnknownFormulation { name: name.to_owned(), choices: FORMULATIONS }),
+        _ => Err(EmbedError::Unknown { what: "element", name: name.into(), choices: FORMULATIONS }),
     }
 }
 
 /// A built-in element in a time step, by the name of the element.
 ///
 /// # Errors
-/// [`EmbedError::UnknownFormulation`] listing the choices.
+/// [`EmbedError::Unknown`] listing the choices.
 pub fn dynamic_by_name(
     name: &str,
     weights: StepWeights,
 ) -> Result<Box<dyn ElementFormulation>, EmbedError> {
     match name {
-        "p1p1" => Ok(Box::new(Dynamic::mixed(P1P1::default(), weights))),
-        "p1" => Ok(Box::new(Dynamic::new(weights))),
+        "p1" => Ok(Box::new(Dynamic { element: P1, weights })),
+        "p1p1" => Ok(Box::new(Dynamic { element: P1P1::default(), weights })),
         _ => formulation_by_name(name),
     }
 }

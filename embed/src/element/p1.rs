@@ -1,12 +1,11 @@
 //! `p1`: displacements alone, linear in every tetrahedron.
 
 use faer::Mat;
-use nalgebra::{Matrix3, Matrix6, SVector, Vector3};
-use yawara_mesh::{MeshDelta, VertexId};
+use nalgebra::{Matrix3, Matrix6, SMatrix};
 
-use super::formulation::ElementFormulation;
-use crate::embedding::Embedding;
-use crate::hand_over::{Halved, RingPart, RingStiffness};
+use super::formulation::{ElementFormulation, columns, dense};
+use crate::hand_over::{Halved, RingPart};
+use crate::homogenisation::ChildPair;
 use crate::linear_tet::LinearTet;
 
 /// K = V BᵀDB on the displacements of four corners.
@@ -30,48 +29,41 @@ impl ElementFormulation for P1 {
     }
 
     fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
-        let k = geometry.stiffness(elasticity);
-        Mat::from_fn(12, 12, |i, j| k[(i, j)])
+        dense(&geometry.stiffness(elasticity))
     }
 
-    fn ring(
-        &self,
-        delta: &MeshDelta,
-        embedding: &Embedding,
-        position: &dyn Fn(VertexId) -> Vector3<f64>,
-    ) -> RingStiffness {
-        RingStiffness::assemble(delta, embedding, position, part)
+    /// `straight` − `parent` is that of the homogenisation's excess, ½(D₁+D₂) − D_p.
+    fn part(&self, halved: &Halved) -> RingPart {
+        let Halved { geometry, pair, .. } = halved;
+        let (strain, root_volume) = (geometry.strain_matrix().transpose(), geometry.volume.sqrt());
+        let [positive, negative] = halved.excess_factors().map(|factors| {
+            columns(&factors.iter().map(|e| strain * e * root_volume).collect::<Vec<_>>())
+        });
+        let (coupling, own) = midpoint(geometry, pair);
+        RingPart {
+            parent: self.stiffness(geometry, &halved.elasticity),
+            straight: self.stiffness(geometry, &pair.mean_elasticity()),
+            coupling: dense(&coupling),
+            own: dense(&own),
+            positive,
+            negative,
+            edge: vec![0.0; 3],
+            lean: [0.0; 4],
+        }
     }
 }
 
-/// The share of one parent. M = F Fᵀ − B A22⁻¹Bᵀ with F from ½(D₁+D₂) − D_p, the excess of the
-/// homogenisation.
-pub(crate) fn part(halved: &Halved) -> RingPart<3, 12> {
-    let Halved { geometry, pair, .. } = halved;
-    let strain = geometry.strain_matrix().transpose();
-    let half = 0.5 * geometry.volume;
-    let mut part = RingPart {
-        parent: geometry.stiffness(&halved.elasticity),
-        straight: geometry.stiffness(&pair.mean_elasticity()),
-        coupling: nalgebra::SMatrix::zeros(),
-        own: Matrix3::zeros(),
-        positive: Vec::new(),
-        negative: Vec::new(),
-        edge: SVector::zeros(),
-    };
-    let mut stresses = nalgebra::SMatrix::<f64, 6, 3>::zeros();
+/// Σ V_c BᵀD_cG_c and Σ V_c G_cᵀD_cG_c of the halves: what a displacement d of the new vertex off
+/// the middle of its edge has in common with the corners', and its own.
+pub(super) fn midpoint(
+    geometry: &LinearTet,
+    pair: &ChildPair,
+) -> (SMatrix<f64, 12, 3>, Matrix3<f64>) {
+    let (mut stresses, mut own) = (SMatrix::<f64, 6, 3>::zeros(), Matrix3::zeros());
     for (g, d) in pair.strain_operators().iter().zip(&pair.elasticity) {
-        let stress = half * d * g;
-        part.own += g.transpose() * stress;
+        let stress = 0.5 * geometry.volume * d * g;
+        own += g.transpose() * stress;
         stresses += stress;
     }
-    part.coupling = strain * stresses;
-    let root_volume = geometry.volume.sqrt();
-    let [softer, stiffer] = halved.excess_factors();
-    let columns = |factors: Vec<SVector<f64, 6>>| {
-        factors.iter().map(|e| strain * e * root_volume).collect::<Vec<_>>()
-    };
-    part.positive = columns(softer);
-    part.negative = columns(stiffer);
-    part
+    (geometry.strain_matrix().transpose() * stresses, own)
 }

@@ -1,15 +1,13 @@
 //! `p1p1`: displacements and a pressure, both linear, stabilised by pressure projection.
 
 use faer::Mat;
-use nalgebra::{Matrix4, Matrix6, SMatrix, SVector, Vector3, Vector4, Vector6};
-use yawara_mesh::{MeshDelta, VertexId};
+use nalgebra::{Matrix4, Matrix6, RowVector4, SMatrix, SVector, Vector4, Vector6};
 
-use super::formulation::ElementFormulation;
+use super::formulation::{ElementFormulation, columns, dense};
 use super::p1;
-use crate::embedding::Embedding;
 use crate::error::EmbedError;
-use crate::hand_over::{Halved, RingPart, RingStiffness};
-use crate::homogenisation::{ChildPair, Excess};
+use crate::hand_over::{Halved, RingPart};
+use crate::homogenisation::ChildPair;
 use crate::linear_tet::LinearTet;
 
 /// 16 unknowns: x, y, z, q of four corners.
@@ -38,23 +36,20 @@ impl MixedModuli {
     /// # Errors
     /// [`EmbedError::MixedModuli`] if D has no Cholesky factor, a NaN or an infinity included.
     pub fn new(elasticity: &Matrix6<f64>) -> Result<Self, EmbedError> {
-        let refused = || EmbedError::MixedModuli {
-            eigenvalue: match elasticity.iter().all(|x| x.is_finite()) {
-                true => elasticity.symmetric_eigenvalues().min(),
-                false => f64::NAN,
-            },
-        };
         let split = Self::split(elasticity);
-        let finite = split.bulk.is_finite() && split.shear.is_finite();
         let skew = (elasticity - elasticity.transpose()).amax();
         // A symmetric part alone would be factored and the rest overlooked.
         let symmetric = skew <= 1e-12 * elasticity.amax();
-        let stable = symmetric && finite && split.bulk > 0.0 && split.shear > 0.0;
-        if stable { Ok(split) } else { Err(refused()) }
+        if symmetric && [split.bulk, split.shear].iter().all(|x| *x > 0.0 && x.is_finite()) {
+            return Ok(split);
+        }
+        let finite = elasticity.iter().all(|x| x.is_finite());
+        let eigenvalue = if finite { elasticity.symmetric_eigenvalues().min() } else { f64::NAN };
+        Err(EmbedError::MixedModuli { eigenvalue })
     }
 
-    /// The same, NaN where D is not positive definite.
-    fn split(elasticity: &Matrix6<f64>) -> Self {
+    /// The same of any matrix: NaN where it has no Cholesky factor.
+    pub fn split(elasticity: &Matrix6<f64>) -> Self {
         let dilation = Vector6::from(DILATION);
         let expansion = elasticity
             .cholesky()
@@ -80,7 +75,7 @@ impl MixedModuli {
 /// Symmetric quasi-definite: pivots of three signs + and one − per vertex, in any order. Its error
 /// does not depend on the Poisson ratio. q is dimensionless and positive in tension. It is
 /// continuous from one tetrahedron to the next, p is not where μ jumps. Vertices whose displacement
-/// is fixed keep their q: [`RingStiffness::clamp`].
+/// is fixed keep their q: [`RingStiffness::clamp`](crate::RingStiffness::clamp).
 /// # Source
 /// Dohrmann, Bochev, A stabilized finite element method for the Stokes problem based on polynomial
 /// pressure projections, Int. J. Numer. Meth. Fluids 46, 2004.
@@ -101,12 +96,13 @@ impl P1P1 {
     /// smaller one lets pressures oscillate.
     ///
     /// # Errors
-    /// [`EmbedError::Stabilisation`] outside of that.
+    /// [`EmbedError::Range`] outside of that.
     pub fn new(stabilisation: f64) -> Result<Self, EmbedError> {
         if (0.5..=2.0).contains(&stabilisation) {
             return Ok(Self { stabilisation });
         }
-        Err(EmbedError::Stabilisation { value: stabilisation })
+        let (what, want) = ("the stabilisation of p1p1", "0.5 to 2");
+        Err(EmbedError::Range { what, value: stabilisation, want })
     }
 
     /// α.
@@ -121,21 +117,6 @@ impl P1P1 {
             (moduli.compressibility(), self.stabilisation * moduli.shear);
         let pressure = pressure_form(geometry.volume, volumetric, stabilising);
         compose(geometry, &moduli.deviatoric, &coupling, &pressure)
-    }
-
-    /// The share of one parent.
-    pub(super) fn part(&self, halved: &Halved) -> RingPart<4, 16> {
-        let pieces = Pieces::new(halved, self.stabilisation);
-        let (positive, negative) = pieces.excess_columns(halved);
-        RingPart {
-            parent: self.matrix(&halved.geometry, &pieces.whole),
-            straight: pieces.straight(halved),
-            coupling: pieces.coupling(halved),
-            own: pieces.own(halved),
-            positive,
-            negative,
-            edge: pieces.edge(halved),
-        }
     }
 }
 
@@ -153,17 +134,23 @@ impl ElementFormulation for P1P1 {
     }
 
     fn stiffness(&self, geometry: &LinearTet, elasticity: &Matrix6<f64>) -> Mat<f64> {
-        let k = self.matrix(geometry, &MixedModuli::split(elasticity));
-        Mat::from_fn(16, 16, |i, j| k[(i, j)])
+        dense(&self.matrix(geometry, &MixedModuli::split(elasticity)))
     }
 
-    fn ring(
-        &self,
-        delta: &MeshDelta,
-        embedding: &Embedding,
-        position: &dyn Fn(VertexId) -> Vector3<f64>,
-    ) -> RingStiffness {
-        RingStiffness::assemble(delta, embedding, position, |halved| self.part(halved))
+    fn part(&self, halved: &Halved) -> RingPart {
+        let pieces = Pieces::new(halved, self.stabilisation);
+        let (coupling, own) = pieces.midpoint();
+        let [positive, negative] = pieces.excess_columns();
+        RingPart {
+            parent: dense(&self.matrix(&halved.geometry, &pieces.whole)),
+            straight: dense(&pieces.straight()),
+            coupling: dense(&coupling),
+            own: dense(&own),
+            positive: columns(&positive),
+            negative: columns(&negative),
+            edge: vec![0.0, 0.0, 0.0, pieces.edge()],
+            lean: [0.0; 4],
+        }
     }
 }
 
@@ -202,122 +189,102 @@ fn compose(
 /// coupling V θ (μ̄ q̄ + ½Δμ t) with θ = mᵀε, and pressure form
 /// (V/20)[ā(I+J) + s̄(I−J/4)] − V s̄ t² + (V/80)(q_a−q_b)·(Δa w_a + Δs w_s),
 /// w_a = 3(q_a+q_b) + 2(q_c+q_d), w_s = ½(q_a+q_b) − ½(q_c+q_d).
-struct Pieces {
+struct Pieces<'a> {
+    halved: &'a Halved,
     halves: [MixedModuli; 2],
     whole: MixedModuli,
     /// a of the halves and of the whole.
     volumetric: [f64; 3],
     /// s of the halves and of the whole.
     stabilising: [f64; 3],
-    homogeneous: bool,
+    /// e_a − e_b on the four corners.
+    across: Vector4<f64>,
 }
 
-impl Pieces {
-    fn new(halved: &Halved, alpha: f64) -> Self {
-        let ChildPair { elasticity: [d1, d2], .. } = &halved.pair;
-        let homogeneous = d1 == d2 && *d1 == halved.elasticity;
+impl<'a> Pieces<'a> {
+    fn new(halved: &'a Halved, alpha: f64) -> Self {
+        let [d1, d2] = &halved.pair.elasticity;
         let first = MixedModuli::split(d1);
-        let all = match homogeneous {
+        let all = match d1 == d2 && *d1 == halved.elasticity {
             true => [first; 3],
             false => [first, MixedModuli::split(d2), MixedModuli::split(&halved.elasticity)],
         };
+        let mut across = Vector4::zeros();
+        (across[0], across[halved.end]) = (1.0, -1.0);
         Self {
+            halved,
             halves: [all[0], all[1]],
             whole: all[2],
             volumetric: all.map(|x| x.compressibility()),
             stabilising: all.map(|x| alpha * x.shear),
-            homogeneous,
+            across,
         }
     }
 
     /// The halves with d = 0.
-    fn straight(&self, halved: &Halved) -> Matrix16 {
-        let [first, second] = &self.halves;
+    fn straight(&self) -> Matrix16 {
+        let Self { halved: Halved { geometry, .. }, halves: [first, second], across, .. } = self;
         let [a1, a2, _] = self.volumetric;
         let [s1, s2, _] = self.stabilising;
-        let volume = halved.geometry.volume;
         let mean = 0.5 * (first.deviatoric + second.deviatoric);
-        let across = edge_direction(halved);
         let coupling = Vector4::repeat(0.125 * (first.shear + second.shear))
             + across * ((first.shear - second.shear) / 16.0);
         let along = [(3.0, 2.0), (0.5, -0.5)].map(|(at_ends, beside)| {
             Vector4::from_fn(|i, _| if across[i] == 0.0 { beside } else { at_ends })
         });
         let slope = along[0] * (a1 - a2) + along[1] * (s1 - s2);
-        let pressure = pressure_form(volume, 0.5 * (a1 + a2), 0.5 * (s1 + s2))
-            - across * across.transpose() * (volume * (s1 + s2) / 128.0)
-            + (across * slope.transpose() + slope * across.transpose()) * (volume / 160.0);
-        compose(&halved.geometry, &mean, &coupling, &pressure)
+        let pressure = pressure_form(geometry.volume, 0.5 * (a1 + a2), 0.5 * (s1 + s2))
+            - across * across.transpose() * (geometry.volume * (s1 + s2) / 128.0)
+            + (across * slope.transpose() + slope * across.transpose()) * (geometry.volume / 160.0);
+        compose(geometry, &mean, &coupling, &pressure)
     }
 
-    /// Old unknowns × d.
-    fn coupling(&self, halved: &Halved) -> SMatrix<f64, 16, 4> {
-        let LinearTet { gradients, volume } = &halved.geometry;
-        let displacement = p1::part(&self.deviatoric_pair(halved)).coupling;
-        let [mean, difference] = self.bulges(halved);
-        let across = edge_direction(halved);
-        let mean_shear = 0.5 * (self.halves[0].shear + self.halves[1].shear);
+    /// Old unknowns × d, and d × d.
+    fn midpoint(&self) -> (SMatrix<f64, 16, 4>, Matrix4<f64>) {
+        let Self { halved: Halved { geometry, pair, .. }, halves, across, .. } = self;
+        let LinearTet { gradients, volume } = geometry;
+        let elasticity = [0, 1].map(|half| halves[half].deviatoric);
+        let displacement = p1::midpoint(geometry, &ChildPair { elasticity, ..*pair });
+        // μ times the dilation that d brings to either half, summed and subtracted.
+        let [first, second] = [0, 1].map(|half| pair.midpoint_gradients[half] * halves[half].shear);
+        let [mean, difference] = [first + second, first - second];
+        let mean_shear = 0.5 * (halves[0].shear + halves[1].shear);
         let mut coupling = SMatrix::<f64, 16, 4>::zeros();
         for i in 0..4 {
-            let rows = displacement.fixed_view::<3, 3>(3 * i, 0);
+            let rows = displacement.0.fixed_view::<3, 3>(3 * i, 0);
             coupling.fixed_view_mut::<3, 3>(4 * i, 0).copy_from(&rows);
-            let own = gradients[i] * (0.25 * volume * mean_shear);
-            coupling.fixed_view_mut::<3, 1>(4 * i, 3).copy_from(&own);
+            let force = gradients[i] * (0.25 * volume * mean_shear);
+            coupling.fixed_view_mut::<3, 1>(4 * i, 3).copy_from(&force);
             let bulge = (0.125 * mean + 0.0625 * across[i] * difference) * *volume;
             coupling.fixed_view_mut::<1, 3>(4 * i + 3, 0).copy_from(&bulge.transpose());
-            coupling[(4 * i + 3, 3)] = -self.pressure_coupling(halved, i);
+            coupling[(4 * i + 3, 3)] = -self.pressure_coupling(i);
         }
-        coupling
+        let bulge = mean * (0.125 * volume);
+        let square = |half: usize| 2.0 * self.volumetric[half] + 0.75 * self.stabilising[half];
+        let mut own = Matrix4::zeros();
+        own.fixed_view_mut::<3, 3>(0, 0).copy_from(&displacement.1);
+        own.fixed_view_mut::<3, 1>(0, 3).copy_from(&bulge);
+        own.fixed_view_mut::<1, 3>(3, 0).copy_from(&bulge.transpose());
+        own[(3, 3)] = -volume / 40.0 * (square(0) + square(1));
+        (coupling, own)
     }
 
-    /// −(V/40) Σ_c [(a_c+s_c) h + (a_c−s_c/4) Σ_c] at corner i: h the middle of the edge, Σ_c the
+    /// (V/40) Σ_c [(a_c+s_c) h + (a_c−s_c/4) Σ_c] at corner i: h the middle of the edge, Σ_c the
     /// sum over half c.
-    fn pressure_coupling(&self, halved: &Halved, i: usize) -> f64 {
-        let across = edge_direction(halved)[i];
-        let middle = 0.5 * across.abs();
+    fn pressure_coupling(&self, i: usize) -> f64 {
+        let middle = 0.5 * self.across[i].abs();
         let mut sum = 0.0;
         for (half, sign) in [1.0, -1.0].into_iter().enumerate() {
             let (a, s) = (self.volumetric[half], self.stabilising[half]);
-            sum += (a + s) * middle + (a - 0.25 * s) * (1.0 + 0.5 * sign * across);
+            sum += (a + s) * middle + (a - 0.25 * s) * (1.0 + 0.5 * sign * self.across[i]);
         }
-        halved.geometry.volume / 40.0 * sum
+        self.halved.geometry.volume / 40.0 * sum
     }
 
-    /// d × d.
-    fn own(&self, halved: &Halved) -> Matrix4<f64> {
-        let volume = halved.geometry.volume;
-        let mut own = Matrix4::zeros();
-        let displacement = p1::part(&self.deviatoric_pair(halved)).own;
-        own.fixed_view_mut::<3, 3>(0, 0).copy_from(&displacement);
-        let bulge = self.bulges(halved)[0] * (0.125 * volume);
-        own.fixed_view_mut::<3, 1>(0, 3).copy_from(&bulge);
-        own.fixed_view_mut::<1, 3>(3, 0).copy_from(&bulge.transpose());
-        let square = |half: usize| 2.0 * self.volumetric[half] + 0.75 * self.stabilising[half];
-        own[(3, 3)] = -volume / 40.0 * (square(0) + square(1));
-        own
-    }
-
-    /// μ₁g₁ ± μ₂g₂: μ times the dilation that d brings, summed and subtracted.
-    fn bulges(&self, halved: &Halved) -> [Vector3<f64>; 2] {
-        let [g1, g2] = halved.pair.midpoint_gradients;
-        let [first, second] = [g1 * self.halves[0].shear, g2 * self.halves[1].shear];
-        [first + second, first - second]
-    }
-
-    /// The parent with D' for D.
-    fn deviatoric_pair(&self, halved: &Halved) -> Halved {
-        let elasticity = [self.halves[0].deviatoric, self.halves[1].deviatoric];
-        let pair = ChildPair { elasticity, ..halved.pair };
-        Halved { pair, excess: Excess::Zero, ..*halved }
-    }
-
-    /// √(V s̄)/8 (e_a − e_b): the halves' pressures vary less about their own means, so that less
-    /// is stabilised.
-    fn edge(&self, halved: &Halved) -> SVector<f64, 16> {
+    /// √(V s̄)/8: the halves' pressures vary less about their own means, so that less is stabilised.
+    fn edge(&self) -> f64 {
         let [s1, s2, _] = self.stabilising;
-        let length = 0.125 * (0.5 * halved.geometry.volume * (s1 + s2)).sqrt();
-        let across = edge_direction(halved);
-        SVector::from_fn(|i, _| if i % 4 == 3 { length * across[i / 4] } else { 0.0 })
+        0.125 * (0.5 * self.halved.geometry.volume * (s1 + s2)).sqrt()
     }
 
     /// What is left of `straight` − parent, in columns with either sign.
@@ -326,12 +293,12 @@ impl Pieces {
     /// y₀ = ½(1,1,1,1), y₁ = (1,−1,0,0)/√2, y₂ = (0,0,1,−1)/√2, y₃ = ½(1,1,−1,−1) on a, b, c, d:
     /// ten rows in Pa; of rank 8 under `laminate`. Its eigenvectors have no part that cancels,
     /// unlike the laminate's own factors: D̄ − D_p is of the size of κ, D̄' − D'_p of that of μ.
-    fn excess_columns(&self, halved: &Halved) -> (Vec<SVector<f64, 16>>, Vec<SVector<f64, 16>>) {
-        let (mut positive, mut negative) = (Vec::new(), Vec::new());
-        if self.homogeneous {
-            return (positive, negative);
-        }
+    fn excess_columns(&self) -> [Vec<SVector<f64, 16>>; 2] {
+        let mut sides = [Vec::new(), Vec::new()];
         let excess = self.excess();
+        if excess.iter().all(|x| *x == 0.0) {
+            return sides;
+        }
         // Rows in units of their largest entry: pressures are exact to their own size.
         let unit: SVector<f64, 10> = SVector::from_fn(|i, _| {
             let largest = excess.row(i).amax();
@@ -341,9 +308,9 @@ impl Pieces {
         let eigen = scaled.symmetric_eigen();
         // Smaller eigenvalues are rounding of the largest.
         let floor = 16.0 * f64::EPSILON * eigen.eigenvalues.amax();
-        let strain = halved.geometry.strain_matrix().transpose();
-        let root_volume = halved.geometry.volume.sqrt();
-        let basis = pressure_basis(halved);
+        let strain = self.halved.geometry.strain_matrix().transpose();
+        let root_volume = self.halved.geometry.volume.sqrt();
+        let basis = pressure_basis(self.halved.end);
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             // Not `<=`: a NaN has to come through and be refused.
             if value.abs() < floor {
@@ -356,9 +323,9 @@ impl Pieces {
                 3 => pressure[i / 4],
                 axis => displacement[3 * (i / 4) + axis],
             });
-            if *value < 0.0 { negative.push(column) } else { positive.push(column) }
+            sides[usize::from(*value < 0.0)].push(column);
         }
-        (positive, negative)
+        sides
     }
 
     /// X, 10×10: strain, then y₀ … y₃; without the part along the edge.
@@ -388,33 +355,13 @@ impl Pieces {
     }
 }
 
-/// e_a − e_b on the four corners.
-fn edge_direction(halved: &Halved) -> Vector4<f64> {
-    let mut across = Vector4::zeros();
-    across[0] = 1.0;
-    across[halved.end] = -1.0;
-    across
-}
-
 /// The columns y₀ … y₃ on the corners in their order.
-fn pressure_basis(halved: &Halved) -> Matrix4<f64> {
+fn pressure_basis(end: usize) -> Matrix4<f64> {
     let half_root = std::f64::consts::FRAC_1_SQRT_2;
-    let rows = [
-        [0.5, half_root, 0.0, 0.5],
-        [0.5, -half_root, 0.0, 0.5],
-        [0.5, 0.0, half_root, -0.5],
-        [0.5, 0.0, -half_root, -0.5],
-    ];
-    let mut beside = 2;
-    Matrix4::from_rows(&std::array::from_fn::<_, 4, _>(|corner| {
-        let row = match corner {
-            0 => 0,
-            end if end == halved.end => 1,
-            _ => {
-                beside += 1;
-                beside - 1
-            }
-        };
-        nalgebra::RowVector4::from(rows[row])
+    let mut beside = [half_root, -half_root].into_iter();
+    Matrix4::from_rows(&std::array::from_fn::<_, 4, _>(|corner| match corner {
+        0 => RowVector4::new(0.5, half_root, 0.0, 0.5),
+        _ if corner == end => RowVector4::new(0.5, -half_root, 0.0, 0.5),
+        _ => RowVector4::new(0.5, 0.0, beside.next().unwrap_or_default(), -0.5),
     }))
 }

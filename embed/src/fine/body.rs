@@ -11,6 +11,11 @@ use crate::material::Materials;
 /// Six displacements of a vertex, one per load: 3×6.
 pub type SixFields = SMatrix<f64, 3, 6>;
 
+/// Makes a value of a tetrahedron from its content, its corners, its level and, unless it is a finest
+/// one, the values of its halves.
+pub(crate) type Node<'a, T> =
+    dyn FnMut(NodeRef, &[Point; 4], u8, Option<[T; 2]>) -> Result<T, EmbedError> + 'a;
+
 /// A body as its finest tetrahedra, before anything is homogenised. Lengths are in voxels.
 pub struct FineBody<'a> {
     tree: &'a LabelTree,
@@ -63,9 +68,7 @@ impl<'a> FineBody<'a> {
         corners: &[Point; 4],
     ) -> Result<Matrix6<f64>, EmbedError> {
         match of.open() {
-            Content::Label(label) => {
-                Ok(*self.materials.by_label()[usize::from(label)].elasticity())
-            }
+            Content::Label(label) => Ok(*self.materials.of_label(label).elasticity()),
             Content::Node(_) => {
                 let voxel = voxel(self.tree, corners);
                 let material = self.materials.of_voxel(voxel, self.tree.majority(of))?;
@@ -85,28 +88,42 @@ impl<'a> FineBody<'a> {
         visit: &mut dyn FnMut(&[Point; 4], &Matrix6<f64>),
     ) -> Result<(), EmbedError> {
         for order in 0..ROOTS_PER_CELL {
-            let corners = self.root_corners(cell, order);
-            self.descend(self.tree.root(cell, order), &corners, 0, visit)?;
+            self.fold(cell, order, &mut |of, corners, _, halves: Option<[(); 2]>| {
+                if halves.is_none() {
+                    visit(corners, &self.elasticity(of, corners)?);
+                }
+                Ok(())
+            })?;
         }
         Ok(())
     }
 
-    fn descend(
+    /// Goes through a root tetrahedron and all inside it, halves before wholes; what `node` makes of
+    /// the root is returned.
+    pub(crate) fn fold<T>(
+        &self,
+        cell: usize,
+        order: usize,
+        node: &mut Node<'_, T>,
+    ) -> Result<T, EmbedError> {
+        self.fold_at(self.tree.root(cell, order), &self.root_corners(cell, order), 0, node)
+    }
+
+    fn fold_at<T>(
         &self,
         of: NodeRef,
         corners: &[Point; 4],
         level: u8,
-        visit: &mut dyn FnMut(&[Point; 4], &Matrix6<f64>),
-    ) -> Result<(), EmbedError> {
+        node: &mut Node<'_, T>,
+    ) -> Result<T, EmbedError> {
         if level == self.tree.grid().embed_level() {
-            visit(corners, &self.elasticity(of, corners)?);
-            return Ok(());
+            return node(of, corners, level, None);
         }
+        let [first, second] = self.tree.children(of);
         let halved = bisect(corners, level, midpoint(corners, level));
-        for (half, corners) in self.tree.children(of).iter().zip(&halved) {
-            self.descend(*half, corners, level + 1, visit)?;
-        }
-        Ok(())
+        let first = self.fold_at(first, &halved[0], level + 1, node)?;
+        let second = self.fold_at(second, &halved[1], level + 1, node)?;
+        node(of, corners, level, Some([first, second]))
     }
 }
 

@@ -43,8 +43,8 @@ impl FineStiffness {
             self.apply(&p, &mut kp);
             // A load that is solved exactly has p = 0 and stays as it is.
             let alpha = ratio(&energy, &dot(&p, &kp));
-            add_scaled(&mut x, &p, &alpha);
-            add_scaled(&mut r, &kp, &(-alpha));
+            change(&mut x, &p, |k, x, p| x + alpha[k] * p);
+            change(&mut r, &kp, |k, r, kp| r - alpha[k] * kp);
             residual = worst(&ratio(&dot(&r, &r).map(f64::sqrt), &norm));
             // Negated, so that a NaN ends the loop.
             if !(residual < f64::INFINITY) {
@@ -61,12 +61,7 @@ impl FineStiffness {
             precondition(&r, &mut z);
             let next = dot(&r, &z);
             let beta = ratio(&next, &energy);
-            p.par_iter_mut().with_min_len(CHUNK).zip(&z).for_each(|(p, z)| {
-                for k in 0..6 {
-                    let column = z.column(k) + beta[k] * p.column(k);
-                    p.set_column(k, &column);
-                }
-            });
+            change(&mut p, &z, |k, p, z| z + beta[k] * p);
             energy = next;
         }
         let rows = 3 * self.vertices();
@@ -94,11 +89,11 @@ fn worst(a: &RowVector6<f64>) -> f64 {
     a.iter().fold(0.0, |worst, &a| if a > worst || a.is_nan() { a } else { worst })
 }
 
-fn add_scaled(x: &mut [SixFields], p: &[SixFields], alpha: &RowVector6<f64>) {
-    x.par_iter_mut().with_min_len(CHUNK).zip(p).for_each(|(x, p)| {
-        for k in 0..6 {
-            let column = x.column(k) + alpha[k] * p.column(k);
-            x.set_column(k, &column);
+/// Changes the entries x of load k to `f(k, x, y)`.
+fn change(x: &mut [SixFields], y: &[SixFields], f: impl Fn(usize, f64, f64) -> f64 + Sync) {
+    x.par_iter_mut().with_min_len(CHUNK).zip(y).for_each(|(x, y)| {
+        for (k, axis) in (0..6).flat_map(|k| (0..3).map(move |axis| (k, axis))) {
+            x[(axis, k)] = f(k, x[(axis, k)], y[(axis, k)]);
         }
     });
 }
@@ -109,39 +104,58 @@ mod tests {
     use crate::fine::FineBody;
     use crate::fine::grid::FineGrid;
     use crate::{Material, Materials};
+    use nalgebra::Vector3;
     use yawara_mesh::volume::{Grid, LabelVolume};
     use yawara_mesh::{CellGrid, LabelTree};
 
-    /// An L of three cubes of 2³ voxels, every third voxel a hundred times stiffer.
-    fn tree() -> LabelTree {
-        let solid = |i: usize| i % 4 < 2 || i / 4 % 4 < 2;
-        let labels = (0..32).map(|i| if solid(i) { 1 + (i % 3 == 0) as u16 } else { 0 });
-        let grid = Grid::centred([4, 4, 2], 1.0);
-        let volume = LabelVolume::new(grid, labels.collect(), vec![0, 1, 2]).unwrap();
-        let grid = CellGrid { cells: [2, 2, 1], voxels_per_cell: 2, first_voxel: [0; 3] };
-        LabelTree::new(&volume, grid).unwrap()
+    struct System {
+        grid: FineGrid,
+        k: FineStiffness,
+        multilevel: Multilevel,
+        loads: Vec<SixFields>,
     }
 
-    fn materials() -> Materials {
-        let moduli = [(1e-3, 0.0), (1.0, 0.3), (100.0, 0.4)];
-        moduli.map(|(e, nu)| Material::new(e, nu, 0.0).unwrap()).to_vec().into()
+    impl System {
+        /// An L of three cubes of 2³ voxels, every third voxel a hundred times stiffer.
+        fn new() -> Self {
+            let solid = |i: usize| i % 4 < 2 || i / 4 % 4 < 2;
+            let labels = (0..32).map(|i| if solid(i) { 1 + (i % 3 == 0) as u16 } else { 0 });
+            let grid = Grid::centred([4, 4, 2], 1.0);
+            let volume = LabelVolume::new(grid, labels.collect(), vec![0, 1, 2]).unwrap();
+            let grid = CellGrid { cells: [2, 2, 1], voxels_per_cell: 2, first_voxel: [0; 3] };
+            let tree = LabelTree::new(&volume, grid).unwrap();
+            let moduli = [(1e-3, 0.0), (1.0, 0.3), (100.0, 0.4)];
+            let materials: Materials =
+                moduli.map(|(e, nu)| Material::new(e, nu, 0.0).unwrap()).to_vec().into();
+            let body = FineBody::new(&tree, &materials);
+            let components = body.components();
+            assert_eq!(components, vec![vec![0, 1, 2]]);
+            let grid = FineGrid::new(&tree, &components[0]);
+            Self {
+                k: FineStiffness::new(&body, &components[0], &grid).unwrap(),
+                multilevel: Multilevel::new(&body, &components[0], &grid).unwrap(),
+                loads: body.traction_loads(&components[0], &grid).unwrap(),
+                grid,
+            }
+        }
+
+        fn iterate(
+            &self,
+            mut progress: impl FnMut(f64) -> ControlFlow<()>,
+        ) -> Result<Vec<SixFields>, EmbedError> {
+            self.k.conjugate_gradients(&self.multilevel, &self.loads, &mut progress)
+        }
     }
 
     #[test]
     fn both_solvers_balance_the_loads() {
-        let (tree, materials) = (tree(), materials());
-        let body = FineBody::new(&tree, &materials);
-        let components = body.components();
-        assert_eq!(components, vec![vec![0, 1, 2]]);
-        let grid = FineGrid::new(&tree, &components[0]);
+        let system = System::new();
+        let System { grid, k, loads, .. } = &system;
         assert_eq!(grid.len(), 3 * 25 - 4 * 3);
         let mut order = grid.elimination_order();
-        let k = FineStiffness::new(&body, &components[0], &grid).unwrap();
-        let loads = body.traction_loads(&components[0], &grid).unwrap();
-        let multilevel = Multilevel::new(&body, &components[0], &grid).unwrap();
-        let direct = k.cholesky(&order, &loads).unwrap();
+        let direct = k.cholesky(&order, loads).unwrap();
         let mut last = 0.0;
-        let iterated = k.conjugate_gradients(&multilevel, &loads, &mut |part| {
+        let iterated = system.iterate(|part| {
             last = part;
             ControlFlow::Continue(())
         });
@@ -151,8 +165,8 @@ mod tests {
         for x in [&direct, &iterated] {
             let mut f = loads.clone();
             k.apply(x, &mut f);
-            let residual: Vec<SixFields> = f.iter().zip(&loads).map(|(a, b)| a - b).collect();
-            assert!(largest(&residual) < 1e-8 * largest(&loads));
+            let residual: Vec<SixFields> = f.iter().zip(loads).map(|(a, b)| a - b).collect();
+            assert!(largest(&residual) < 1e-8 * largest(loads));
         }
         // Condition about 1e5 times the residual.
         let apart: Vec<SixFields> = direct.iter().zip(&iterated).map(|(a, b)| a - b).collect();
@@ -164,16 +178,11 @@ mod tests {
     /// Loads that uniform tractions make balance, whatever the shape: no net force, no torque.
     #[test]
     fn tractions_balance() {
-        let (tree, materials) = (tree(), materials());
-        let body = FineBody::new(&tree, &materials);
-        let cells = &body.components()[0];
-        let grid = FineGrid::new(&tree, cells);
-        let loads = body.traction_loads(cells, &grid).unwrap();
+        let System { grid, loads, .. } = System::new();
         for k in 0..6 {
-            let (mut force, mut torque, mut work) =
-                (nalgebra::Vector3::zeros(), nalgebra::Vector3::zeros(), 0.0);
+            let (mut force, mut torque, mut work) = (Vector3::zeros(), Vector3::zeros(), 0.0);
             for (v, f) in loads.iter().enumerate() {
-                let x = nalgebra::Vector3::from(grid.point(v).map(f64::from));
+                let x = Vector3::from(grid.point(v).map(f64::from));
                 let f = f.column(k).into_owned();
                 force += f;
                 torque += x.cross(&f);
@@ -187,15 +196,8 @@ mod tests {
 
     #[test]
     fn the_watch_may_stop_it() {
-        let (tree, materials) = (tree(), materials());
-        let body = FineBody::new(&tree, &materials);
-        let cells = &body.components()[0];
-        let grid = FineGrid::new(&tree, cells);
-        let k = FineStiffness::new(&body, cells, &grid).unwrap();
-        let multilevel = Multilevel::new(&body, cells, &grid).unwrap();
-        let loads = body.traction_loads(cells, &grid).unwrap();
         let mut calls = 0;
-        let stopped = k.conjugate_gradients(&multilevel, &loads, &mut |_| {
+        let stopped = System::new().iterate(|_| {
             calls += 1;
             if calls < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
@@ -205,17 +207,9 @@ mod tests {
 
     #[test]
     fn a_load_that_is_no_number_is_an_error_not_a_loop() {
-        let (tree, materials) = (tree(), materials());
-        let body = FineBody::new(&tree, &materials);
-        let cells = &body.components()[0];
-        let grid = FineGrid::new(&tree, cells);
-        let k = FineStiffness::new(&body, cells, &grid).unwrap();
-        let multilevel = Multilevel::new(&body, cells, &grid).unwrap();
-        let mut loads = body.traction_loads(cells, &grid).unwrap();
-        loads[0][(0, 0)] = f64::NAN;
-        let error = k
-            .conjugate_gradients(&multilevel, &loads, &mut |_| ControlFlow::Continue(()))
-            .unwrap_err();
+        let mut system = System::new();
+        system.loads[0][(0, 0)] = f64::NAN;
+        let error = system.iterate(|_| ControlFlow::Continue(())).unwrap_err();
         assert!(matches!(error, EmbedError::FineSolve { iterations: 1, .. }), "{error}");
     }
 }

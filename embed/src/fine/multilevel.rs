@@ -1,8 +1,8 @@
 //! A preconditioner from the hierarchy of bisections itself.
 
 use nalgebra::{Matrix3, Matrix6};
-use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
-use yawara_mesh::{Lattice, NodeRef};
+use yawara_mesh::Lattice;
+use yawara_mesh::kuhn::ROOTS_PER_CELL;
 
 use super::body::{FineBody, SixFields, lattice_tet};
 use super::grid::FineGrid;
@@ -42,47 +42,29 @@ impl Multilevel {
         let ends = order.iter().map(ends).collect();
         let counts: Vec<usize> =
             (0..=levels).map(|level| order.partition_point(|&v| generation(v) <= level)).collect();
-        let blocks = counts.iter().map(|&n| vec![Matrix3::zeros(); n]).collect();
-        let mut this = Self { order, ends, counts, inverse: blocks };
-        for &cell in cells {
-            for root in 0..ROOTS_PER_CELL {
-                let of = body.tree().root(cell, root);
-                let corners = body.root_corners(cell, root);
-                let at = |p: Point| place[grid.vertex(p)] as usize;
-                this.diagonals(body, of, &corners, 0, &at)?;
-            }
+        let mut blocks: Vec<Vec<Matrix3<f64>>> =
+            counts.iter().map(|&n| vec![Matrix3::zeros(); n]).collect();
+        for (&cell, root) in cells.iter().flat_map(|c| (0..ROOTS_PER_CELL).map(move |r| (c, r))) {
+            body.fold(cell, root, &mut |of, corners, level, halves: Option<[Matrix6<f64>; 2]>| {
+                let geometry = lattice_tet(corners);
+                // ∫ D inside.
+                let sum = match halves {
+                    Some([first, second]) => first + second,
+                    None => geometry.volume * body.elasticity(of, corners)?,
+                };
+                for (p, g) in corners.iter().zip(&geometry.gradients) {
+                    let (g, at) = (strain_operator(g), place[grid.vertex(*p)] as usize);
+                    blocks[usize::from(level)][at] += g.transpose() * sum * g;
+                }
+                Ok(sum)
+            })?;
         }
-        for block in this.inverse.iter_mut().flatten() {
+        for block in blocks.iter_mut().flatten() {
             // A block of a positive definite matrix has an inverse; what rounding made singular
             // is left to the other levels.
             *block = block.try_inverse().unwrap_or_else(Matrix3::zeros);
         }
-        Ok(this)
-    }
-
-    /// Adds the tetrahedra below and at `of` to their levels' diagonals; ∫ D inside.
-    fn diagonals(
-        &mut self,
-        body: &FineBody,
-        of: NodeRef,
-        corners: &[Point; 4],
-        level: u8,
-        at: &dyn Fn(Point) -> usize,
-    ) -> Result<Matrix6<f64>, EmbedError> {
-        let geometry = lattice_tet(corners);
-        let sum = if level == body.tree().grid().embed_level() {
-            geometry.volume * body.elasticity(of, corners)?
-        } else {
-            let halves = body.tree().children(of);
-            let [first, second] = bisect(corners, level, midpoint(corners, level));
-            self.diagonals(body, halves[0], &first, level + 1, at)?
-                + self.diagonals(body, halves[1], &second, level + 1, at)?
-        };
-        for (p, g) in corners.iter().zip(&geometry.gradients) {
-            let g = strain_operator(g);
-            self.inverse[usize::from(level)][at(*p)] += g.transpose() * sum * g;
-        }
-        Ok(sum)
+        Ok(Self { order, ends, counts, inverse: blocks })
     }
 
     /// z from r; `scratch` is for its use.

@@ -4,7 +4,7 @@ use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::VertexId;
 
-use super::ring::RingStiffness;
+use super::ring::{RingStiffness, beside};
 
 /// Displacements per vertex, the first of its unknowns.
 pub(super) const DISPLACEMENTS: usize = 3;
@@ -113,12 +113,4 @@ impl RingStiffness {
         }
         self
     }
-}
-
-fn beside(left: &Mat<f64>, right: &Mat<f64>) -> Mat<f64> {
-    let n = left.ncols();
-    Mat::from_fn(left.nrows(), n + right.ncols(), |i, j| match j < n {
-        true => left[(i, j)],
-        false => right[(i, j - n)],
-    })
 }

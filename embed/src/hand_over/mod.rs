@@ -10,6 +10,6 @@ mod halved;
 mod ring;
 
 pub use clamp::clamp;
-pub use content::{ContentStiffness, Leaf, LeafMaterial};
+pub use content::ContentStiffness;
 pub use halved::Halved;
 pub use ring::{RingPart, RingStiffness};

@@ -4,15 +4,14 @@ use std::ops::ControlFlow;
 
 use nalgebra::Matrix6;
 use rayon::prelude::*;
-use yawara_mesh::kuhn::{Point, ROOTS_PER_CELL, bisect, midpoint};
-use yawara_mesh::{Content, NodeRef};
+use yawara_mesh::Content;
+use yawara_mesh::kuhn::ROOTS_PER_CELL;
 
 use super::halves::{ChildPair, ParentMaterial};
 use super::laminate::Laminate;
 use super::rule::{GlobalHomogenisation, Homogenisation};
 use crate::error::EmbedError;
 use crate::fine::{FineBody, FineFields, lattice_tet};
-use crate::linear_tet::LinearTet;
 use crate::material::Packed6;
 
 /// The energy of the fine body under six uniform boundary tractions, handed to each coarse
@@ -65,7 +64,7 @@ impl GlobalHomogenisation for Kharevych {
                 let fields = body.unit_tractions(cells, &mut |part| progress(share(part)))?;
                 let found: Vec<Vec<(usize, Packed6)>> = cells
                     .par_iter()
-                    .map(|&cell| CellResponse::of_cell(body, &fields, cell))
+                    .map(|&cell| responses(body, &fields, cell))
                     .collect::<Result<_, _>>()?;
                 for (node, elasticity) in found.into_iter().flatten() {
                     result[node] = Some(elasticity);
@@ -77,73 +76,47 @@ impl GlobalHomogenisation for Kharevych {
     }
 }
 
-/// Energies and responses of one root cube's tetrahedra.
-struct CellResponse<'a> {
-    body: &'a FineBody<'a>,
-    fields: &'a FineFields,
-    found: Vec<(usize, Packed6)>,
+/// D_t of the nodes of one root cube, by their numbers, where there is one.
+fn responses(
+    body: &FineBody<'_>,
+    fields: &FineFields,
+    cell: usize,
+) -> Result<Vec<(usize, Packed6)>, EmbedError> {
+    let mut found = Vec::new();
+    // Below a label there is no node that asks.
+    let asks = |order: &usize| matches!(body.tree().root(cell, *order).open(), Content::Node(_));
+    for order in (0..ROOTS_PER_CELL).filter(asks) {
+        // Σ V εᵀDε over the finest tetrahedra inside.
+        body.fold(cell, order, &mut |of, corners, _, halves: Option<[Matrix6<f64>; 2]>| {
+            let geometry = lattice_tet(corners);
+            let strains = || fields.strains(corners, &geometry);
+            let Some([first, second]) = halves else {
+                let (d, strains) = (body.elasticity(of, corners)?, strains());
+                return Ok(geometry.volume * strains.transpose() * d * strains);
+            };
+            let energy = first + second;
+            if let Content::Node(index) = of.open() {
+                let answer = response(&energy, &strains(), geometry.volume);
+                found.extend(answer.map(|d| (index, Packed6::new(&d))));
+            }
+            Ok(energy)
+        })?;
+    }
+    Ok(found)
 }
 
-impl<'a> CellResponse<'a> {
-    fn of_cell(
-        body: &'a FineBody,
-        fields: &'a FineFields,
-        cell: usize,
-    ) -> Result<Vec<(usize, Packed6)>, EmbedError> {
-        let mut response = Self { body, fields, found: Vec::new() };
-        for order in 0..ROOTS_PER_CELL {
-            let root = body.tree().root(cell, order);
-            // Below a label there is no node that asks.
-            if let Content::Node(_) = root.open() {
-                response.energy(root, &body.root_corners(cell, order), 0)?;
-            }
-        }
-        Ok(response.found)
+/// D_t, if E_t can be inverted safely.
+fn response(energy: &Matrix6<f64>, strains: &Matrix6<f64>, volume: f64) -> Option<Matrix6<f64>> {
+    let singular = strains.singular_values();
+    // Negated, so that a NaN is refused too.
+    if !(singular.max() <= Kharevych::MOST_CONDITION * singular.min()) {
+        return None;
     }
-
-    /// Σ V εᵀDε over the finest tetrahedra inside.
-    fn energy(
-        &mut self,
-        of: NodeRef,
-        corners: &[Point; 4],
-        level: u8,
-    ) -> Result<Matrix6<f64>, EmbedError> {
-        let geometry = lattice_tet(corners);
-        if level == self.body.tree().grid().embed_level() {
-            let strains = self.fields.strains(corners, &geometry);
-            let d = self.body.elasticity(of, corners)?;
-            return Ok(geometry.volume * strains.transpose() * d * strains);
-        }
-        let halves = self.body.tree().children(of);
-        let halved = bisect(corners, level, midpoint(corners, level));
-        let energy = self.energy(halves[0], &halved[0], level + 1)?
-            + self.energy(halves[1], &halved[1], level + 1)?;
-        if let Content::Node(index) = of.open() {
-            let found = self.response(&energy, corners, &geometry);
-            self.found.extend(found.map(|d| (index, Packed6::new(&d))));
-        }
-        Ok(energy)
-    }
-
-    /// D_t, if E_t can be inverted safely.
-    fn response(
-        &self,
-        energy: &Matrix6<f64>,
-        corners: &[Point; 4],
-        geometry: &LinearTet,
-    ) -> Option<Matrix6<f64>> {
-        let strains = self.fields.strains(corners, geometry);
-        let singular = strains.singular_values();
-        // Negated, so that a NaN is refused too.
-        if !(singular.max() <= Kharevych::MOST_CONDITION * singular.min()) {
-            return None;
-        }
-        let transposed = strains.transpose().lu();
-        let half = transposed.solve(energy)?;
-        let whole = transposed.solve(&half.transpose())? / geometry.volume;
-        let elasticity = 0.5 * (whole + whole.transpose());
-        elasticity.cholesky().map(|_| elasticity)
-    }
+    let transposed = strains.transpose().lu();
+    let half = transposed.solve(energy)?;
+    let whole = transposed.solve(&half.transpose())? / volume;
+    let elasticity = 0.5 * (whole + whole.transpose());
+    elasticity.cholesky().map(|_| elasticity)
 }
 
 #[cfg(test)]

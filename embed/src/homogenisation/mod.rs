@@ -29,13 +29,15 @@ pub const CHOICES: &[&str] = &["laminate", "linear", "kharevych", "paper"];
 /// A built-in homogenisation.
 ///
 /// # Errors
-/// [`EmbedError::UnknownHomogenisation`] listing the choices.
+/// [`EmbedError::Unknown`] listing the choices.
 pub fn by_name(name: &str) -> Result<Box<dyn Homogenisation>, EmbedError> {
     match name {
         "laminate" => Ok(Box::new(Laminate)),
         "linear" => Ok(Box::new(Linear)),
         "kharevych" => Ok(Box::new(Kharevych)),
         "paper" => Ok(Box::new(Paper)),
-        _ => Err(EmbedError::UnknownHomogenisation { name: name.into(), choices: CHOICES }),
+        _ => {
+            Err(EmbedError::Unknown { what: "homogenisation", name: name.into(), choices: CHOICES })
+        }
     }
 }

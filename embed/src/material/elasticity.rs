@@ -16,13 +16,13 @@ impl Material {
     /// A material with E > 0 (Pa), −1 < ν < 0.5 and density ≥ 0 (kg/m³), all finite.
     ///
     /// # Errors
-    /// [`EmbedError::Material`] naming the constant, its value and its range.
+    /// [`EmbedError::Range`] naming the constant, its value and its range.
     pub fn new(
         young_modulus_pa: f64,
         poisson_ratio: f64,
         density_kg_m3: f64,
     ) -> Result<Self, EmbedError> {
-        let refuse = |what, value, want| Err(EmbedError::Material { what, value, want });
+        let refuse = |what, value, want| Err(EmbedError::Range { what, value, want });
         if !(young_modulus_pa > 0.0 && young_modulus_pa.is_finite()) {
             return refuse("young_modulus_pa", young_modulus_pa, "a finite number > 0");
         }
@@ -71,16 +71,17 @@ impl FineMaterial {
     /// shear) and density (kg/m³).
     ///
     /// # Errors
-    /// [`EmbedError::Elasticity`] if D is not finite, not symmetric to 10⁻¹² of its largest entry
-    /// or not positive definite; [`EmbedError::Material`] for the density.
+    /// [`EmbedError::NotFinite`]; [`EmbedError::Elasticity`] if D is not symmetric to 10⁻¹² of its
+    /// largest entry or not positive definite; [`EmbedError::Range`] for the density.
     pub fn new(elasticity: Matrix6<f64>, density_kg_m3: f64) -> Result<Self, EmbedError> {
         if !(density_kg_m3 >= 0.0 && density_kg_m3.is_finite()) {
             let (what, want) = ("density_kg_m3", "a finite number >= 0");
-            return Err(EmbedError::Material { what, value: density_kg_m3, want });
+            return Err(EmbedError::Range { what, value: density_kg_m3, want });
         }
         if let Some(at) = elasticity.iter().position(|d| !d.is_finite()) {
-            let (row, column) = (at % 6, at / 6);
-            return Err(EmbedError::ElasticityEntry { row, column, value: elasticity[at] });
+            let (row, column, value) = (at % 6, at / 6, elasticity[at]);
+            let (matrix, want) = ("an elasticity matrix", "a finite number (Pa)");
+            return Err(EmbedError::NotFinite { matrix, row, column, value, want });
         }
         let asymmetry = (elasticity - elasticity.transpose()).amax() / elasticity.amax();
         let symmetric = 0.5 * (elasticity + elasticity.transpose());

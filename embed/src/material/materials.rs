@@ -59,6 +59,14 @@ impl Materials {
         &self.by_label
     }
 
+    /// The material of a dense label.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn of_label(&self, label: u16) -> &FineMaterial {
+        &self.by_label[usize::from(label)]
+    }
+
     /// The material of a voxel of a label that the tree keeps per voxel.
     ///
     /// # Errors
@@ -66,7 +74,7 @@ impl Materials {
     pub fn of_voxel(&self, voxel: [i64; 3], label: u16) -> Result<FineMaterial, EmbedError> {
         match &self.by_voxel {
             Some(of_voxel) => of_voxel(voxel, label),
-            None => Ok(self.by_label[usize::from(label)]),
+            None => Ok(*self.of_label(label)),
         }
     }
 }

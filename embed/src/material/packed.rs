@@ -13,29 +13,22 @@ impl Packed6 {
     /// The lower half of `matrix`.
     pub fn new(matrix: &Matrix6<f64>) -> Self {
         let mut packed = [0.0; ENTRIES];
-        let mut at = 0;
         for i in 0..6 {
-            for j in 0..=i {
-                packed[at] = matrix[(i, j)];
-                at += 1;
-            }
+            (0..=i).for_each(|j| packed[place(i, j)] = matrix[(i, j)]);
         }
         Self(packed)
     }
 
     /// The whole matrix.
     pub fn matrix(&self) -> Matrix6<f64> {
-        let mut matrix = Matrix6::zeros();
-        let mut at = 0;
-        for i in 0..6 {
-            for j in 0..=i {
-                matrix[(i, j)] = self.0[at];
-                matrix[(j, i)] = self.0[at];
-                at += 1;
-            }
-        }
-        matrix
+        Matrix6::from_fn(|i, j| self.0[place(i, j)])
     }
+}
+
+/// Where an entry is, and the one that mirrors it.
+fn place(i: usize, j: usize) -> usize {
+    let (i, j) = (i.max(j), i.min(j));
+    i * (i + 1) / 2 + j
 }
 
 #[cfg(test)]

@@ -38,14 +38,7 @@ impl BisectionForest {
             }
             // Descending, as the whole list is reversed at the end.
             found[end..].sort_unstable_by_key(|&q| Reverse(Lattice::key(q)));
-            let mut kept = end;
-            for at in end..found.len() {
-                if at == end || found[at] != found[kept - 1] {
-                    found[kept] = found[at];
-                    kept += 1;
-                }
-            }
-            found.truncate(kept);
+            found.dedup();
             begin = end;
         }
         found.reverse();
@@ -71,18 +64,14 @@ impl BisectionForest {
         delta: &mut MeshDelta,
         mut visit: impl FnMut(&Self, &MeshDelta),
     ) -> Result<VertexId, BisectionError> {
-        let allowed = self.lacks(p);
-        let closure = self.closure(p);
-        let Some((&last, older)) = closure.split_last().filter(|_| allowed) else {
-            return Err(BisectionError::NotSplittable { point: p });
-        };
-        for &q in older {
-            self.split(q, delta)?;
-            visit(self, delta);
+        let mut vertex = Err(BisectionError::NotSplittable { point: p });
+        if self.lacks(p) {
+            for q in self.closure(p) {
+                vertex = Ok(self.split(q, delta)?);
+                visit(self, delta);
+            }
         }
-        let vertex = self.split(last, delta)?;
-        visit(self, delta);
-        Ok(vertex)
+        vertex
     }
 
     /// Splits until every leaf has at least `level`.

@@ -1,10 +1,9 @@
 //! Which root cubes belong to the body.
 
-use std::collections::VecDeque;
-
 use super::kuhn::{Point, root_faces};
 use super::label_tree::LabelTree;
 use super::lattice::Lattice;
+use crate::union_find::groups;
 
 /// A set of root cubes, fixed for the life of a forest.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,39 +47,20 @@ impl Domain {
     /// Face-connected groups of cubes, each ascending, in the order of their first cube. Cubes
     /// joined only by an edge or a vertex are different groups: such a joint is a mechanism.
     pub fn components(&self) -> Vec<Vec<usize>> {
-        let mut seen = vec![false; self.inside.len()];
-        let mut groups = Vec::new();
-        for start in self.cells() {
-            if seen[start] {
-                continue;
-            }
-            seen[start] = true;
-            let mut group = vec![start];
-            let mut queue = VecDeque::from([start]);
-            while let Some(cell) = queue.pop_front() {
-                for next in self.face_neighbours(cell) {
-                    if self.inside[next] && !seen[next] {
-                        seen[next] = true;
-                        group.push(next);
-                        queue.push_back(next);
-                    }
-                }
-            }
-            group.sort_unstable();
-            groups.push(group);
-        }
+        let pairs = self.cells().flat_map(|cell| {
+            let at = self.lattice.cell_coordinates(cell);
+            let above = (0..3).filter_map(move |axis| self.beside(at, axis, true));
+            above.filter(|&next| self.inside[next]).map(move |next| [cell as u32, next as u32])
+        });
+        let mut groups = groups(self.inside.len(), pairs);
+        groups.retain(|group| self.inside[group[0]]);
         groups
     }
 
-    fn face_neighbours(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
-        let c = self.lattice.cell_coordinates(cell);
-        let [nx, ny, _] = self.lattice.cells;
-        let strides = [1, nx, nx * ny];
-        (0..3).flat_map(move |axis| {
-            let below = (c[axis] > 0).then(|| cell - strides[axis]);
-            let above = (c[axis] + 1 < self.lattice.cells[axis]).then(|| cell + strides[axis]);
-            below.into_iter().chain(above)
-        })
+    /// The next cube along an axis, up or down.
+    fn beside(&self, mut at: [usize; 3], axis: usize, up: bool) -> Option<usize> {
+        at[axis] = if up { at[axis] + 1 } else { at[axis].checked_sub(1)? };
+        (at[axis] < self.lattice.cells[axis]).then(|| self.lattice.cell_number(at))
     }
 
     /// Which faces of root tetrahedron `order` of a cube have no cube of the body behind them
@@ -90,13 +70,7 @@ impl Domain {
         root_faces(order).into_iter().fold(0, |hull, (axis, with_walk, opposite)| {
             // The walk goes up from even cubes and down from odd ones.
             let up = with_walk == c[axis].is_multiple_of(2);
-            let beside = if up { c[axis].checked_add(1) } else { c[axis].checked_sub(1) };
-            let neighbour = beside.filter(|&n| n < self.lattice.cells[axis]).map(|n| {
-                let mut neighbour = c;
-                neighbour[axis] = n;
-                self.lattice.cell_number(neighbour)
-            });
-            let covered = neighbour.is_some_and(|n| self.inside[n]);
+            let covered = self.beside(c, axis, up).is_some_and(|n| self.inside[n]);
             hull | u8::from(!covered) << opposite
         })
     }

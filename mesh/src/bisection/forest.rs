@@ -66,16 +66,12 @@ impl BisectionForest {
         max_level: u8,
     ) -> Result<Self, BisectionError> {
         let lattice = *domain.lattice();
+        let beyond = |what, level, limit| Err(BisectionError::Level { what, level, limit });
         if max_level > MAX_LEVEL || Lattice::new(lattice.cells, max_level) != lattice {
-            return Err(BisectionError::Level {
-                what: "max_level",
-                level: max_level,
-                limit: MAX_LEVEL,
-            });
+            return beyond("max_level", max_level, MAX_LEVEL);
         }
         if start_level > max_level {
-            let what = "start_level";
-            return Err(BisectionError::Level { what, level: start_level, limit: max_level });
+            return beyond("start_level", start_level, max_level);
         }
         let mut forest = Self {
             by_point: PointMap::over(&domain),

@@ -42,12 +42,7 @@ impl Quality {
         let surface2 =
             face_area2(0, 1, 2) + face_area2(0, 1, 3) + face_area2(0, 2, 3) + face_area2(1, 2, 3);
         let inradius = volume6 / surface2;
-        let mut shortest = f64::INFINITY;
-        for i in 0..4 {
-            for j in i + 1..4 {
-                shortest = shortest.min((x[i] - x[j]).norm());
-            }
-        }
+        let shortest = edge_lengths(x).fold(f64::INFINITY, f64::min);
         Self {
             radius_ratio: 3.0 * inradius / circumradius,
             circumradius_over_shortest_edge: circumradius / shortest,
@@ -63,6 +58,11 @@ impl Quality {
                 .max(other.circumradius_over_shortest_edge),
         }
     }
+}
+
+/// Lengths of the six edges of a tetrahedron.
+pub(crate) fn edge_lengths(x: &[Vector3<f64>; 4]) -> impl Iterator<Item = f64> {
+    (0..4).flat_map(move |i| (i + 1..4).map(move |j| (x[i] - x[j]).norm()))
 }
 
 /// Signed volume of a tetrahedron, m³.

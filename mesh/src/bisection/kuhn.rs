@@ -82,6 +82,12 @@ pub fn root_faces(order: usize) -> [(usize, bool, usize); 2] {
     [(first, true, 0), (last, false, 3)]
 }
 
+/// Smallest and largest coordinate of a tetrahedron's corners.
+pub(crate) fn extent(corners: &[Point; 4], axis: usize) -> [i32; 2] {
+    let along = corners.map(|p| p[axis]);
+    along.iter().fold([i32::MAX, i32::MIN], |[a, b], &c| [a.min(c), b.max(c)])
+}
+
 /// Six times the signed volume of a tetrahedron with lattice corners, in cubic lattice units.
 pub fn signed_volume6(c: &[Point; 4]) -> i64 {
     let e = |i: usize, axis: usize| i64::from(c[i][axis]) - i64::from(c[0][axis]);

@@ -5,6 +5,8 @@
 //! from the bits of its coordinates alone; the mesh is a set of vertices closed under these
 //! dependencies (a diamond hierarchy: Weiss and De Floriani, Computer Graphics Forum 30(8), 2011).
 
+use arrayvec::ArrayVec;
+
 use super::kuhn::Point;
 
 /// Which of three kinds of older vertices a split needs.
@@ -18,29 +20,6 @@ pub enum Site {
     FaceCentre,
     /// The midpoint of a cube's edge: bisects it in eight TYPE2 tetrahedra.
     EdgeMidpoint,
-}
-
-/// Up to N points without an allocation.
-#[derive(Clone, Copy, Debug)]
-pub struct Points<const N: usize> {
-    points: [Point; N],
-    len: usize,
-}
-
-impl<const N: usize> Points<N> {
-    fn new() -> Self {
-        Self { points: [[0; 3]; N], len: 0 }
-    }
-
-    fn push(&mut self, p: Point) {
-        self.points[self.len] = p;
-        self.len += 1;
-    }
-
-    /// The points as a slice.
-    pub fn as_slice(&self) -> &[Point] {
-        &self.points[..self.len]
-    }
 }
 
 /// The finest level: 64 lattice units per root cube, whose page in a `PointMap` takes 1 MiB.
@@ -78,15 +57,12 @@ impl Lattice {
         if s == 0 || s >= self.units {
             return (Site::Root, self.units);
         }
-        let odd = p.iter().filter(|&&c| c & s != 0).count();
-        (
-            match odd {
-                3 => Site::CubeCentre,
-                2 => Site::FaceCentre,
-                _ => Site::EdgeMidpoint,
-            },
-            s,
-        )
+        let site = match p.iter().filter(|&&c| c & s != 0).count() {
+            3 => Site::CubeCentre,
+            2 => Site::FaceCentre,
+            _ => Site::EdgeMidpoint,
+        };
+        (site, s)
     }
 
     /// Level of the tetrahedra that the split at `p` creates; 0 for root vertices.
@@ -103,38 +79,32 @@ impl Lattice {
 
     /// The older vertices that must be active before `p` may be: 3, 2 or 4, those inside the
     /// lattice's box (the caller drops those outside its domain).
-    pub fn dependencies(&self, p: Point) -> Points<4> {
+    pub fn dependencies(&self, p: Point) -> ArrayVec<Point, 4> {
         let (site, s) = self.site(p);
-        let mut result = Points::new();
-        let mut push = |q: Point| {
+        let mut older = ArrayVec::new();
+        let mut push = |mut q: Point, axis: usize, step: i32| {
+            q[axis] += step;
             if self.contains(q) {
-                result.push(q);
+                older.push(q);
             }
         };
         match site {
-            Site::Root => {}
-            Site::CubeCentre => {
-                if 2 * s < self.units {
-                    // The corner ≡ 0 mod 4s of the cube around p: where diagonals start.
-                    let corner = p.map(|c| (c + s) & !(4 * s - 1));
-                    for axis in 0..3 {
-                        let mut q = corner;
-                        q[axis] += if p[axis] > corner[axis] { 2 * s } else { -2 * s };
-                        push(q);
-                    }
+            Site::CubeCentre if 2 * s < self.units => {
+                // The corner ≡ 0 mod 4s of the cube around p: where diagonals start.
+                let corner = p.map(|c| (c + s) & !(4 * s - 1));
+                for axis in 0..3 {
+                    push(corner, axis, if p[axis] > corner[axis] { 2 * s } else { -2 * s });
                 }
             }
+            Site::Root | Site::CubeCentre => {}
             Site::FaceCentre | Site::EdgeMidpoint => {
                 for axis in (0..3).filter(|&i| p[i] & s == 0) {
-                    for step in [-s, s] {
-                        let mut q = p;
-                        q[axis] += step;
-                        push(q);
-                    }
+                    push(p, axis, -s);
+                    push(p, axis, s);
                 }
             }
         }
-        result
+        older
     }
 
     /// The ends of the edge whose midpoint `p` is: `None` for root vertices. They are older.
@@ -191,12 +161,8 @@ mod tests {
     fn generations_follow_the_bits() {
         let lattice = Lattice::new([2, 2, 2], 9);
         assert_eq!(lattice.units, 8);
-        assert_eq!(lattice.generation([8, 0, 16]), 0);
-        assert_eq!(lattice.generation([4, 4, 12]), 1);
-        assert_eq!(lattice.generation([4, 4, 8]), 2);
-        assert_eq!(lattice.generation([4, 8, 8]), 3);
-        assert_eq!(lattice.generation([2, 6, 10]), 4);
-        assert_eq!(lattice.generation([1, 2, 4]), 9);
+        let points = [[8, 0, 16], [4, 4, 12], [4, 4, 8], [4, 8, 8], [2, 6, 10], [1, 2, 4]];
+        assert_eq!(points.map(|p| lattice.generation(p)), [0, 1, 2, 3, 4, 9]);
     }
 
     #[test]
@@ -215,8 +181,8 @@ mod tests {
                         Site::FaceCentre => 2,
                         Site::EdgeMidpoint => 4,
                     };
-                    assert_eq!(deps.as_slice().len(), want, "{p:?}");
-                    for &q in deps.as_slice() {
+                    assert_eq!(deps.len(), want, "{p:?}");
+                    for q in deps {
                         assert_eq!(lattice.generation(q) + 1, lattice.generation(p), "{p:?} {q:?}");
                     }
                 }

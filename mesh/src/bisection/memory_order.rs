@@ -2,7 +2,7 @@
 
 use super::diamond::{NONE, tet_number, tet_place};
 use super::forest::BisectionForest;
-use super::z_order::z_order;
+use super::point_map::z_order;
 
 impl BisectionForest {
     /// Numbers the diamonds of a fresh forest in the Z-order of their points; vertices keep

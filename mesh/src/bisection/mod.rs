@@ -24,7 +24,6 @@ mod queries;
 mod refine;
 mod ring_shape;
 mod split_merge;
-mod z_order;
 
 pub use closure_queue::ClosureQueue;
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};

@@ -20,10 +20,8 @@ impl BisectionForest {
 
     /// The direct dependencies of `p` that are inside the domain and not active.
     pub(crate) fn missing(&self, p: Point) -> impl Iterator<Item = Point> + '_ {
-        let dependencies = self.domain.lattice().dependencies(p);
-        (0..dependencies.as_slice().len())
-            .map(move |i| dependencies.as_slice()[i])
-            .filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
+        let dependencies = self.domain.lattice().dependencies(p).into_iter();
+        dependencies.filter(|&q| self.vertex_at(q).is_none() && self.domain.contains(q))
     }
 
     /// True where `vertex` may be merged: active, above the start mesh and not of the floor that
@@ -102,8 +100,8 @@ impl BisectionForest {
     }
 
     /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
-    pub fn leaves(&self) -> impl ExactSizeIterator<Item = Tet> + '_ {
-        Leaves { forest: self, open: self.open.iter(), id: NONE, members: 0, left: self.leaf_count }
+    pub fn leaves(&self) -> impl Iterator<Item = Tet> + '_ {
+        self.open.iter().flat_map(|&id| self.members(id))
     }
 
     /// The faces of leaves that lie on the domain's hull, corners ascending, in the order of
@@ -166,9 +164,13 @@ impl BisectionForest {
 
     /// Fills `ring` with the members of a diamond, in the order of their slots.
     fn parents_of(&self, id: u32, ring: &mut Vec<Tet>) {
-        let Diamond { members, ref tets, .. } = self.diamonds[id as usize];
         ring.clear();
-        ring.extend(occupied(members).map(|slot| tets[slot].tet(tet_number(id, slot))));
+        ring.extend(self.members(id));
+    }
+
+    fn members(&self, id: u32) -> impl Iterator<Item = Tet> + '_ {
+        let Diamond { members, tets, .. } = &self.diamonds[id as usize];
+        occupied(*members).map(move |slot| tets[slot].tet(tet_number(id, slot)))
     }
 
     fn record(&self, tet: TetId) -> &TetRecord {
@@ -195,33 +197,3 @@ impl BisectionForest {
         points
     }
 }
-
-/// The leaves, diamond by diamond.
-struct Leaves<'a> {
-    forest: &'a BisectionForest,
-    open: std::slice::Iter<'a, u32>,
-    id: u32,
-    members: u8,
-    left: usize,
-}
-
-impl Iterator for Leaves<'_> {
-    type Item = Tet;
-
-    fn next(&mut self) -> Option<Tet> {
-        while self.members == 0 {
-            self.id = *self.open.next()?;
-            self.members = self.forest.diamonds[self.id as usize].members;
-        }
-        let slot = self.members.trailing_zeros() as usize;
-        self.members &= self.members - 1;
-        self.left -= 1;
-        Some(self.forest.diamonds[self.id as usize].tets[slot].tet(tet_number(self.id, slot)))
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        (self.left, Some(self.left))
-    }
-}
-
-impl ExactSizeIterator for Leaves<'_> {}

@@ -3,7 +3,7 @@
 
 use super::delta::{MeshDelta, Tet};
 use super::forest::BisectionForest;
-use super::kuhn::Point;
+use super::kuhn::{Point, extent};
 use super::lattice::Lattice;
 use crate::bisection::BisectionError;
 
@@ -42,12 +42,6 @@ impl Region<'_> {
             Self::Where(inside) => corners.iter().any(|&p| inside(p)) || inside(midpoint),
         }
     }
-}
-
-/// Smallest and largest coordinate of a tetrahedron's corners.
-fn extent(corners: &[Point; 4], axis: usize) -> [i32; 2] {
-    let along = corners.map(|p| p[axis]);
-    along.iter().fold([i32::MAX, i32::MIN], |[a, b], &c| [a.min(c), b.max(c)])
 }
 
 /// A question to a leaf of a forest.
@@ -134,8 +128,12 @@ impl BisectionForest {
         let mut points = Vec::new();
         let mut coarsest = max_level;
         let mut count = 0;
-        for tet in self.leaves() {
-            let Some(p) = self.wanted(&tet, max_level, region, wants) else { continue };
+        for tet in self.leaves().filter(|tet| tet.level < max_level) {
+            let Some(p) = self.refinement_point(tet.id) else { continue };
+            let corners = tet.vertices.map(|v| self.point(v));
+            if !region.touches(&corners, p) || !wants(self, &tet) {
+                continue;
+            }
             count += 1;
             if tet.level < coarsest {
                 coarsest = tet.level;
@@ -148,21 +146,5 @@ impl BisectionForest {
         points.sort_unstable_by_key(|&p| Lattice::key(p));
         points.dedup();
         (points, count)
-    }
-
-    /// The midpoint of a leaf that is to be split.
-    fn wanted(
-        &self,
-        tet: &Tet,
-        max_level: u8,
-        region: Region<'_>,
-        wants: Wants<'_>,
-    ) -> Option<Point> {
-        if tet.level >= max_level {
-            return None;
-        }
-        let p = self.refinement_point(tet.id)?;
-        let inside = region.touches(&tet.vertices.map(|v| self.point(v)), p);
-        (inside && wants(self, tet)).then_some(p)
     }
 }

@@ -19,14 +19,14 @@ const TRUNCATION: f64 = 4.0;
 /// the image.
 ///
 /// # Errors
-/// [`ImageError::LengthValue`] if σ is negative or not finite.
+/// [`ImageError::Parameter`] if σ is negative or not finite.
 pub fn gaussian_blur(
     image: &IntensityVolume,
     sigma_mm: f64,
 ) -> Result<IntensityVolume, ImageError> {
     if !(sigma_mm >= 0.0 && sigma_mm.is_finite()) {
-        let (field, want) = ("the blur's standard deviation", "finite and >= 0");
-        return Err(ImageError::LengthValue { field, value: sigma_mm, want });
+        let (field, want) = ("the blur's standard deviation", "finite and >= 0 mm");
+        return Err(ImageError::Parameter { field, value: sigma_mm, want });
     }
     let grid = image.grid();
     let sigma = sigma_mm / grid.spacing_mm;

@@ -29,17 +29,8 @@ pub(crate) struct ByteStream {
 impl ByteStream {
     /// The plain bytes of a regular file that is not empty.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
-        let io_error = |source| ImageError::Io { path: path.into(), source };
-        let metadata = fs::metadata(path).map_err(io_error)?;
-        if !metadata.is_file() {
-            let found = if metadata.is_dir() { "a directory" } else { "no regular file" };
-            return Err(ImageError::NotAFile { path: path.into(), found });
-        }
-        let mut source = BufReader::new(File::open(path).map_err(io_error)?);
-        if source.fill_buf().map_err(io_error)?.is_empty() {
-            return Err(ImageError::EmptyFile { path: path.into() });
-        }
-        Ok(Self { path: path.into(), source: Box::new(source), left: Some(metadata.len()) })
+        let (source, length) = open(path).map_err(ImageError::in_file(path))?;
+        Ok(Self { path: path.into(), source: Box::new(source), left: Some(length) })
     }
 
     /// Whether the next bytes are these (at most a buffer's worth).
@@ -153,7 +144,7 @@ impl ByteStream {
 
     /// An error that tells how many bytes are missing.
     pub fn length_error(&self, part: &'static str, found: u64, want: u64) -> ImageError {
-        ImageError::Length { path: self.path.clone(), part, found, want }
+        ImageError::in_file(&self.path)(ImageError::Length { part, found, want })
     }
 
     fn consumed(&mut self, bytes: u64) {
@@ -165,10 +156,20 @@ impl ByteStream {
     }
 
     fn failure(&self, source: io::Error) -> ImageError {
-        let path = self.path.clone();
-        match self.left {
-            Some(_) => ImageError::Io { path, source },
-            None => ImageError::Inflate { path, source },
-        }
+        let kind = if self.left.is_some() { ImageError::Io } else { ImageError::Inflate };
+        ImageError::in_file(&self.path)(kind(source))
     }
+}
+
+fn open(path: &Path) -> Result<(BufReader<File>, u64), ImageError> {
+    let metadata = fs::metadata(path)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a directory" } else { "no regular file" };
+        return Err(ImageError::NotAFile(found));
+    }
+    let mut source = BufReader::new(File::open(path)?);
+    if source.fill_buf()?.is_empty() {
+        return Err(ImageError::EmptyFile);
+    }
+    Ok((source, metadata.len()))
 }

@@ -1,395 +1,176 @@
 //! What can be wrong with images and volumes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[cfg(feature = "dicom")]
 use super::dicom::DicomError;
 
 /// Why an image or what should be made of it was refused.
+///
+/// Whatever is wrong with a file is told by [`ImageError::InFile`]; [`ImageError::problem`] looks
+/// inside.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs)] // Of fields: messages and variants say what they are.
 pub enum ImageError {
-    /// A file could not be read.
+    /// A file or a directory, and what is wrong with it: no other `InFile`.
     #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    InFile { path: PathBuf, source: Box<Self> },
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
     /// A path names a directory, a device or a pipe.
-    #[error(
-        "{}: is {found}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)",
-        path.display()
-    )]
-    NotAFile {
-        /// The path.
-        path: PathBuf,
-        /// What stands there instead.
-        found: &'static str,
-    },
+    #[error("is {0}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)")]
+    NotAFile(&'static str),
     /// A file of zero bytes.
-    #[error("{}: the file is empty, want an image", path.display())]
-    EmptyFile {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("the file is empty, want an image")]
+    EmptyFile,
     /// The first bytes are not those of a single-file NIfTI-1 image.
-    #[error("{}: not a NIfTI-1 image: {field} is {value}, want {want}", path.display())]
-    NotNifti {
-        /// The file.
-        path: PathBuf,
-        /// The header field that says so.
-        field: &'static str,
-        /// What it holds.
-        value: String,
-        /// What it should hold.
-        want: &'static str,
-    },
+    #[error("not a NIfTI-1 image: {field} is {value}, want {want}")]
+    NotNifti { field: &'static str, value: String, want: &'static str },
     /// A header of a .hdr/.img pair.
     #[error(
-        "{}: magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file",
-        path.display()
+        "magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file"
     )]
-    HeaderPair {
-        /// The file.
-        path: PathBuf,
-    },
+    HeaderPair,
     /// A gzip or zlib stream that does not inflate.
-    #[error("{}: damaged compressed stream: {source}", path.display())]
-    Inflate {
-        /// The file.
-        path: PathBuf,
-        /// What the inflater said.
-        source: std::io::Error,
-    },
-    /// Fewer bytes than the header announces.
+    #[error("damaged compressed stream: {0}")]
+    Inflate(#[source] std::io::Error),
+    /// Fewer bytes (inflated, where the file is compressed) than the header announces.
     #[error(
-        "{}: {part} takes {want} bytes by the header, the file holds {found}; \
-         it is cut short or its header is damaged",
-        path.display()
+        "{part} takes {want} bytes by the header, the file holds {found}; it is cut short or its \
+         header is damaged"
     )]
-    Length {
-        /// The file.
-        path: PathBuf,
-        /// What is cut short: `header`, `voxel data` or what is skipped before it.
-        part: &'static str,
-        /// Bytes that are there (inflated, where the file is compressed).
-        found: u64,
-        /// Bytes that should be there.
-        want: u64,
-    },
-    /// A file that looks like none of the image formats.
+    Length { part: &'static str, found: u64, want: u64 },
+    /// A file that looks like none of the image formats, by its first bytes.
     #[error(
-        "{}: starts with {start}: no NIfTI-1, NRRD, MetaImage or DICOM image, \
-         and the name ends in none of their extensions",
-        path.display()
+        "starts with {0}: no NIfTI-1, NRRD, MetaImage or DICOM image, and the name ends in none \
+         of their extensions"
     )]
-    UnknownFormat {
-        /// The file.
-        path: PathBuf,
-        /// Its first bytes, escaped.
-        start: String,
-    },
+    UnknownFormat(String),
     /// An image whose reader was left out when the program was built.
-    #[error("{}: is a {format} image; build with the feature {feature:?} to read it", path.display())]
-    FormatNotBuilt {
-        /// The file.
-        path: PathBuf,
-        /// The format's name.
-        format: &'static str,
-        /// The cargo feature that brings its reader.
-        feature: &'static str,
-    },
-    /// A line of a text header (NRRD, MetaImage) that can't be followed.
-    #[error("{}: header line {line}: {field} is {value:?}, want {want}", path.display())]
-    TextHeader {
-        /// The file.
-        path: PathBuf,
-        /// The line, counted from 1.
-        line: usize,
-        /// The field as the file spells it.
-        field: String,
-        /// Its value, at most 80 characters of it.
-        value: String,
-        /// What would do.
-        want: &'static str,
-    },
-    /// A field that a text header must have and has not.
-    #[error("{}: the header has no field {field}", path.display())]
-    MissingField {
-        /// The file.
-        path: PathBuf,
-        /// The field's name, and its alternatives.
-        field: &'static str,
-    },
-    /// A text header that does not end.
-    #[error("{}: the header does not end within {limit} bytes", path.display())]
-    HeaderTooLong {
-        /// The file.
-        path: PathBuf,
-        /// The most that is accepted.
-        limit: u64,
-    },
-    /// A voxel written as text that is no number of the type the header announces.
-    #[error("{}: voxel {index} of the text data is {value:?}, want {want}", path.display())]
-    TextVoxel {
-        /// The file.
-        path: PathBuf,
-        /// Position in the file, from 0.
-        index: usize,
-        /// The word, at most 80 characters of it; empty where the data ends.
-        value: String,
-        /// The type.
-        want: &'static str,
-    },
-    /// Isotropic voxels so small that they would not fit in memory.
+    #[error("is a {format} image; build with the feature {feature:?} to read it")]
+    FormatNotBuilt { format: &'static str, feature: &'static str },
+    /// A line of a text header (NRRD, MetaImage) that can't be followed, with at most 80 characters of
+    /// its value. Lines count from 1.
+    #[error("header line {line}: {field} is {value:?}, want {want}")]
+    TextHeader { line: usize, field: String, value: String, want: &'static str },
+    /// A field, or its alternatives, that a text header must have and has not.
+    #[error("the header has no field {0}")]
+    MissingField(&'static str),
+    /// A text header that does not end within as many bytes as are read.
+    #[error("the header does not end within {0} bytes")]
+    HeaderTooLong(u64),
+    /// A voxel written as text that is no number of the type the header announces; it is empty where
+    /// the data ends. Voxels count from 0.
+    #[error("voxel {index} of the text data is {value:?}, want {want}")]
+    TextVoxel { index: usize, value: String, want: &'static str },
+    /// Isotropic voxels so small that they would not fit in memory; `from_mm` are the stored spacings
+    /// along right, anterior and superior.
     #[error(
-        "{}: voxels of {} × {} × {} mm resampled to {to_mm} mm make {voxels:.3e} of them, \
-         the limit is {limit}; ask for a larger spacing or check the header's",
-        path.display(), from_mm[0], from_mm[1], from_mm[2]
+        "voxels of {} × {} × {} mm resampled to {to_mm} mm make {voxels:.3e} of them, the limit \
+         is {limit}; ask for a larger spacing or check the header's",
+        from_mm[0], from_mm[1], from_mm[2]
     )]
-    ResampledVoxels {
-        /// The file.
-        path: PathBuf,
-        /// Stored spacings along right, anterior and superior, mm.
-        from_mm: [f64; 3],
-        /// The isotropic spacing, mm.
-        to_mm: f64,
-        /// Voxels that this would make.
-        voxels: f64,
-        /// The most that is accepted.
-        limit: u64,
-    },
-    /// A length, given by the caller, out of its range.
-    #[error("{field} is {value} mm, want {want}")]
-    LengthValue {
-        /// Which length.
-        field: &'static str,
-        /// What was given, mm.
-        value: f64,
-        /// What is accepted.
-        want: &'static str,
-    },
+    ResampledVoxels { from_mm: [f64; 3], to_mm: f64, voxels: f64, limit: u64 },
     /// An image that the format of the written file can't hold.
-    #[error("{}: can't write NIfTI-1: {field} is {value}, want {want}", path.display())]
-    Unwritable {
-        /// The file.
-        path: PathBuf,
-        /// What does not fit.
-        field: &'static str,
-        /// Its value.
-        value: String,
-        /// What would fit.
-        want: &'static str,
-    },
+    #[error("can't write NIfTI-1: {field} is {value}, want {want}")]
+    Unwritable { field: &'static str, value: String, want: &'static str },
     /// A header field out of its range.
-    #[error("{}: header field {field} is {value}, want {want}", path.display())]
-    Header {
-        /// The file.
-        path: PathBuf,
-        /// The field's name in the NIfTI-1 standard.
-        field: &'static str,
-        /// What it holds.
-        value: f64,
-        /// What it should hold.
-        want: &'static str,
-    },
+    #[error("header field {field} is {value}, want {want}")]
+    Header { field: &'static str, value: f64, want: &'static str },
     /// A voxel type that is no real number.
     #[error(
-        "{}: datatype {code} ({name}) is not supported; want a real integer or float type \
-         of 8 to 64 bits",
-        path.display()
+        "datatype {code} ({name}) is not supported; want a real integer or float type of 8 to 64 \
+         bits"
     )]
-    Datatype {
-        /// The file.
-        path: PathBuf,
-        /// The NIfTI code.
-        code: i16,
-        /// The standard's name of the code.
-        name: &'static str,
-    },
-    /// A time series or a multi-channel image.
+    Datatype { code: i16, name: &'static str },
+    /// A time series or a multi-channel image; `count` is the product of all dimensions but the three
+    /// of space.
     #[error(
-        "{}: holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D volume first",
-        path.display()
+        "holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D \
+         volume first"
     )]
-    NotThreeDimensional {
-        /// The file.
-        path: PathBuf,
-        /// Number of dimensions.
-        rank: i16,
-        /// Number of volumes: the product of all dimensions but the three of space.
-        count: u64,
-    },
+    NotThreeDimensional { rank: i16, count: u64 },
     /// More voxels than can be handled.
     #[error(
-        "{}: the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",
-        path.display(), dims[0], dims[1], dims[2]
+        "the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",
+        dims[0], dims[1], dims[2]
     )]
-    TooManyVoxels {
-        /// The file.
-        path: PathBuf,
-        /// Voxels along each axis.
-        dims: [u64; 3],
-        /// Their product.
-        voxels: u64,
-        /// The most that is accepted.
-        limit: u64,
-    },
-    /// A voxel-to-scanner matrix that can't be inverted.
-    #[error("{}: the {form} is singular: unit columns span {determinant:.3e}, want ±1", path.display())]
-    SingularAffine {
-        /// The file.
-        path: PathBuf,
-        /// The field that holds it, e.g. `sform` or `space directions`.
-        form: &'static str,
-        /// Determinant of the matrix with its columns normalised.
-        determinant: f64,
-    },
-    /// A voxel-to-scanner matrix whose axes are not at right angles.
+    TooManyVoxels { dims: [u64; 3], voxels: u64, limit: u64 },
+    /// A voxel-to-scanner matrix, from the field `form`, that can't be inverted; the determinant is
+    /// that of its columns brought to length 1.
+    #[error("the {form} is singular: unit columns span {determinant:.3e}, want ±1")]
+    SingularAffine { form: &'static str, determinant: f64 },
+    /// A voxel-to-scanner matrix, from the field `form`, two of whose axes (0 to 2) are not at right
+    /// angles.
     #[error(
-        "{}: the {form} is sheared: axes {} and {} have cosine {cosine:.3e}, \
-         limit {limit:.0e}; resample to a rectangular grid",
-        path.display(), axes[0], axes[1]
+        "the {form} is sheared: axes {} and {} have cosine {cosine:.3e}, limit {limit:.0e}; \
+         resample to a rectangular grid",
+        axes[0], axes[1]
     )]
-    ShearedAffine {
-        /// The file.
-        path: PathBuf,
-        /// The field that holds it, e.g. `sform` or `space directions`.
-        form: &'static str,
-        /// The two voxel axes, 0 to 2.
-        axes: [usize; 2],
-        /// Cosine of the angle between them.
-        cosine: f64,
-        /// Largest accepted absolute cosine.
-        limit: f64,
-    },
-    /// A voxel of a label map whose value is no label.
-    #[error(
-        "{}: voxel ({}, {}, {}) has the value {value}, but a label must be an integer \
-         (of at most 2^53 where it is a float or scaled, 2^63 - 1 else)",
-        path.display(), voxel[0], voxel[1], voxel[2]
-    )]
-    LabelValue {
-        /// The file.
-        path: PathBuf,
-        /// The voxel, counted from 0 along the file's axes.
-        voxel: [usize; 3],
-        /// Its value, scaled.
-        value: f64,
-    },
-    /// A voxel of an intensity image that is no finite f32.
-    #[error(
-        "{}: voxel ({}, {}, {}) has the value {value}, want a finite number of magnitude below 3.4e38",
-        path.display(), voxel[0], voxel[1], voxel[2]
-    )]
-    IntensityValue {
-        /// The file.
-        path: PathBuf,
-        /// The voxel, counted from 0 along the file's axes.
-        voxel: [usize; 3],
-        /// Its value, scaled.
-        value: f64,
-    },
-    /// More labels than a dense u16 id can tell apart.
+    ShearedAffine { form: &'static str, axes: [usize; 2], cosine: f64, limit: f64 },
+    /// A voxel of a label map whose value, scaled, is no label, or one of an image that is no finite
+    /// f32; counted from 0 along the file's axes.
+    #[error("voxel ({}, {}, {}) has the value {value}, {want}", voxel[0], voxel[1], voxel[2])]
+    VoxelValue { voxel: [usize; 3], value: f64, want: &'static str },
+    /// More labels than a dense u16 id can tell apart: those found before counting stopped, without
+    /// the background.
     #[error("the volume has at least {found} different labels besides 0, the limit is {limit}")]
-    TooManyLabels {
-        /// Labels found before counting stopped, without the background.
-        found: usize,
-        /// The most that is accepted.
-        limit: usize,
-    },
+    TooManyLabels { found: usize, limit: usize },
     /// A list of voxels that does not fill its grid.
     #[error(
         "{found} voxel values for a grid of {}×{}×{}, want exactly one per voxel",
         dims[0], dims[1], dims[2]
     )]
-    VoxelCount {
-        /// Values given.
-        found: usize,
-        /// The grid.
-        dims: [usize; 3],
-    },
-    /// A voxel with a dense id that stands for no label.
+    VoxelCount { found: usize, dims: [usize; 3] },
+    /// A voxel, by position in the list, with a dense id that stands for no label.
     #[error("voxel {index} has dense id {id}, but only ids below {count} stand for a label")]
-    UnknownId {
-        /// Position in the list, x fastest.
-        index: usize,
-        /// Its id.
-        id: u16,
-        /// Number of ids.
-        count: usize,
-    },
-    /// A table of labels that is not 0 followed by ascending others.
+    UnknownId { index: usize, id: u16, count: usize },
+    /// A table of labels that is not 0 followed by ascending others; a missing entry is at the
+    /// table's length and 0.
     #[error(
         "label table entry {index} is {value}, want 0 first, then the others ascending, each once"
     )]
-    LabelTable {
-        /// Position in the table (its length if an entry is missing).
-        index: usize,
-        /// What stands there (0 if missing).
-        value: i64,
-    },
-    /// A voxel value that is NaN or infinite.
+    LabelTable { index: usize, value: i64 },
+    /// A voxel, by position in the list, whose value is NaN or infinite.
     #[error("voxel {index} has the value {value}, want a finite number")]
-    NotFinite {
-        /// Position in the list, x fastest.
-        index: usize,
-        /// Its value.
-        value: f32,
-    },
-    /// A grid that places no voxels in space.
-    #[error("grid: {field} is {value}, want {want}")]
-    Grid {
-        /// The field.
-        field: &'static str,
-        /// What it holds, or its deviation.
-        value: f64,
-        /// What it should hold.
-        want: &'static str,
-    },
-    /// A parameter of a procedural organ out of its range.
-    #[error("phantom: {field} is {value}, want {want}")]
-    Phantom {
-        /// The parameter.
-        field: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is accepted.
-        want: &'static str,
-    },
+    NotFinite { index: usize, value: f32 },
+    /// A number given by the caller, or its deviation, that is out of its range: of a grid, of a
+    /// procedural organ, a length.
+    #[error("{field} is {value}, want {want}")]
+    Parameter { field: &'static str, value: f64, want: &'static str },
     /// A range of values that holds none, or stands for the background.
     #[error("range {index} for label {label} is [{low}, {high}): want {want}")]
-    ValueRange {
-        /// Its position in the list.
-        index: usize,
-        /// The label.
-        label: i64,
-        /// Its lower end.
-        low: f64,
-        /// Its upper end.
-        high: f64,
-        /// What it should be.
-        want: &'static str,
-    },
+    ValueRange { index: usize, label: i64, low: f64, high: f64, want: &'static str },
     /// Two ranges of values share some, or a label.
     #[error(
         "ranges {first} and {second} share {what}: want each value in one range at most, and each \
          label once"
     )]
-    RangesMeet {
-        /// The position of one in the list.
-        first: usize,
-        /// The position of the other.
-        second: usize,
-        /// What they share: values or the label.
-        what: &'static str,
-    },
+    RangesMeet { first: usize, second: usize, what: &'static str },
     /// A DICOM file or series.
     #[cfg(feature = "dicom")]
     #[error(transparent)]
     Dicom(Box<DicomError>),
+}
+
+impl ImageError {
+    /// Names the file that an error is about, unless it names one already.
+    pub(crate) fn in_file<E: Into<Self>>(path: &Path) -> impl Fn(E) -> Self {
+        move |error| match error.into() {
+            named @ Self::InFile { .. } => named,
+            problem => Self::InFile { path: path.into(), source: Box::new(problem) },
+        }
+    }
+
+    /// What is wrong, without the file that it is wrong with.
+    pub fn problem(&self) -> &Self {
+        match self {
+            Self::InFile { source, .. } => source,
+            _ => self,
+        }
+    }
 }
 
 #[cfg(feature = "dicom")]

@@ -1,18 +1,36 @@
 //! Reads MetaImage files (.mha; .mhd with its data file).
 
+use std::num::NonZero;
 use std::path::Path;
 
 use nalgebra::Vector3;
 
 use crate::image::ImageError;
 use crate::image::bytes::{ByteStream, GZIP_MAGIC};
-use crate::image::header::{TextField, TextHeader};
+use crate::image::header::{TextField, TextHeader, only_three};
 use crate::image::placement::VoxelAffine;
 use crate::image::raw::RawVolume;
 use crate::image::voxels::{VoxelType, Voxels, check_count};
 
 /// Dimensions that are read at most, as by the format's own library.
-const MAX_DIMENSION: i64 = 10;
+const MAX_DIMENSION: usize = 10;
+
+const TYPES: &[(&[&str], VoxelType)] = &[
+    (&["met_char"], VoxelType::I8),
+    (&["met_uchar"], VoxelType::U8),
+    (&["met_short"], VoxelType::I16),
+    (&["met_ushort"], VoxelType::U16),
+    // The format's long has four bytes on every machine.
+    (&["met_int", "met_long"], VoxelType::I32),
+    (&["met_uint", "met_ulong"], VoxelType::U32),
+    (&["met_long_long"], VoxelType::I64),
+    (&["met_ulong_long"], VoxelType::U64),
+    (&["met_float"], VoxelType::F32),
+    (&["met_double"], VoxelType::F64),
+];
+
+/// Millimetres per unit.
+const UNITS: &[(&[&str], f64)] = &[(&["mm", "?"], 1.0), (&["um"], 0.001), (&["cm"], 10.0)];
 
 /// Reads a MetaImage with its data in the same file (`LOCAL`) or in one other.
 ///
@@ -33,28 +51,29 @@ const MAX_DIMENSION: i64 = 10;
 /// # Source
 /// <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
 pub fn read_metaimage(path: &Path) -> Result<RawVolume, ImageError> {
+    read(path).map_err(ImageError::in_file(path))
+}
+
+fn read(path: &Path) -> Result<RawVolume, ImageError> {
     let mut stream = ByteStream::open(path)?;
-    let header = read_header(path, &mut stream)?;
+    let header = read_header(&mut stream)?;
     check_kind(&header)?;
-    let sizes = sizes(&header)?;
-    let dims = [sizes[0], sizes[1], sizes[2]];
-    let count = check_count(path, dims)?;
+    let want = "3, or up to 10 if all further axes have size 1";
+    let sizes = header.sizes("NDims", "DimSize", MAX_DIMENSION, want)?;
+    let dims = only_three(&sizes, [0, 1, 2])?;
+    let count = check_count(dims)?;
     let affine = affine(&header, sizes.len())?;
     let scale = scale(&header)?;
-    let kind = voxel_type(&header)?;
-    let big_endian = match header.get("binarydatabyteordermsb") {
-        Some(field) => flag(&header, field)?,
-        None => match header.get("elementbyteordermsb") {
-            Some(field) => flag(&header, field)?,
-            None => false,
-        },
-    };
-    let field = header.require("elementdatafile", "ElementDataFile")?;
+    let want = "a scalar integer type, MET_FLOAT or MET_DOUBLE";
+    let kind = header.require("ElementType")?.choice(TYPES, want)?;
+    let order = header.first(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"]);
+    let big_endian = order.map_or(Ok(false), flag)?;
+    let field = header.require("ElementDataFile")?;
     if !field.value.eq_ignore_ascii_case("LOCAL") {
-        stream = ByteStream::open(&header.data_file(field)?)?;
+        stream = ByteStream::open(&field.data_file(path)?)?;
     }
     let want = count * kind.bytes();
-    let voxels = if flag(&header, header.require("binarydata", "BinaryData")?)? {
+    let voxels = if flag(header.require("BinaryData")?)? {
         Voxels::decode(kind, big_endian, &binary(&header, stream, want)?)
     } else {
         Voxels::parse(path, kind, count as usize, &stream.take(u64::MAX)?)?
@@ -63,78 +82,52 @@ pub fn read_metaimage(path: &Path) -> Result<RawVolume, ImageError> {
 }
 
 /// All fields up to `ElementDataFile`, which is the last by definition.
-fn read_header<'a>(path: &'a Path, stream: &mut ByteStream) -> Result<TextHeader<'a>, ImageError> {
-    let mut header = TextHeader::new(path);
+fn read_header(stream: &mut ByteStream) -> Result<TextHeader, ImageError> {
+    let mut header = TextHeader::default();
     while let Some(line) = header.next_line(stream)? {
-        if line.trim().is_empty() {
-            continue;
+        match line.split_once('=') {
+            Some((name, value)) => header.insert(name, value)?,
+            None if line.trim().is_empty() => {}
+            None => return Err(header.refuse_line(&line, "`Field = value`")),
         }
-        let Some((name, value)) = line.split_once('=') else {
-            return Err(header.refuse_line(&line, "`Field = value`"));
-        };
-        let key = name.trim().to_ascii_lowercase();
-        let last = key == "elementdatafile";
-        header.insert(key, name, value)?;
-        if last {
-            return Ok(header);
+        if header.get("ElementDataFile").is_some() {
+            break;
         }
     }
-    Err(ImageError::MissingField { path: path.into(), field: "ElementDataFile" })
+    header.require("ElementDataFile")?;
+    Ok(header)
 }
 
 fn check_kind(header: &TextHeader) -> Result<(), ImageError> {
-    if let Some(field) = header.get("objecttype")
-        && !field.value.eq_ignore_ascii_case("Image")
-    {
-        return Err(header.refuse(field, "Image"));
+    match (header.get("ObjectType"), header.get("ElementNumberOfChannels")) {
+        (Some(field), _) if !field.value.eq_ignore_ascii_case("Image") => {
+            Err(field.refuse("Image"))
+        }
+        (_, Some(field)) if field.value != "1" => Err(field.refuse("1; extract one channel first")),
+        _ => Ok(()),
     }
-    if let Some(field) = header.get("elementnumberofchannels")
-        && field.value != "1"
-    {
-        return Err(header.refuse(field, "1; extract one channel first"));
-    }
-    Ok(())
-}
-
-/// Voxels along all axes: three of them, then ones.
-fn sizes(header: &TextHeader) -> Result<Vec<u64>, ImageError> {
-    let field = header.require("ndims", "NDims")?;
-    let want = "3, or up to 10 if all further axes have size 1";
-    let rank = header.integer(field, want)?;
-    if !(3..=MAX_DIMENSION).contains(&rank) {
-        return Err(header.refuse(field, want));
-    }
-    let sizes = header.sizes(header.require("dimsize", "DimSize")?, rank as usize)?;
-    let count = sizes[3..].iter().fold(1u64, |product, &d| product.saturating_mul(d));
-    if count > 1 {
-        let (path, rank) = (header.path.into(), rank as i16);
-        return Err(ImageError::NotThreeDimensional { path, rank, count });
-    }
-    Ok(sizes)
 }
 
 fn affine(header: &TextHeader, rank: usize) -> Result<VoxelAffine, ImageError> {
-    let unit = unit_mm(header)?;
-    let field = match header.get("elementspacing") {
-        Some(field) => field,
-        None => header.require("elementsize", "ElementSpacing (nor ElementSize)")?,
+    let unit = match header.get("DistanceUnits") {
+        Some(field) => field.choice(UNITS, "um, mm or cm")?,
+        None => 1.0,
     };
+    let missing = ImageError::MissingField("ElementSpacing (nor ElementSize)");
+    let field = header.first(&["ElementSpacing", "ElementSize"]).ok_or(missing)?;
     let want = "a finite number > 0 per dimension";
-    let spacings = header.numbers(field, rank, want)?;
+    let spacings: Vec<f64> = field.list(rank, want)?;
     if !spacings[..3].iter().all(|s| *s > 0.0 && s.is_finite()) {
-        return Err(header.refuse(field, want));
+        return Err(field.refuse(want));
     }
     let mut columns = [Vector3::x(), Vector3::y(), Vector3::z()];
-    if let Some(field) = first(header, ["transformmatrix", "orientation", "rotation"]) {
-        let numbers = finite(header, field, rank * rank)?;
-        for (axis, column) in columns.iter_mut().enumerate() {
-            *column = Vector3::from_fn(|i, _| numbers[rank * axis + i]);
-        }
+    if let Some(field) = header.first(&["TransformMatrix", "Orientation", "Rotation"]) {
+        let numbers = finite(field, rank * rank)?;
+        columns = [0, 1, 2].map(|axis| Vector3::from_column_slice(&numbers[rank * axis..][..3]));
     }
     let mut first_centre = Vector3::zeros();
-    if let Some(field) = first(header, ["offset", "position", "origin"]) {
-        let numbers = finite(header, field, rank)?;
-        first_centre = Vector3::from_fn(|i, _| numbers[i]);
+    if let Some(field) = header.first(&["Offset", "Position", "Origin"]) {
+        first_centre = Vector3::from_column_slice(&finite(field, rank)?[..3]);
     }
     // From left, posterior, superior.
     let to_ras = Vector3::new(-unit, -unit, unit);
@@ -145,88 +138,40 @@ fn affine(header: &TextHeader, rank: usize) -> Result<VoxelAffine, ImageError> {
     Ok(VoxelAffine { form: "TransformMatrix", columns, first_centre })
 }
 
-fn unit_mm(header: &TextHeader) -> Result<f64, ImageError> {
-    let Some(field) = header.get("distanceunits") else { return Ok(1.0) };
-    match field.value.to_ascii_lowercase().as_str() {
-        "mm" | "?" => Ok(1.0),
-        "um" => Ok(0.001),
-        "cm" => Ok(10.0),
-        _ => Err(header.refuse(field, "um, mm or cm")),
-    }
-}
-
 fn scale(header: &TextHeader) -> Result<Option<[f64; 2]>, ImageError> {
-    let slope = header.get("elementtointensityfunctionslope");
-    let offset = header.get("elementtointensityfunctionoffset");
-    let number = |field: Option<&TextField>, default| -> Result<f64, ImageError> {
-        field.map_or(Ok(default), |field| Ok(finite(header, field, 1)?[0]))
+    let number = |name: &str, default| -> Result<f64, ImageError> {
+        header.get(name).map_or(Ok(default), |field| Ok(finite(field, 1)?[0]))
     };
-    let scale = [number(slope, 1.0)?, number(offset, 0.0)?];
-    Ok((scale != [1.0, 0.0]).then_some(scale))
+    let slope = number("ElementToIntensityFunctionSlope", 1.0)?;
+    let offset = number("ElementToIntensityFunctionOffset", 0.0)?;
+    Ok((slope != 1.0 || offset != 0.0).then_some([slope, offset]))
 }
 
-/// The first of these fields that is there: they mean the same.
-fn first<'a>(header: &'a TextHeader, keys: [&str; 3]) -> Option<&'a TextField> {
-    keys.into_iter().find_map(|key| header.get(key))
-}
-
-fn finite(header: &TextHeader, field: &TextField, count: usize) -> Result<Vec<f64>, ImageError> {
+fn finite(field: &TextField, count: usize) -> Result<Vec<f64>, ImageError> {
     let want = "finite numbers, as many as the dimensions ask for";
-    let numbers = header.numbers(field, count, want)?;
-    if numbers.iter().all(|x| x.is_finite()) {
-        Ok(numbers)
-    } else {
-        Err(header.refuse(field, want))
-    }
+    let numbers: Vec<f64> = field.list(count, want)?;
+    let finite = numbers.iter().all(|x| x.is_finite());
+    if finite { Ok(numbers) } else { Err(field.refuse(want)) }
 }
 
-fn flag(header: &TextHeader, field: &TextField) -> Result<bool, ImageError> {
-    match field.value.to_ascii_lowercase().as_str() {
-        "true" | "1" => Ok(true),
-        "false" | "0" => Ok(false),
-        _ => Err(header.refuse(field, "True or False")),
-    }
-}
-
-fn voxel_type(header: &TextHeader) -> Result<VoxelType, ImageError> {
-    let field = header.require("elementtype", "ElementType")?;
-    match field.value.to_ascii_uppercase().as_str() {
-        "MET_CHAR" => Ok(VoxelType::I8),
-        "MET_UCHAR" => Ok(VoxelType::U8),
-        "MET_SHORT" => Ok(VoxelType::I16),
-        "MET_USHORT" => Ok(VoxelType::U16),
-        // The format's long has four bytes on every machine.
-        "MET_INT" | "MET_LONG" => Ok(VoxelType::I32),
-        "MET_UINT" | "MET_ULONG" => Ok(VoxelType::U32),
-        "MET_LONG_LONG" => Ok(VoxelType::I64),
-        "MET_ULONG_LONG" => Ok(VoxelType::U64),
-        "MET_FLOAT" => Ok(VoxelType::F32),
-        "MET_DOUBLE" => Ok(VoxelType::F64),
-        _ => Err(header.refuse(field, "a scalar integer type, MET_FLOAT or MET_DOUBLE")),
-    }
+fn flag(field: &TextField) -> Result<bool, ImageError> {
+    field.choice(&[(&["true", "1"], true), (&["false", "0"], false)], "True or False")
 }
 
 fn binary(header: &TextHeader, mut stream: ByteStream, want: u64) -> Result<Vec<u8>, ImageError> {
-    let compressed = match header.get("compresseddata") {
-        Some(field) => flag(header, field)?,
-        None => false,
-    };
-    if let Some(field) = header.get("headersize") {
+    let compressed = header.get("CompressedData").map_or(Ok(false), flag)?;
+    if let Some(field) = header.get("HeaderSize") {
         let text = "a whole number ≥ 0, or -1 where the data are not compressed";
-        match header.integer(field, text)? {
+        match field.parse(text)? {
             -1 if !compressed => stream.skip_to_last(want)?,
-            skipped if skipped >= 0 => stream.skip(skipped as u64, "the HeaderSize")?,
-            _ => return Err(header.refuse(field, text)),
+            skipped @ 0i64.. => stream.skip(skipped as u64, "the HeaderSize")?,
+            _ => return Err(field.refuse(text)),
         }
     }
     if compressed {
-        if let Some(field) = header.get("compresseddatasize") {
-            let text = "a whole number > 0 of bytes";
-            let bytes = u64::try_from(header.integer(field, text)?).unwrap_or(0);
-            if bytes == 0 {
-                return Err(header.refuse(field, text));
-            }
-            stream = stream.limited(bytes);
+        if let Some(field) = header.get("CompressedDataSize") {
+            let bytes: NonZero<u64> = field.parse("a whole number > 0 of bytes")?;
+            stream = stream.limited(bytes.get());
         }
         let gzip = stream.starts_with(&GZIP_MAGIC)?;
         stream = if gzip { stream.inflate_gzip() } else { stream.inflate_zlib() };

@@ -45,4 +45,4 @@ mod raw;
 mod read;
 mod resample;
 pub mod volume;
-mod voxels;
+pub(crate) mod voxels;

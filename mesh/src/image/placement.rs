@@ -1,7 +1,5 @@
 //! Where a file's voxels lie in the scanner, and how to turn them to RAS+.
 
-use std::path::Path;
-
 use nalgebra::{Matrix3, Vector3};
 
 use crate::image::ImageError;
@@ -43,9 +41,9 @@ pub(crate) struct Placement {
 
 impl Placement {
     /// The signed permutation of the axes that comes closest to RAS+.
-    pub fn new(path: &Path, dims: [usize; 3], affine: &VoxelAffine) -> Result<Self, ImageError> {
+    pub fn new(dims: [usize; 3], affine: &VoxelAffine) -> Result<Self, ImageError> {
         let VoxelAffine { form, columns, mut first_centre } = affine.clone();
-        let directions = directions(path, form, columns)?;
+        let directions = directions(form, columns)?;
         let axes = closest_axes(&directions);
         let rotation =
             Matrix3::from_columns(&axes.map(|(axis, backwards)| {
@@ -82,13 +80,8 @@ impl Placement {
 
 /// The orthonormal matrix closest to the unit axes (polar decomposition), after checking that
 /// they are nearly so.
-fn directions(
-    path: &Path,
-    form: &'static str,
-    columns: [Vector3<f64>; 3],
-) -> Result<Matrix3<f64>, ImageError> {
-    let singular =
-        |determinant| ImageError::SingularAffine { path: path.into(), form, determinant };
+fn directions(form: &'static str, columns: [Vector3<f64>; 3]) -> Result<Matrix3<f64>, ImageError> {
+    let singular = |determinant| ImageError::SingularAffine { form, determinant };
     // A zero column has no direction; a huge or tiny one no norm in f64.
     if columns.iter().any(|c| !(c.norm() > 0.0 && c.norm().is_finite())) {
         return Err(singular(0.0));
@@ -102,8 +95,7 @@ fn directions(
     for axes in [[0, 1], [0, 2], [1, 2]] {
         let cosine = unit[axes[0]].dot(&unit[axes[1]]);
         if cosine.abs() > MAX_COSINE {
-            let limit = MAX_COSINE;
-            return Err(ImageError::ShearedAffine { path: path.into(), form, axes, cosine, limit });
+            return Err(ImageError::ShearedAffine { form, axes, cosine, limit: MAX_COSINE });
         }
     }
     let svd = matrix.svd(true, true);

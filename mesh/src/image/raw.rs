@@ -9,6 +9,10 @@ use crate::image::resample::{Interpolation, Resampling, Sampling};
 use crate::image::volume::{Grid, IntensityVolume, LabelVolume};
 use crate::image::voxels::{Sample, Voxels, check_count, each_voxel_type};
 
+const LABEL: &str = "but a label must be an integer (of at most 2^53 where it is a float or \
+                     scaled, 2^63 - 1 else)";
+const INTENSITY: &str = "want a finite number of magnitude below 3.4e38";
+
 /// A stored image that has been checked: as many voxels as the grid has, right-angled axes.
 ///
 /// What every reader makes of its file; make one of your own data to bring it to a grid of
@@ -28,7 +32,7 @@ impl RawVolume {
     /// slope · stored + intercept, or the stored number where it is `None`.
     ///
     /// # Errors
-    /// [`ImageError::Grid`] for an axis without voxels, [`ImageError::TooManyVoxels`] above 2³¹,
+    /// [`ImageError::Parameter`] for an axis without voxels, [`ImageError::TooManyVoxels`] above 2³¹,
     /// [`ImageError::VoxelCount`], [`ImageError::SingularAffine`], [`ImageError::ShearedAffine`]
     /// if two axes are more than 0.06° from a right angle.
     pub fn new(
@@ -39,10 +43,12 @@ impl RawVolume {
         voxels: Voxels,
     ) -> Result<Self, ImageError> {
         if dims.contains(&0) {
-            return Err(ImageError::Grid { field: "dims", value: 0.0, want: "at least 1 voxel" });
+            let (field, want) = ("grid: dims", "at least 1 voxel");
+            return Err(ImageError::Parameter { field, value: 0.0, want });
         }
-        check_count(source, dims.map(|d| d as u64))?;
-        let placement = Placement::new(source, dims, affine)?;
+        let placement = check_count(dims.map(|d| d as u64))
+            .and_then(|_| Placement::new(dims, affine))
+            .map_err(ImageError::in_file(source))?;
         if voxels.count() != dims.iter().product() {
             return Err(ImageError::VoxelCount { found: voxels.count(), dims });
         }
@@ -56,9 +62,9 @@ impl RawVolume {
     /// [`Resampling`] says so. Cost: O(stored + resampled voxels).
     ///
     /// # Errors
-    /// [`ImageError::LabelValue`] for a voxel that is no integer, [`ImageError::TooManyLabels`],
-    /// [`ImageError::ResampledVoxels`], [`ImageError::LengthValue`] for a `spacing_mm` that is
-    /// not finite and positive.
+    /// [`ImageError::VoxelValue`] for a voxel that is no integer, [`ImageError::TooManyLabels`],
+    /// [`ImageError::ResampledVoxels`], [`ImageError::Parameter`] for a `spacing_mm` that is not
+    /// finite and positive.
     pub fn labels(
         self,
         spacing_mm: Option<f64>,
@@ -66,11 +72,11 @@ impl RawVolume {
         let sampling = self.sampling(spacing_mm)?;
         let grid = sampling.grid.clone();
         let volume = each_voxel_type!(&self.voxels, stored => {
-            let label = self.checked_label();
-            for (index, &value) in stored.iter().enumerate() {
-                label(index, value.into())?;
-            }
             let scale = self.scale;
+            for (index, &stored) in stored.iter().enumerate() {
+                let sample = Sample::from(stored).scaled(scale);
+                sample.label().ok_or_else(|| self.wrong(index, sample.value(), LABEL))?;
+            }
             let labels = sampling
                 .nearest_offsets()
                 .map(|at| Sample::from(stored[at]).scaled(scale).label().unwrap_or(0));
@@ -86,8 +92,8 @@ impl RawVolume {
     /// skips voxels: blur first ([`crate::image::gaussian_blur`]).
     ///
     /// # Errors
-    /// [`ImageError::IntensityValue`] for a voxel that is NaN, infinite or beyond f32,
-    /// [`ImageError::ResampledVoxels`], [`ImageError::LengthValue`].
+    /// [`ImageError::VoxelValue`] for a voxel that is NaN, infinite or beyond f32,
+    /// [`ImageError::ResampledVoxels`], [`ImageError::Parameter`].
     pub fn intensities(
         self,
         spacing_mm: Option<f64>,
@@ -102,24 +108,13 @@ impl RawVolume {
     /// The grid that [`Self::labels`] and [`Self::intensities`] give.
     ///
     /// # Errors
-    /// [`ImageError::ResampledVoxels`], [`ImageError::LengthValue`].
+    /// [`ImageError::ResampledVoxels`], [`ImageError::Parameter`].
     pub fn grid(&self, spacing_mm: Option<f64>) -> Result<Grid, ImageError> {
         Ok(self.sampling(spacing_mm)?.grid)
     }
 
     fn sampling(&self, spacing_mm: Option<f64>) -> Result<Sampling, ImageError> {
-        Sampling::new(&self.source, &self.placement, spacing_mm)
-    }
-
-    fn checked_label(&self) -> impl Fn(usize, Sample) -> Result<i64, ImageError> {
-        |index, sample| {
-            let sample = sample.scaled(self.scale);
-            sample.label().ok_or_else(|| ImageError::LabelValue {
-                path: self.source.clone(),
-                voxel: self.voxel(index),
-                value: sample.value(),
-            })
-        }
+        Sampling::new(&self.placement, spacing_mm).map_err(ImageError::in_file(&self.source))
     }
 
     fn finite<T: Copy + Into<Sample>>(&self, stored: &[T]) -> Result<Vec<f32>, ImageError> {
@@ -127,16 +122,16 @@ impl RawVolume {
         for (index, &stored) in stored.iter().enumerate() {
             let value = stored.into().scaled(self.scale).value();
             if !(value as f32).is_finite() {
-                let (path, voxel) = (self.source.clone(), self.voxel(index));
-                return Err(ImageError::IntensityValue { path, voxel, value });
+                return Err(self.wrong(index, value, INTENSITY));
             }
             values.push(value as f32);
         }
         Ok(values)
     }
 
-    fn voxel(&self, index: usize) -> [usize; 3] {
+    fn wrong(&self, index: usize, value: f64, want: &'static str) -> ImageError {
         let [nx, ny, _] = self.placement.file_dims;
-        [index % nx, index / nx % ny, index / (nx * ny)]
+        let voxel = [index % nx, index / nx % ny, index / (nx * ny)];
+        ImageError::in_file(&self.source)(ImageError::VoxelValue { voxel, value, want })
     }
 }

@@ -122,12 +122,9 @@ impl Format {
         if start.get(128..132) == Some(b"DICM") {
             return Some(Self::Dicom);
         }
-        let first_key: Vec<u8> =
-            start.split(|&byte| byte == b'=').next().unwrap_or_default().trim_ascii().into();
-        [&b"ObjectType"[..], b"NDims"]
-            .iter()
-            .any(|key| first_key.eq_ignore_ascii_case(key))
-            .then_some(Self::MetaImage)
+        let first_key = start.split(|&byte| byte == b'=').next().unwrap_or_default().trim_ascii();
+        let keys: [&[u8]; 2] = [b"ObjectType", b"NDims"];
+        keys.iter().any(|key| first_key.eq_ignore_ascii_case(key)).then_some(Self::MetaImage)
     }
 
     fn of_name(path: &Path) -> Option<Self> {
@@ -143,44 +140,41 @@ impl Format {
 }
 
 fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), ImageError> {
-    // The only format that keeps an image in a directory.
-    #[cfg(feature = "dicom")]
-    if path.is_dir() {
-        return Ok((Format::Dicom.names().0, super::dicom::read_dicom(path)?));
-    }
-    let start = start_of(path)?;
-    let Some(format) = Format::of_content(&start).or_else(|| Format::of_name(path)) else {
-        let start = start[..start.len().min(16)].escape_ascii().to_string();
-        return Err(ImageError::UnknownFormat { path: path.into(), start });
-    };
+    let format = format_of(path).map_err(ImageError::in_file(path))?;
     let (name, feature) = format.names();
-    match format {
+    let raw = match format {
         #[cfg(feature = "nifti")]
-        Format::Nifti => Ok((name, super::nifti::read_nifti(path)?)),
+        Format::Nifti => super::nifti::read_nifti(path),
         #[cfg(feature = "nrrd")]
-        Format::Nrrd => Ok((name, super::nrrd::read_nrrd(path)?)),
+        Format::Nrrd => super::nrrd::read_nrrd(path),
         #[cfg(feature = "metaimage")]
-        Format::MetaImage => Ok((name, super::metaimage::read_metaimage(path)?)),
+        Format::MetaImage => super::metaimage::read_metaimage(path),
         #[cfg(feature = "dicom")]
-        Format::Dicom => Ok((name, super::dicom::read_dicom(path)?)),
+        Format::Dicom => super::dicom::read_dicom(path),
         // Formats whose reader this build leaves out.
         #[allow(unreachable_patterns)] // Where all are built in.
-        _ => Err(ImageError::FormatNotBuilt { path: path.into(), format: name, feature }),
-    }
+        _ => Err(ImageError::in_file(path)(ImageError::FormatNotBuilt { format: name, feature })),
+    };
+    Ok((name, raw?))
 }
 
-fn start_of(path: &Path) -> Result<Vec<u8>, ImageError> {
-    let io_error = |source| ImageError::Io { path: path.into(), source };
-    let metadata = std::fs::metadata(path).map_err(io_error)?;
+fn format_of(path: &Path) -> Result<Format, ImageError> {
+    let metadata = std::fs::metadata(path)?;
+    // The only format that keeps an image in a directory.
+    if cfg!(feature = "dicom") && metadata.is_dir() {
+        return Ok(Format::Dicom);
+    }
     if !metadata.is_file() {
         let found = if metadata.is_dir() { "a directory" } else { "no regular file" };
-        return Err(ImageError::NotAFile { path: path.into(), found });
+        return Err(ImageError::NotAFile(found));
     }
     let mut start = Vec::new();
-    let file = File::open(path).map_err(io_error)?;
-    file.take(START_BYTES).read_to_end(&mut start).map_err(io_error)?;
+    File::open(path)?.take(START_BYTES).read_to_end(&mut start)?;
     if start.is_empty() {
-        return Err(ImageError::EmptyFile { path: path.into() });
+        return Err(ImageError::EmptyFile);
     }
-    Ok(start)
+    Format::of_content(&start).or_else(|| Format::of_name(path)).ok_or_else(|| {
+        let start = &start[..start.len().min(16)];
+        ImageError::UnknownFormat(start.escape_ascii().to_string())
+    })
 }

@@ -3,7 +3,6 @@
 //! The bisection's bounds on the shape of tetrahedra hold for cubes alone.
 
 use std::fmt;
-use std::path::Path;
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -70,26 +69,26 @@ struct AxisSamples {
     low: Vec<usize>,
     high: Vec<usize>,
     weight: Vec<f64>,
+    /// The closer of the two.
+    nearest: Vec<usize>,
 }
 
 impl AxisSamples {
     /// Sample t lies at (t + ½)·step − ½ + shift in units of stored voxels, clamped to centres.
     fn new(placement: &Placement, axis: usize, count: usize, step: f64, shift: f64) -> Self {
         let last = placement.dims[axis] - 1;
-        let mut samples = Self { low: vec![], high: vec![], weight: vec![] };
+        let mut samples = Self { low: vec![], high: vec![], weight: vec![], nearest: vec![] };
         for t in 0..count {
             let at = ((t as f64 + 0.5) * step - 0.5 + shift).clamp(0.0, last as f64);
             let low = at.floor() as usize;
-            samples.low.push(placement.file_offset(axis, low));
-            samples.high.push(placement.file_offset(axis, (low + 1).min(last)));
-            samples.weight.push(at - low as f64);
+            let weight = at - low as f64;
+            let ends = [low, (low + 1).min(last)].map(|i| placement.file_offset(axis, i));
+            samples.low.push(ends[0]);
+            samples.high.push(ends[1]);
+            samples.nearest.push(ends[usize::from(weight >= 0.5)]);
+            samples.weight.push(weight);
         }
         samples
-    }
-
-    fn nearest(&self) -> Vec<usize> {
-        let pick = |i: usize| if self.weight[i] < 0.5 { self.low[i] } else { self.high[i] };
-        (0..self.weight.len()).map(pick).collect()
     }
 }
 
@@ -97,7 +96,6 @@ impl AxisSamples {
 pub(crate) struct Sampling {
     pub grid: Grid,
     axes: [AxisSamples; 3],
-    nearest: [Vec<usize>; 3],
     in_file_order: bool,
     resampled: Option<([usize; 3], [f64; 3])>,
 }
@@ -105,13 +103,13 @@ pub(crate) struct Sampling {
 impl Sampling {
     /// The stored grid where its voxels are cubes (of `asked_mm`), else the grid of cubes that
     /// has the same middle and along each axis the closest length.
-    pub fn new(path: &Path, from: &Placement, asked_mm: Option<f64>) -> Result<Self, ImageError> {
+    pub fn new(from: &Placement, asked_mm: Option<f64>) -> Result<Self, ImageError> {
         let smallest = from.spacing_mm.iter().copied().fold(f64::MAX, f64::min);
         let largest = from.spacing_mm.iter().copied().fold(f64::MIN, f64::max);
         let (to_mm, kept) = match asked_mm {
             Some(asked) if !(asked > 0.0 && asked.is_finite()) => {
-                let (field, want) = ("the spacing asked for", "finite and > 0");
-                return Err(ImageError::LengthValue { field, value: asked, want });
+                let (field, want) = ("the spacing asked for", "finite and > 0 mm");
+                return Err(ImageError::Parameter { field, value: asked, want });
             }
             Some(asked) => {
                 (asked, from.spacing_mm.iter().all(|s| (s / asked - 1.0).abs() <= SAME_SPACING))
@@ -122,7 +120,7 @@ impl Sampling {
             }
             None => (smallest, false),
         };
-        let dims = if kept { from.dims } else { cubes(path, from, to_mm)? };
+        let dims = if kept { from.dims } else { cubes(from, to_mm)? };
         let axes = [0, 1, 2].map(|axis| {
             let ratio = if kept { 1.0 } else { to_mm / from.spacing_mm[axis] };
             let shift = 0.5 * (from.dims[axis] as f64 - dims[axis] as f64 * ratio);
@@ -139,15 +137,14 @@ impl Sampling {
         };
         let origin_mm = from.first_centre - from.rotation * half_mm;
         let grid = Grid { dims, spacing_mm: to_mm, rotation: from.rotation, origin_mm };
-        let nearest = [axes[0].nearest(), axes[1].nearest(), axes[2].nearest()];
         let in_file_order = kept && from.in_file_order();
         let resampled = (!kept).then_some((from.dims, from.spacing_mm));
-        Ok(Self { grid, axes, nearest, in_file_order, resampled })
+        Ok(Self { grid, axes, in_file_order, resampled })
     }
 
     /// File offset of the closest stored voxel, for all voxels of the grid, x fastest.
     pub fn nearest_offsets(&self) -> impl Iterator<Item = usize> + Clone {
-        let [x, y, z] = &self.nearest;
+        let [x, y, z] = self.axes.each_ref().map(|axis| &axis.nearest);
         z.iter().flat_map(move |k| {
             y.iter().flat_map(move |j| {
                 let row = j + k;
@@ -198,15 +195,15 @@ impl Sampling {
 }
 
 /// How many cubes come closest to the stored lengths, at least one along each axis.
-fn cubes(path: &Path, from: &Placement, to_mm: f64) -> Result<[usize; 3], ImageError> {
+fn cubes(from: &Placement, to_mm: f64) -> Result<[usize; 3], ImageError> {
     let counts =
         [0, 1, 2].map(|axis| (from.dims[axis] as f64 * from.spacing_mm[axis] / to_mm).round());
     let voxels: f64 = counts.iter().map(|count| count.max(1.0)).product();
     let stored: u64 = from.dims.iter().map(|&d| d as u64).product();
     let limit = MAX_VOXELS.min(stored.saturating_mul(MAX_GROWTH));
     if voxels.is_nan() || voxels > limit as f64 {
-        let (path, from_mm) = (path.into(), from.spacing_mm);
-        return Err(ImageError::ResampledVoxels { path, from_mm, to_mm, voxels, limit });
+        let from_mm = from.spacing_mm;
+        return Err(ImageError::ResampledVoxels { from_mm, to_mm, voxels, limit });
     }
     Ok(counts.map(|count| (count as usize).max(1)))
 }

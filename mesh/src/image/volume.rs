@@ -55,27 +55,24 @@ impl Grid {
     }
 
     fn check(&self, values: usize) -> Result<(), ImageError> {
+        let wrong = |field, value, want| Err(ImageError::Parameter { field, value, want });
         if self.dims.contains(&0) {
-            return Err(ImageError::Grid { field: "dims", value: 0.0, want: "at least 1 voxel" });
+            return wrong("grid: dims", 0.0, "at least 1 voxel");
         }
         // Negated comparisons, so that NaN fails too.
         if !(self.spacing_mm > 0.0 && self.spacing_mm.is_finite()) {
-            let value = self.spacing_mm;
-            return Err(ImageError::Grid { field: "spacing_mm", value, want: "finite and > 0" });
+            return wrong("grid: spacing_mm", self.spacing_mm, "finite and > 0");
         }
         if let Some(&value) = self.origin_mm.iter().find(|v| !v.is_finite()) {
-            return Err(ImageError::Grid { field: "origin_mm", value, want: "finite" });
+            return wrong("grid: origin_mm", value, "finite");
         }
         let deviation = self.rotation.transpose() * self.rotation - Matrix3::identity();
-        if let Some(&value) = deviation.iter().find(|d| d.is_nan() || d.abs() > ROTATION_TOLERANCE)
-        {
-            let field = "RᵀR - 1 of the rotation";
-            return Err(ImageError::Grid { field, value, want: "at most 1e-6" });
+        if let Some(&value) = deviation.iter().find(|d| !(d.abs() <= ROTATION_TOLERANCE)) {
+            return wrong("grid: RᵀR - 1 of the rotation", value, "at most 1e-6");
         }
-        let value = self.rotation.determinant();
-        if value < 0.0 {
-            let field = "determinant of the rotation";
-            return Err(ImageError::Grid { field, value, want: "+1" });
+        let determinant = self.rotation.determinant();
+        if determinant < 0.0 {
+            return wrong("grid: determinant of the rotation", determinant, "+1");
         }
         if self.voxel_count() != Some(values) {
             return Err(ImageError::VoxelCount { found: values, dims: self.dims });
@@ -98,7 +95,7 @@ impl LabelVolume {
     /// A volume from dense ids (x fastest) and the table id → label (0, then ascending).
     ///
     /// # Errors
-    /// [`ImageError::Grid`], [`ImageError::VoxelCount`], [`ImageError::TooManyLabels`] above
+    /// [`ImageError::Parameter`], [`ImageError::VoxelCount`], [`ImageError::TooManyLabels`] above
     /// [`MAX_LABELS`], [`ImageError::LabelTable`] if the table is not 0 followed by ascending
     /// labels, [`ImageError::UnknownId`] if a voxel has an id beyond the table.
     pub fn new(grid: Grid, labels: Vec<u16>, values: Vec<i64>) -> Result<Self, ImageError> {
@@ -130,7 +127,7 @@ impl LabelVolume {
     /// neighbours are mostly alike.
     ///
     /// # Errors
-    /// [`ImageError::Grid`], [`ImageError::VoxelCount`], [`ImageError::TooManyLabels`].
+    /// [`ImageError::Parameter`], [`ImageError::VoxelCount`], [`ImageError::TooManyLabels`].
     pub fn from_original<I>(grid: Grid, original: I) -> Result<Self, ImageError>
     where
         I: Iterator<Item = i64> + Clone,
@@ -233,7 +230,7 @@ impl IntensityVolume {
     /// A volume from one finite value per voxel, x fastest.
     ///
     /// # Errors
-    /// [`ImageError::Grid`], [`ImageError::VoxelCount`], [`ImageError::NotFinite`].
+    /// [`ImageError::Parameter`], [`ImageError::VoxelCount`], [`ImageError::NotFinite`].
     pub fn new(grid: Grid, values: Vec<f32>) -> Result<Self, ImageError> {
         grid.check(values.len())?;
         if let Some(index) = values.iter().position(|v| !v.is_finite()) {
@@ -277,22 +274,15 @@ mod tests {
 
     #[test]
     fn as_many_labels_as_ids_and_not_one_more() {
-        let most = MAX_LABELS as i64;
-        for (labels, fits) in [(most, true), (most + 1, false)] {
-            let grid = Grid::centred([labels as usize + 1, 1, 1], 1.0);
-            let made = LabelVolume::from_original(grid, 0..=labels);
-            match made {
-                Ok(volume) => {
-                    assert!(fits);
-                    assert_eq!(volume.get(MAX_LABELS, 0, 0), u16::MAX);
-                    assert_eq!(volume.values()[MAX_LABELS], most);
-                }
-                Err(error) => {
-                    assert!(!fits);
-                    assert!(matches!(error, ImageError::TooManyLabels { limit: 65535, .. }));
-                }
-            }
-        }
+        let labelled = |last: usize| {
+            let grid = Grid::centred([last + 1, 1, 1], 1.0);
+            LabelVolume::from_original(grid, 0..=last as i64)
+        };
+        let volume = labelled(MAX_LABELS).unwrap();
+        assert_eq!(volume.get(MAX_LABELS, 0, 0), u16::MAX);
+        assert_eq!(volume.values()[MAX_LABELS], MAX_LABELS as i64);
+        let error = labelled(MAX_LABELS + 1).unwrap_err();
+        assert!(matches!(error, ImageError::TooManyLabels { limit: 65535, .. }));
     }
 
     #[test]
@@ -326,16 +316,22 @@ mod tests {
         let refused = |grid: Grid| LabelVolume::new(grid, vec![0, 1], vec![0, 1]).unwrap_err();
         for spacing_mm in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let error = refused(Grid { spacing_mm, ..grid() });
-            assert!(matches!(error, ImageError::Grid { field: "spacing_mm", .. }), "{error}");
+            assert!(
+                matches!(error, ImageError::Parameter { field: "grid: spacing_mm", .. }),
+                "{error}"
+            );
         }
         let origin_mm = Vector3::new(0.0, f64::NAN, 0.0);
-        assert!(matches!(refused(Grid { origin_mm, ..grid() }), ImageError::Grid { .. }));
+        assert!(matches!(refused(Grid { origin_mm, ..grid() }), ImageError::Parameter { .. }));
         for rotation in [Matrix3::zeros(), Matrix3::repeat(f64::NAN), -Matrix3::identity()] {
-            assert!(matches!(refused(Grid { rotation, ..grid() }), ImageError::Grid { .. }));
+            assert!(matches!(refused(Grid { rotation, ..grid() }), ImageError::Parameter { .. }));
         }
         let huge = [usize::MAX, 2, 1];
         assert!(matches!(refused(Grid { dims: huge, ..grid() }), ImageError::VoxelCount { .. }));
-        assert!(matches!(refused(Grid { dims: [0, 1, 1], ..grid() }), ImageError::Grid { .. }));
+        assert!(matches!(
+            refused(Grid { dims: [0, 1, 1], ..grid() }),
+            ImageError::Parameter { .. }
+        ));
         for values in [vec![], vec![1], vec![0, 2, 2], vec![0, 3, 1], vec![0, -1, 0]] {
             let error = LabelVolume::new(grid(), vec![0, 0], values).unwrap_err();
             assert!(matches!(error, ImageError::LabelTable { .. }), "{error}");

@@ -86,11 +86,10 @@ macro_rules! voxel_types {
 voxel_types!(U8 u8 I8 i8 U16 u16 I16 i16 U32 u32 I32 i32 U64 u64 I64 i64 F32 f32 F64 f64);
 
 /// The number of voxels, unless it is more than can be handled.
-pub(crate) fn check_count(path: &Path, dims: [u64; 3]) -> Result<u64, ImageError> {
+pub(crate) fn check_count(dims: [u64; 3]) -> Result<u64, ImageError> {
     let voxels = dims.iter().fold(1u64, |product, &d| product.saturating_mul(d));
     if voxels > MAX_VOXELS {
-        let limit = MAX_VOXELS;
-        return Err(ImageError::TooManyVoxels { path: path.into(), dims, voxels, limit });
+        return Err(ImageError::TooManyVoxels { dims, voxels, limit: MAX_VOXELS });
     }
     Ok(voxels)
 }
@@ -112,7 +111,7 @@ fn parse_words<T: std::str::FromStr>(
             Some(value) => voxels.push(value),
             None => {
                 let value = String::from_utf8_lossy(word).chars().take(80).collect();
-                return Err(ImageError::TextVoxel { path: path.into(), index, value, want });
+                return Err(ImageError::TextVoxel { index, value, want });
             }
         }
     }

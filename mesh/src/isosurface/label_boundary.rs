@@ -2,6 +2,7 @@
 
 use super::error::SurfaceError;
 use super::label_field::label_box;
+use crate::bisection::kuhn::extent;
 use crate::bisection::{BisectionForest, Tet};
 use crate::image::volume::LabelVolume;
 
@@ -63,10 +64,8 @@ impl LabelBoundary {
             i64::from(self.sums[self.index(at)])
         };
         // Each low side taken subtracts once.
-        let sum: i64 = (0..8)
-            .map(|bits| if (bits as u32).count_ones() % 2 == 1 { 1 } else { -1 } * corner(bits))
-            .sum();
-        sum as u64
+        let sign = |bits: usize| if bits.count_ones() % 2 == 1 { 1 } else { -1 };
+        (0..8).map(|bits| sign(bits) * corner(bits)).sum::<i64>() as u64
     }
 
     /// True where the bounding box of `tet`, widened by `margin` voxels, holds voxels of the
@@ -75,21 +74,13 @@ impl LabelBoundary {
         let grid = forest.tree().grid();
         let scale = grid.voxels_per_cell as f64 / f64::from(forest.domain().lattice().units);
         let corners = tet.vertices.map(|v| forest.point(v));
-        let side = |axis: usize, high: bool| {
-            let along = corners.map(|p| p[axis]);
+        let sides = [0, 1, 2].map(|axis| {
             let first = grid.first_voxel[axis] as f64;
-            if high {
-                let last = along.iter().max().copied().unwrap_or(0);
-                (first + scale * f64::from(last) + margin).ceil() as i64
-            } else {
-                let least = along.iter().min().copied().unwrap_or(0);
-                (first + scale * f64::from(least) - margin).floor() as i64
-            }
-        };
-        let low: [i64; 3] = std::array::from_fn(|axis| side(axis, false));
-        let high: [i64; 3] = std::array::from_fn(|axis| side(axis, true));
-        let all: u64 = (0..3).map(|i| (high[i] - low[i]) as u64).product();
-        let count = self.count(low, high);
+            let [low, high] = extent(&corners, axis).map(|c| first + scale * f64::from(c));
+            [(low - margin).floor() as i64, (high + margin).ceil() as i64]
+        });
+        let all: u64 = sides.iter().map(|[low, high]| (high - low) as u64).product();
+        let count = self.count(sides.map(|[low, _]| low), sides.map(|[_, high]| high));
         count > 0 && count < all
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::error::SurfaceError;
 use super::surface::IsoSurface;
-use crate::union_find::root;
+use crate::union_find::groups;
 
 impl IsoSurface {
     /// Area, Σ |(b − a) × (c − a)| / 2, in the squared unit of `points`.
@@ -72,17 +72,7 @@ impl IsoSurface {
 
     /// Number of pieces that share no vertex. Cost: O(n log n).
     pub fn component_count(&self) -> usize {
-        let mut parent: Vec<u32> = (0..self.vertices.len() as u32).collect();
-        let mut count = parent.len();
-        for &[a, b, c] in &self.triangles {
-            for (one, other) in [(a, b), (b, c)] {
-                let (one, other) = (root(&mut parent, one), root(&mut parent, other));
-                if one != other {
-                    parent[one.max(other) as usize] = one.min(other);
-                    count -= 1;
-                }
-            }
-        }
-        count
+        let pairs = self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]]);
+        groups(self.vertices.len(), pairs).len()
     }
 }

@@ -31,18 +31,14 @@ pub fn write_ply(
     encoding: PlyEncoding,
 ) -> Result<(), SurfaceError> {
     data.check()?;
-    let largest = data.points_mm.len() as i64 - 1;
-    if let Some(value) = beyond_i32([largest].iter()) {
-        let want = "at most 2^31";
-        return Err(SurfaceError::IsoSurface {
-            field: "number of points",
-            value: value + 1.0,
-            want,
-        });
+    let wrong = |field, value, want| Err(SurfaceError::IsoSurface { field, value, want });
+    if data.points_mm.len() > 1 << 31 {
+        return wrong("number of points", data.points_mm.len() as f64, "at most 2^31");
     }
-    if let Some(value) = beyond_i32(data.label.unwrap_or(&[]).iter()) {
+    let labels = data.label.unwrap_or_default();
+    if let Some(&label) = labels.iter().find(|&&label| i32::try_from(label).is_err()) {
         let want = "a 32-bit integer in a PLY file; write a VTP file instead";
-        return Err(SurfaceError::IsoSurface { field: "label", value, want });
+        return wrong("label", label as f64, want);
     }
     let mut bytes = header(data, encoding).into_bytes();
     match encoding {
@@ -52,36 +48,24 @@ pub fn write_ply(
     replace(path, &bytes)
 }
 
-fn beyond_i32<'a>(mut values: impl Iterator<Item = &'a i64>) -> Option<f64> {
-    values.find(|&&value| i32::try_from(value).is_err()).map(|&value| value as f64)
-}
-
 fn header(data: &SurfaceData<'_>, encoding: PlyEncoding) -> String {
     let format = match encoding {
         PlyEncoding::Ascii => "ascii",
         PlyEncoding::BinaryLittleEndian => "binary_little_endian",
     };
-    let mut header = format!(
-        "ply\nformat {format} 1.0\ncomment scanner RAS, mm\nelement vertex {}\n",
-        data.points_mm.len()
-    );
-    for axis in ["x", "y", "z"] {
-        header += &format!("property double {axis}\n");
-    }
-    if data.displacement_mm.is_some() {
+    let (points, faces) = (data.points_mm.len(), data.triangles.len());
+    let mut header =
+        format!("ply\nformat {format} 1.0\ncomment scanner RAS, mm\nelement vertex {points}\n");
+    let prefixes = if data.displacement_mm.is_some() { &["", "displacement_"][..] } else { &[""] };
+    for prefix in prefixes {
         for axis in ["x", "y", "z"] {
-            header += &format!("property double displacement_{axis}\n");
+            header += &format!("property double {prefix}{axis}\n");
         }
     }
     if data.label.is_some() {
         header += "property int label\n";
     }
-    header
-        + &format!(
-            "element face {}\nproperty list uchar int vertex_indices\n",
-            data.triangles.len()
-        )
-        + "end_header\n"
+    header + &format!("element face {faces}\nproperty list uchar int vertex_indices\nend_header\n")
 }
 
 /// The real numbers of a point, in the order of the header.

@@ -113,11 +113,9 @@ impl IsoSurface {
         let cut = Cut::new(field, options)?;
         let mut turned = Vec::new();
         for (index, tet) in tets.iter().enumerate() {
-            for v in tet {
-                check_finite("field", v.index(), *entry("field", field, *v)?)?;
-                for &coordinate in entry("positions", positions, *v)? {
-                    check_finite("positions", v.index(), coordinate)?;
-                }
+            for &v in tet {
+                check_finite("field", v.index(), *entry("field", field, v)?)?;
+                position(positions, v)?;
             }
             let volume = signed_volume(&tet.map(|v| positions[v.index()]));
             if volume == 0.0 || !volume.is_finite() {
@@ -137,18 +135,17 @@ impl IsoSurface {
     /// [`SurfaceError::EntryCount`] if a vertex has no entry, [`SurfaceError::EntryNotFinite`] if one
     /// is not finite.
     pub fn positions(&self, x: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, SurfaceError> {
-        let mut positions = Vec::with_capacity(self.vertices.len());
-        for SurfaceVertex { edge: [a, b], t } in &self.vertices {
-            let position = (1.0 - t) * entry("positions", x, *a)? + *t * entry("positions", x, *b)?;
-            for v in [a, b] {
-                for &coordinate in &x[v.index()] {
-                    check_finite("positions", v.index(), coordinate)?;
-                }
-            }
-            positions.push(position);
-        }
-        Ok(positions)
+        let place = |&SurfaceVertex { edge: [a, b], t }: &SurfaceVertex| {
+            Ok((1.0 - t) * position(x, a)? + t * position(x, b)?)
+        };
+        self.vertices.iter().map(place).collect()
     }
+}
+
+fn position(positions: &[Vector3<f64>], v: VertexId) -> Result<Vector3<f64>, SurfaceError> {
+    let position = *entry("positions", positions, v)?;
+    position.iter().try_for_each(|&x| check_finite("positions", v.index(), x))?;
+    Ok(position)
 }
 
 fn entry<'a, T>(what: &'static str, list: &'a [T], v: VertexId) -> Result<&'a T, SurfaceError> {
@@ -179,11 +176,8 @@ impl<'a> Cut<'a> {
     fn new(field: &'a [f64], options: SurfaceOptions) -> Result<Self, SurfaceError> {
         let value = options.level;
         if !value.is_finite() {
-            return Err(SurfaceError::IsoSurface {
-                field: "level",
-                value,
-                want: "a finite number",
-            });
+            let (field, want) = ("level", "a finite number");
+            return Err(SurfaceError::IsoSurface { field, value, want });
         }
         Ok(Self { field, options })
     }

@@ -24,7 +24,7 @@ const TUMOUR_RADIUS: f64 = 0.06;
 /// Cost: O(voxels), in parallel over slices.
 ///
 /// # Errors
-/// [`ImageError::Phantom`] if a size is not finite or out of range.
+/// [`ImageError::Parameter`] if a size is not finite or out of range.
 pub fn liver(size: LiverPhantom) -> Result<LabelVolume, ImageError> {
     size.check()?;
     let grid = size.grid();

@@ -41,14 +41,14 @@ impl Default for LiverPhantom {
 
 impl LiverPhantom {
     pub(super) fn check(&self) -> Result<(), ImageError> {
+        let &Self { length_mm, voxel_mm, .. } = self;
+        let wrong = |field, value, want| Err(ImageError::Parameter { field, value, want });
         // Ranges contain no NaN.
-        if !LENGTHS_MM.contains(&self.length_mm) {
-            let want = "1 to 10000 mm";
-            return Err(ImageError::Phantom { field: "length_mm", value: self.length_mm, want });
+        if !LENGTHS_MM.contains(&length_mm) {
+            return wrong("phantom: length_mm", length_mm, "1 to 10000 mm");
         }
-        if !VOXELS_ACROSS.contains(&(self.length_mm / self.voxel_mm)) {
-            let want = "1/640 to 1/16 of length_mm";
-            return Err(ImageError::Phantom { field: "voxel_mm", value: self.voxel_mm, want });
+        if !VOXELS_ACROSS.contains(&(length_mm / voxel_mm)) {
+            return wrong("phantom: voxel_mm", voxel_mm, "1/640 to 1/16 of length_mm");
         }
         Ok(())
     }

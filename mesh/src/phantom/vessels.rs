@@ -45,7 +45,7 @@ pub struct VesselSegment {
 /// Units: mm, scanner RAS. Cost: O(p log p) for 320 points.
 ///
 /// # Errors
-/// [`ImageError::Phantom`] if a size is not finite or out of range.
+/// [`ImageError::Parameter`] if a size is not finite or out of range.
 /// # Source
 /// Murray, "The physiological principle of minimum work", PNAS 12, 1926.
 pub fn vessel_tree(size: LiverPhantom) -> Result<Vec<VesselSegment>, ImageError> {

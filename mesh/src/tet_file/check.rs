@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::error::TetMeshError;
-use crate::bisection::geometry::signed_volume;
+use crate::bisection::geometry::{edge_lengths, signed_volume};
 
 /// A tetrahedron is degenerate if |V| is at most this part of its longest edge cubed.
 ///
@@ -30,11 +30,7 @@ pub(super) fn lists(
         let (found, want) = (tags.len(), tets.len());
         return Err(TetMeshError::ListLength { what: "tags".into(), found, want });
     }
-    for (index, point) in points.iter().enumerate() {
-        if let Some(&value) = point.iter().find(|c| !c.is_finite()) {
-            return Err(TetMeshError::NotFinite { what: "point".into(), index, value });
-        }
-    }
+    finite(points)?;
     for (tet, corners) in tets.iter().enumerate() {
         if let Some(&corner) = corners.iter().find(|&&c| c as usize >= points.len()) {
             return Err(TetMeshError::CornerOutOfRange { tet, corner, count: points.len() });
@@ -43,6 +39,15 @@ pub(super) fn lists(
             if corners[..i].contains(&corners[i]) {
                 return Err(TetMeshError::RepeatedCorner { tet, corner: corners[i] });
             }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn finite(points: &[Vector3<f64>]) -> Result<(), TetMeshError> {
+    for (index, point) in points.iter().enumerate() {
+        if let Some(&value) = point.iter().find(|c| !c.is_finite()) {
+            return Err(TetMeshError::NotFinite { what: "point".into(), index, value });
         }
     }
     Ok(())
@@ -57,7 +62,7 @@ pub(super) fn rewind(
     for (tet, corners) in tets.iter_mut().enumerate() {
         let x = corners.map(|i| points[i as usize]);
         let volume = signed_volume(&x);
-        let limit = FLATNESS * longest_edge(&x).powi(3);
+        let limit = FLATNESS * edge_lengths(&x).fold(0.0, f64::max).powi(3);
         // NaN, of coordinates so large that they overflow, is refused too.
         if !(volume.abs() > limit) {
             return Err(TetMeshError::DegenerateTet { tet, volume, limit });
@@ -68,16 +73,6 @@ pub(super) fn rewind(
         }
     }
     Ok(rewound)
-}
-
-fn longest_edge(x: &[Vector3<f64>; 4]) -> f64 {
-    let mut longest: f64 = 0.0;
-    for i in 0..4 {
-        for j in i + 1..4 {
-            longest = longest.max((x[i] - x[j]).norm());
-        }
-    }
-    longest
 }
 
 /// Takes out the points that no tetrahedron uses and renumbers the corners.

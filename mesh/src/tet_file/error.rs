@@ -3,165 +3,69 @@
 use std::path::PathBuf;
 
 /// Why a tetrahedral mesh or its file was refused.
+///
+/// Tetrahedra and points go by their position in the list; corners of faces are ascending. Places
+/// in a file are a section and a line or a byte, or an element.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs)] // Of fields: messages and variants say what they are.
 pub enum TetMeshError {
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
     /// A mesh of no tetrahedra.
     #[error("the mesh has no tetrahedra, want at least one")]
     NoTets,
     /// More points or tetrahedra than u32 numbers.
     #[error("{count} {what}, the limit is {limit}")]
-    TooMany {
-        /// `points` or `tets`.
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-        /// The limit.
-        limit: usize,
-    },
+    TooMany { what: &'static str, count: usize, limit: usize },
     /// A list that does not hold one entry for each of another.
     #[error("{what} has {found} values, want {want}")]
-    ListLength {
-        /// The list.
-        what: String,
-        /// Its length.
-        found: usize,
-        /// The length it should have.
-        want: usize,
-    },
+    ListLength { what: String, found: usize, want: usize },
     /// A NaN or an infinity where a number is wanted.
     #[error("{what} {index} has the value {value}, want a finite number")]
-    NotFinite {
-        /// The list.
-        what: String,
-        /// Position in the list.
-        index: usize,
-        /// What stands there.
-        value: f64,
-    },
+    NotFinite { what: String, index: usize, value: f64 },
     /// A tetrahedron with a corner that is no point.
     #[error("tet {tet} has corner {corner}, want a point below {count}")]
-    CornerOutOfRange {
-        /// Position of the tetrahedron.
-        tet: usize,
-        /// The corner.
-        corner: u32,
-        /// Number of points.
-        count: usize,
-    },
+    CornerOutOfRange { tet: usize, corner: u32, count: usize },
     /// A tetrahedron that uses a point twice.
     #[error("tet {tet} uses point {corner} twice, want four different corners")]
-    RepeatedCorner {
-        /// Position of the tetrahedron.
-        tet: usize,
-        /// The point.
-        corner: u32,
-    },
+    RepeatedCorner { tet: usize, corner: u32 },
     /// A flat tetrahedron.
     #[error(
         "tet {tet} is degenerate: volume {volume:.3e} m³, want a magnitude above {limit:.3e} m³ \
          (1e-12 of its longest edge cubed)"
     )]
-    DegenerateTet {
-        /// Position of the tetrahedron.
-        tet: usize,
-        /// Its signed volume, m³.
-        volume: f64,
-        /// The volume that it should exceed, m³.
-        limit: f64,
-    },
+    DegenerateTet { tet: usize, volume: f64, limit: f64 },
     /// A face of three tetrahedra or more.
     #[error("tet {tet}: its face {face:?} belongs to {count} tets, want at most 2")]
-    NonManifoldFace {
-        /// The first of the tetrahedra.
-        tet: usize,
-        /// Corners of the face, ascending.
-        face: [u32; 3],
-        /// Number of tetrahedra.
-        count: usize,
-    },
+    NonManifoldFace { tet: usize, face: [u32; 3], count: usize },
     /// Two tetrahedra on the same side of a face.
     #[error(
         "tets {} and {} lie on the same side of their common face {face:?}: they overlap, \
          or one is a copy of the other", tets[0], tets[1]
     )]
-    OverlappingTets {
-        /// The tetrahedra.
-        tets: [usize; 2],
-        /// Corners of the face, ascending.
-        face: [u32; 3],
-    },
-    /// A length of a file unit that is no length.
-    #[error("unit is {value} m, want a finite length > 0")]
-    LengthUnit {
-        /// What was given, m.
-        value: f64,
-    },
-    /// A mesh file holds a mesh that is refused.
+    OverlappingTets { tets: [usize; 2], face: [u32; 3] },
+    /// A length of a file unit, m, that is no length.
+    #[error("unit is {0} m, want a finite length > 0")]
+    LengthUnit(f64),
+    /// A file, and what is wrong with it or with its mesh.
     #[error("{}: {source}", path.display())]
-    InFile {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with the mesh.
-        source: Box<Self>,
-    },
+    InFile { path: PathBuf, source: Box<Self> },
     /// A place of a mesh file that does not follow its format.
-    #[error("{}: {place}: found {found}, want {want}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Section and line or byte.
-        place: String,
-        /// What stands there.
-        found: String,
-        /// What should stand there.
-        want: String,
-    },
+    #[error("{place}: found {found}, want {want}")]
+    Syntax { place: String, found: String, want: String },
     /// A count of a mesh file for which the file is too short.
     #[error(
-        "{}: {place}: announces {claimed} {what}, but the bytes that are left hold {limit} at most",
-        path.display()
+        "{place}: announces {claimed} {what}, but the bytes that are left hold {limit} at most"
     )]
-    Claim {
-        /// The file.
-        path: PathBuf,
-        /// Section and line or byte.
-        place: String,
-        /// What is counted.
-        what: &'static str,
-        /// The count in the file.
-        claimed: u64,
-        /// The most that fits.
-        limit: u64,
-    },
+    Claim { place: String, what: &'static str, claimed: u64, limit: u64 },
     /// Content of a mesh file that is not handled.
-    #[error("{}: {place}: {found} is not supported; {advice}", path.display())]
-    Unsupported {
-        /// The file.
-        path: PathBuf,
-        /// Section and line or byte.
-        place: String,
-        /// What is not supported.
-        found: String,
-        /// What would do.
-        advice: &'static str,
-    },
+    #[error("{place}: {found} is not supported; {advice}")]
+    Unsupported { place: String, found: String, advice: &'static str },
     /// A material tag or a name that a file format can't hold.
     #[error(
         "material tag {tag} with name {name:?}: want a tag of 0 to 2147483647, and a name of one line"
     )]
-    Tag {
-        /// The tag.
-        tag: i64,
-        /// Its name, if any.
-        name: String,
-    },
+    Tag { tag: i64, name: String },
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::error::TetMeshError;
-use crate::union_find::root;
+use crate::union_find::groups;
 
 /// Corners of the face opposite each corner, counter-clockwise as seen from outside.
 const OUTWARD_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
@@ -74,23 +74,7 @@ pub(super) fn boundary(tets: &[[u32; 4]]) -> Vec<[u32; 3]> {
 
 /// Groups of tetrahedra connected over faces, each ascending, in the order of their first.
 pub(super) fn components(tets: &[[u32; 4]]) -> Vec<Vec<usize>> {
-    let mut parents: Vec<u32> = (0..tets.len() as u32).collect();
-    for pair in sorted(tets).windows(2) {
-        if pair[0].corners == pair[1].corners {
-            let (a, b) = (root(&mut parents, pair[0].tet), root(&mut parents, pair[1].tet));
-            // The smaller one stays root, so that groups come in the order of their first.
-            parents[a.max(b) as usize] = a.min(b);
-        }
-    }
-    let mut numbers = vec![usize::MAX; tets.len()];
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for tet in 0..tets.len() {
-        let root = root(&mut parents, tet as u32) as usize;
-        if numbers[root] == usize::MAX {
-            numbers[root] = groups.len();
-            groups.push(Vec::new());
-        }
-        groups[numbers[root]].push(tet);
-    }
-    groups
+    let faces = sorted(tets);
+    let pairs = faces.windows(2).filter(|pair| pair[0].corners == pair[1].corners);
+    groups(tets.len(), pairs.map(|pair| [pair[0].tet, pair[1].tet]))
 }

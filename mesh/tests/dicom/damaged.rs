@@ -1,14 +1,15 @@
 //! Files whose structure or streams are broken.
 
+use yawara_mesh::ImageError;
 use yawara_mesh::image::{DicomError, read_dicom};
 
 use super::encoders::{jpeg_lossless, rle};
 use super::syntaxes::RAMP;
 use super::writer::*;
-use super::{SMALL, assert_says, error, small, values};
+use super::{SMALL, assert_says, dicom, error, small, values};
 
 /// The error of a file of these bytes.
-fn of(bytes: Vec<u8>) -> DicomError {
+fn of(bytes: Vec<u8>) -> ImageError {
     error(&Folder::new(&[("slice.dcm", bytes)]))
 }
 
@@ -68,7 +69,7 @@ fn every_truncation_of_a_stream_is_an_error() {
 fn elements_beyond_the_end_are_refused_by_place() {
     let whole = small()[0].bytes();
     let cut = of(whole[..whole.len() - 2].to_vec());
-    assert!(matches!(cut, DicomError::Structure { .. }), "{cut}");
+    assert!(matches!(dicom(&cut), DicomError::Structure { .. }), "{cut}");
     assert_says(&cut, &["slice.dcm", "(7FE0,0010)", "8 bytes announced, 6 left"]);
     // A length of 4 GiB.
     let mut forged = whole.clone();
@@ -118,7 +119,7 @@ fn streams_of_another_size_are_refused() {
     let refused = |syntax, stream: Vec<u8>, words: &[&str]| {
         let slices = [0, 1].map(|z| small()[z].clone().fragments(syntax, vec![stream.clone()]));
         let error = error(&Folder::of(&slices));
-        assert!(matches!(error, DicomError::Frame { frame: 1, .. }), "{error}");
+        assert!(matches!(dicom(&error), DicomError::Frame { frame: 1, .. }), "{error}");
         assert_says(&error, words);
     };
     refused(RLE, rle(&[0, 1, 2], 2), &["RLE", "3 pixels in segment 1", "want 4"]);

@@ -27,14 +27,20 @@ fn values(path: &Path) -> Vec<f32> {
 }
 
 /// The error of a directory, which must name it.
-fn error(folder: &Folder) -> DicomError {
+fn error(folder: &Folder) -> ImageError {
     error_at(folder, folder.path())
 }
 
-fn error_at(folder: &Folder, path: &Path) -> DicomError {
+fn error_at(folder: &Folder, path: &Path) -> ImageError {
     let error = mesh_error(folder, path);
-    match error {
-        ImageError::Dicom(error) => *error,
+    dicom(&error);
+    error
+}
+
+/// What the DICOM reader refused.
+fn dicom(error: &ImageError) -> &DicomError {
+    match error.problem() {
+        ImageError::Dicom(error) => error,
         other => panic!("not by the DICOM reader: {other}"),
     }
 }

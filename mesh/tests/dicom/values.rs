@@ -77,7 +77,7 @@ fn values_are_rescaled_to_hounsfield_units() {
     assert_eq!(values(folder.path()), want);
     // 5 · 0.5 − 10 is no label.
     let error = read_labels(folder.path()).unwrap_err();
-    assert!(matches!(error, ImageError::LabelValue { value: -7.5, .. }), "{error}");
+    assert!(matches!(error.problem(), ImageError::VoxelValue { value: -7.5, .. }), "{error}");
     // An intercept alone.
     let slices = small().map(|file| file.text(INTERCEPT, VR::DS, "7"));
     assert_eq!(values(Folder::of(&slices).path()), SMALL.map(|value| value + 7.0));
@@ -91,7 +91,7 @@ fn values_are_rescaled_to_hounsfield_units() {
 fn values_beyond_f32_are_refused() {
     let slices = small().map(|file| file.text(SLOPE, VR::DS, "1e300"));
     let error = read_intensities(Folder::of(&slices).path()).unwrap_err();
-    assert!(matches!(error, ImageError::IntensityValue { .. }), "{error}");
+    assert!(matches!(error.problem(), ImageError::VoxelValue { .. }), "{error}");
 }
 
 #[test]

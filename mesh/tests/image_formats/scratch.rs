@@ -22,7 +22,7 @@ pub fn read_files<T>(
     let result = read(&folder.path().join(files[0].0));
     if let Err(error) = &result {
         let text = error.to_string();
-        let unnamed = matches!(error, ImageError::TooManyLabels { .. });
+        let unnamed = matches!(error.problem(), ImageError::TooManyLabels { .. });
         let folder = folder.path().display().to_string();
         assert!(unnamed || text.contains(&folder), "names no file: {text}");
     }

@@ -108,7 +108,7 @@ pub fn scratch<T>(
     let result = read(&path);
     if let Err(error) = &result {
         let text = error.to_string();
-        let unnamed = matches!(error, ImageError::TooManyLabels { .. });
+        let unnamed = matches!(error.problem(), ImageError::TooManyLabels { .. });
         assert!(unnamed || text.contains("organ.nii"), "names no file: {text}");
     }
     result

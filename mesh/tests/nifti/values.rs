@@ -84,7 +84,7 @@ fn large_integers_stay_exact() {
     assert_eq!(file.labels().unwrap().values(), [0, i64::MIN, odd - 1, odd]);
     file.typed(1280, 64).data =
         [0, 0, u64::MAX, 0].iter().flat_map(|v: &u64| v.to_le_bytes()).collect();
-    assert!(matches!(file.error(), ImageError::LabelValue { voxel: [0, 1, 0], .. }));
+    assert!(matches!(file.error().problem(), ImageError::VoxelValue { voxel: [0, 1, 0], .. }));
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn scaled_labels_must_stay_integers() {
     assert_eq!((volume.values(), volume.labels()), (&[0, -3, 3][..], &[1, 0, 2, 0][..]));
     file.f32(112, 0.5).f32(116, 0.0);
     let error = file.error();
-    assert!(matches!(error, ImageError::LabelValue { voxel: [1, 0, 0], .. }));
+    assert!(matches!(error.problem(), ImageError::VoxelValue { voxel: [1, 0, 0], .. }));
     assert_says(&error, &["(1, 0, 0)", "0.5", "integer"]);
 }
 
@@ -131,6 +131,6 @@ fn trailing_dimensions_of_one_are_fine_others_not() {
     let mut file = File::small();
     file.i16(40, 5).i16(48, 4).i16(50, 3);
     let error = file.error();
-    assert!(matches!(error, ImageError::NotThreeDimensional { rank: 5, count: 12, .. }));
+    assert!(matches!(error.problem(), ImageError::NotThreeDimensional { rank: 5, count: 12, .. }));
     assert_says(&error, &["12 volumes"]);
 }

@@ -47,7 +47,7 @@ impl Motion {
             length_s: scene.time.step_s,
             damping_mass_per_s: dynamics.damping_mass_per_s,
         };
-        integrator.weights(&step)?;
+        integrator.mass_per_s2(&step)?;
         let mass = match dynamics.mass {
             MassModel::Consistent => Mass::Consistent,
             MassModel::Lumped => Mass::Lumped,
@@ -165,13 +165,13 @@ pub(crate) fn formulation(
     motion: Option<&Motion>,
 ) -> Result<Box<dyn ElementFormulation>, SimError> {
     let stiffness = if law.is_linear() { 1.0 } else { law.stiffening(scene.time.step_s) };
-    let inertia = motion.and_then(|motion| motion.integrator.weights(&motion.step));
-    if inertia.is_none() && stiffness == 1.0 {
+    let mass_per_s2 = motion.and_then(|motion| motion.integrator.mass_per_s2(&motion.step));
+    if mass_per_s2.is_none() && stiffness == 1.0 {
         return Ok(formulation_by_name(element)?);
     }
     let mass = motion.map_or_else(Mass::default, |motion| motion.mass);
-    let mass_per_s2 = inertia.map_or(0.0, |inertia| inertia.mass_per_s2);
-    Ok(dynamic_by_name(element, StepWeights::new(mass, mass_per_s2, stiffness)?)?)
+    let weights = StepWeights::new(mass, mass_per_s2.unwrap_or(0.0), stiffness)?;
+    Ok(dynamic_by_name(element, weights)?)
 }
 
 impl BodyState {

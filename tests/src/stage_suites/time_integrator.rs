@@ -21,7 +21,7 @@ fn start() -> VertexMotion {
 fn after_a_second(name: &str, h: f64, alpha: f64, omega: f64, g: f64) -> f64 {
     let (integrator, step) =
         (integrator_by_name(name).unwrap(), TimeStep { length_s: h, damping_mass_per_s: alpha });
-    let c = integrator.weights(&step).unwrap().mass_per_s2;
+    let c = integrator.mass_per_s2(&step).unwrap();
     let at = |x, v| VertexMotion {
         position: Vector3::x() * x,
         velocity: Vector3::x() * v,
@@ -72,11 +72,11 @@ pub fn a_damped_oscillator_is_followed(claim: Claim<'_>) {
     assert_order(claim, exact, |h| after_a_second(claim.0, h, alpha, omega, 0.0));
 }
 
-/// a' + α v' = c (x' − x̃): nothing at x̃, and what `weights` says elsewhere.
+/// a' + α v' = c (x' − x̃): nothing at x̃, and what its c says elsewhere.
 pub fn inertia_and_damping_vanish_at_the_prediction((name, _): Claim<'_>) {
     let (step, start) = (TimeStep { length_s: 0.03, damping_mass_per_s: 5.0 }, start());
     let integrator = integrator_by_name(name).unwrap();
-    let c = integrator.weights(&step).unwrap().mass_per_s2;
+    let c = integrator.mass_per_s2(&step).unwrap();
     let ahead = integrator.predict(&step, &start);
     for off in [Vector3::zeros(), Vector3::new(0.1, 0.0, -0.3)] {
         let end = integrator.finish(&step, &start, ahead + off);
@@ -86,11 +86,11 @@ pub fn inertia_and_damping_vanish_at_the_prediction((name, _): Claim<'_>) {
     }
 }
 
-/// No weights; what is left alone stays, and nothing has a velocity.
+/// No inertia; what is left alone stays, and nothing has a velocity.
 pub fn without_inertia_nothing_moves(name: &str) {
     let (step, start) = (TimeStep { length_s: 0.03, damping_mass_per_s: 5.0 }, start());
     let integrator = integrator_by_name(name).unwrap();
-    assert_eq!(integrator.weights(&step), None);
+    assert_eq!(integrator.mass_per_s2(&step), None);
     assert_eq!(integrator.predict(&step, &start), start.position);
     let end = integrator.finish(&step, &start, Vector3::x());
     assert_eq!((end.position, end.velocity), (Vector3::x(), Vector3::zeros()));

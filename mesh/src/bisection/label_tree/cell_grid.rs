@@ -46,6 +46,12 @@ impl CellGrid {
         }
     }
 
+    /// Coordinates of a linear cell number.
+    pub(super) fn cell_coordinates(&self, cell: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.cells;
+        [cell % nx, cell / nx % ny, cell / (nx * ny)]
+    }
+
     /// The level at which one TYPE0 cube is one voxel: 3k for cubes of 2^k voxels.
     pub fn embed_level(&self) -> u8 {
         3 * self.voxels_per_cell.trailing_zeros() as u8

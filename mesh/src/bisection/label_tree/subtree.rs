@@ -30,8 +30,7 @@ impl CellPart {
             sets: Vec::new(),
             majority: Vec::new(),
         };
-        let [nx, ny, _] = grid.cells;
-        let coordinates = [cell % nx, cell / nx % ny, cell / (nx * ny)];
+        let coordinates = grid.cell_coordinates(cell);
         let units = grid.voxels_per_cell as i32;
         let corner = coordinates.map(|c| c as i32 * units);
         for order in 0..ROOTS_PER_CELL {
@@ -105,8 +104,7 @@ impl Pyramid {
     fn new(volume: &LabelVolume, grid: &CellGrid, cell: usize) -> Self {
         let n = grid.voxels_per_cell;
         let levels = n.trailing_zeros();
-        let [nx, ny, _] = grid.cells;
-        let cell = [cell % nx, cell / nx % ny, cell / (nx * ny)];
+        let cell = grid.cell_coordinates(cell);
         let origin: [i64; 3] = std::array::from_fn(|i| grid.first_voxel[i] + (cell[i] * n) as i64);
         let dims = volume.grid().dims;
         let label_at = |local: [usize; 3]| {

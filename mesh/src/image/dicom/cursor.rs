@@ -1,8 +1,6 @@
 //! The structure of a data set: elements, sequences and items, each length checked against the
 //! bytes that are left before anything is made of it.
 
-use std::path::Path;
-
 use super::error::DicomError;
 use super::tag::named;
 
@@ -60,7 +58,6 @@ pub(super) struct Element<'a> {
 /// A place in the bytes of a file.
 #[derive(Debug, Clone)]
 pub(super) struct Cursor<'a> {
-    pub path: &'a Path,
     /// The file, or the inflated data set.
     pub all: &'a [u8],
     pub at: usize,
@@ -79,17 +76,12 @@ impl<'a> Cursor<'a> {
         self.at >= self.end
     }
 
-    pub fn error(&self, offset: usize, place: &str, found: &str, want: &'static str) -> DicomError {
-        let (path, place, found) = (self.path.into(), place.into(), found.into());
-        DicomError::Structure { path, offset, place, found, want }
-    }
-
     fn take(&mut self, count: usize, tag: Option<u32>) -> Result<&'a [u8], DicomError> {
         let left = self.end - self.at;
         if count > left {
             let place = tag.map_or("an element's head".into(), named);
             let found = format!("{count} bytes announced, {left} left");
-            return Err(self.error(self.at, &place, &found, "no more bytes than are left"));
+            return Err(broken(self.at, place, found, "no more bytes than are left"));
         }
         let bytes = &self.all[self.at..self.at + count];
         self.at += count;
@@ -97,9 +89,8 @@ impl<'a> Cursor<'a> {
     }
 
     fn array<const N: usize>(&mut self, tag: Option<u32>) -> Result<[u8; N], DicomError> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.take(N, tag)?);
-        Ok(array)
+        let bytes = self.take(N, tag)?;
+        Ok(std::array::from_fn(|i| bytes[i]))
     }
 
     fn tag(&mut self) -> Result<u32, DicomError> {
@@ -124,7 +115,7 @@ impl<'a> Cursor<'a> {
         let tag = self.tag()?;
         if tag >> 16 == 0xfffe {
             let want = "an element of a data set";
-            return Err(self.error(offset, &named(tag), "a stray delimiter", want));
+            return Err(broken(offset, named(tag), "a stray delimiter".into(), want));
         }
         let (vr, length) = self.representation(tag)?;
         let (start, delimited) = (self.at, length == UNDEFINED);
@@ -149,8 +140,7 @@ impl<'a> Cursor<'a> {
         let vr: [u8; 2] = self.array(Some(tag))?;
         if !vr.iter().all(u8::is_ascii_uppercase) {
             let found = format!("value representation \"{}\"", vr.escape_ascii());
-            let want = "two capital letters";
-            return Err(self.error(offset, &named(tag), &found, want));
+            return Err(broken(offset, named(tag), found, "two capital letters"));
         }
         if LONG.contains(&&vr) {
             self.take(2, Some(tag))?;
@@ -164,8 +154,7 @@ impl<'a> Cursor<'a> {
     fn pass_items(&mut self, sequence: u32, depth: usize) -> Result<usize, DicomError> {
         if depth > MAX_DEPTH {
             let found = format!("items {depth} deep in one another");
-            let place = named(sequence);
-            return Err(self.error(self.at, &place, &found, "at most 32"));
+            return Err(broken(self.at, named(sequence), found, "at most 32"));
         }
         loop {
             let offset = self.at;
@@ -182,9 +171,8 @@ impl<'a> Cursor<'a> {
         let offset = self.at;
         let tag = self.tag()?;
         if tag != ITEM {
-            let found = named(tag);
             let want = "an item (FFFE,E000) or the end (FFFE,E0DD) of the sequence";
-            return Err(self.error(offset, &named(sequence), &found, want));
+            return Err(broken(offset, named(sequence), named(tag), want));
         }
         let length = self.length(sequence)?;
         let start = self.at;
@@ -200,4 +188,8 @@ impl<'a> Cursor<'a> {
             self.element(depth)?;
         }
     }
+}
+
+fn broken(offset: usize, place: String, found: String, want: &'static str) -> DicomError {
+    DicomError::Structure { offset, place, found, want }
 }

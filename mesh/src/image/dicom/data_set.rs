@@ -1,7 +1,5 @@
 //! The values of a data set's elements.
 
-use std::path::Path;
-
 use super::cursor::{Cursor, Element};
 use super::error::DicomError;
 use super::tag::{PIXELS, Tag};
@@ -27,41 +25,28 @@ impl<'a> DataSet<'a> {
         Ok(Self { cursor, elements })
     }
 
-    pub fn path(&self) -> &'a Path {
-        self.cursor.path
-    }
-
     /// The element, unless it is missing or empty.
     pub fn get(&self, tag: Tag) -> Option<&Element<'a>> {
         self.elements.iter().find(|e| e.tag == tag.number && !e.bytes.is_empty())
     }
 
     pub fn require(&self, tag: Tag) -> Result<&Element<'a>, DicomError> {
-        let missing = || DicomError::MissingTag { path: self.path().into(), tag: tag.to_string() };
-        self.get(tag).ok_or_else(missing)
-    }
-
-    pub fn refuse(&self, tag: Tag, value: impl ToString, want: &'static str) -> DicomError {
-        let (path, value) = (self.path().into(), value.to_string());
-        DicomError::Tag { path, tag: tag.to_string(), value, want }
+        self.get(tag).ok_or_else(|| DicomError::MissingTag(tag.to_string()))
     }
 
     /// The value as text without padding, or "" where there is none; made fit for a message.
     pub fn text(&self, tag: Tag) -> String {
-        let bytes = self.get(tag).map_or(&[][..], |element| element.bytes);
-        shown(bytes)
+        self.get(tag).map_or(String::new(), |element| shown(element.bytes))
     }
 
     /// The one unsigned 16-bit number.
     pub fn u16(&self, tag: Tag) -> Result<Option<u16>, DicomError> {
         let Some(element) = self.get(tag) else { return Ok(None) };
-        match <[u8; 2]>::try_from(element.bytes) {
-            Ok(bytes) => Ok(Some(element.encoding.u16(bytes))),
-            Err(_) => {
-                let value = format!("{} bytes long", element.bytes.len());
-                Err(self.refuse(tag, value, "one unsigned number of 2 bytes"))
-            }
-        }
+        let bytes = <[u8; 2]>::try_from(element.bytes).map_err(|_| {
+            let value = format!("{} bytes long", element.bytes.len());
+            tag.refuse(value, "one unsigned number of 2 bytes")
+        })?;
+        Ok(Some(element.encoding.u16(bytes)))
     }
 
     pub fn required_u16(&self, tag: Tag) -> Result<u16, DicomError> {
@@ -76,19 +61,26 @@ impl<'a> DataSet<'a> {
         want: &'static str,
     ) -> Result<Option<[f64; N]>, DicomError> {
         let Some(element) = self.get(tag) else { return Ok(None) };
-        let refuse = || self.refuse(tag, format!("\"{}\"", shown(element.bytes)), want);
+        let refuse = || tag.refuse(format!("\"{}\"", shown(element.bytes)), want);
         let text = str::from_utf8(element.bytes).map_err(|_| refuse())?;
-        let mut words = text.split('\\');
-        let mut numbers = [0.0; N];
-        for number in &mut numbers {
-            let word = words.next().unwrap_or_default().trim_matches([' ', '\0']);
-            let value: f64 = word.parse().map_err(|_| refuse())?;
-            if !value.is_finite() {
-                return Err(refuse());
-            }
-            *number = value;
-        }
-        if words.next().is_some() { Err(refuse()) } else { Ok(Some(numbers)) }
+        let numbers: Option<Vec<f64>> = text
+            .split('\\')
+            .take(N + 1)
+            .map(|word| word.trim_matches([' ', '\0']).parse().ok())
+            .collect();
+        let numbers = numbers.filter(|numbers| numbers.iter().all(|x| x.is_finite()));
+        let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
+        numbers.map(Some).ok_or_else(refuse)
+    }
+
+    /// As [`Self::numbers`], of an element that must be there.
+    pub fn required<const N: usize>(
+        &self,
+        tag: Tag,
+        want: &'static str,
+    ) -> Result<[f64; N], DicomError> {
+        self.require(tag)?;
+        Ok(self.numbers(tag, want)?.unwrap_or([0.0; N]))
     }
 
     /// The items of a sequence, none where it is missing.

@@ -1,6 +1,6 @@
 //! The frames of a file's pixel data, and the numbers in them.
 
-use super::cursor::{Element, Encoding};
+use super::cursor::Element;
 use super::data_set::DataSet;
 use super::error::DicomError;
 use super::file::Codec;
@@ -17,69 +17,48 @@ const MIN_CLAIM: u64 = 1 << 22;
 const PIXELS_PER_BYTE: u64 = 4096;
 
 /// The stored frames of a file.
-pub(super) enum Frames<'a> {
-    Raw { bytes: &'a [u8], encoding: Encoding, swapped: bool },
-    Compressed { codec: Codec, fragments: Vec<Vec<&'a [u8]>> },
+pub(super) struct Frames<'a> {
+    codec: Codec,
+    pixels: Element<'a>,
+    /// Of each frame, where they are compressed.
+    fragments: Vec<Vec<&'a [u8]>>,
 }
 
 impl<'a> Frames<'a> {
     /// The frames of an image whose header was checked.
     pub fn of(data: &DataSet<'a>, codec: Codec, count: usize) -> Result<Self, DicomError> {
-        let pixels = data.require(PIXELS)?;
-        if codec != Codec::Raw {
-            return Ok(Self::Compressed { codec, fragments: fragments(data, count, pixels)? });
-        }
-        // Bytes of pixels stand in words of two, in big endian the second one first.
-        let swapped = pixels.encoding.big_endian && &pixels.vr == b"OW";
-        Ok(Self::Raw { bytes: pixels.bytes, encoding: pixels.encoding, swapped })
+        let pixels = *data.require(PIXELS)?;
+        let fragments = if codec == Codec::Raw { vec![] } else { fragments(data, count, &pixels)? };
+        Ok(Self { codec, pixels, fragments })
     }
 
     /// Decodes one frame, counted from 0.
-    pub fn decode(
-        &self,
-        data: &DataSet,
-        format: &Format,
-        frame: usize,
-    ) -> Result<Cells, DicomError> {
-        let (codec, fragments) = match self {
-            Self::Raw { bytes, encoding, swapped } => {
-                let bytes = Raw { bytes, encoding: *encoding, swapped: *swapped };
-                return Ok(bytes.cells(format, frame));
-            }
-            Self::Compressed { codec, fragments } => (*codec, &fragments[frame]),
+    pub fn decode(&self, format: &Format, frame: usize) -> Result<Cells, DicomError> {
+        let decode = match self.codec {
+            Codec::Raw => return Ok(self.raw(format, frame)),
+            Codec::Jpeg => jpeg::decode,
+            Codec::Jpeg2000 => jpeg2000::decode,
+            Codec::Rle | Codec::Unread(_) => rle::decode,
         };
-        let bytes = fragments.concat();
-        let (name, result) = match codec {
-            Codec::Jpeg => ("JPEG", jpeg::decode(&bytes, format)),
-            Codec::Jpeg2000 => ("JPEG 2000", jpeg2000::decode(&bytes, format)),
-            _ => ("RLE", rle::decode(&bytes, format)),
-        };
-        result.map_err(|Refusal { found, want }| {
-            let (path, frame) = (data.path().into(), frame + 1);
-            DicomError::Frame { path, frame, codec: name, found, want }
+        decode(&self.fragments[frame].concat(), format).map_err(|Refusal { found, want }| {
+            DicomError::Frame { frame: frame + 1, codec: self.codec.name(), found, want }
         })
     }
-}
 
-/// Uncompressed frames, as many bytes as their header announces.
-struct Raw<'a> {
-    bytes: &'a [u8],
-    encoding: Encoding,
-    swapped: bool,
-}
-
-impl Raw<'_> {
-    fn cells(&self, format: &Format, frame: usize) -> Cells {
+    /// An uncompressed frame; there are as many bytes as the header announces.
+    fn raw(&self, format: &Format, frame: usize) -> Cells {
+        let Element { bytes: all, encoding, vr, .. } = self.pixels;
         let length = format.frame_bytes();
         let start = frame * length;
-        let bytes = &self.bytes[start..start + length];
+        let bytes = &all[start..start + length];
         let cells = match format.allocated {
-            8 if self.swapped => {
-                (start..start + length).map(|at| u32::from(self.bytes[at ^ 1])).collect()
+            // Bytes of pixels stand in words of two, in big endian the second one first.
+            8 if encoding.big_endian && &vr == b"OW" => {
+                (start..start + length).map(|at| u32::from(all[at ^ 1])).collect()
             }
             8 => bytes.iter().map(|&byte| u32::from(byte)).collect(),
-            16 => bytes.as_chunks().0.iter().map(|&b| self.encoding.u16(b).into()).collect(),
-            _ => bytes.as_chunks().0.iter().map(|&b| self.encoding.u32(b)).collect(),
+            16 => bytes.as_chunks().0.iter().map(|&b| encoding.u16(b).into()).collect(),
+            _ => bytes.as_chunks().0.iter().map(|&b| encoding.u32(b)).collect(),
         };
         Cells { cells, bits: format.stored, shift: format.shift }
     }
@@ -94,10 +73,10 @@ pub(super) fn check_compressed(
 ) -> Result<(), DicomError> {
     for frame in fragments(data, count, pixels)? {
         let bytes = frame.iter().map(|fragment| fragment.len() as u64).sum();
-        let (pixels, limit) =
-            (format.pixels() as u64, MIN_CLAIM.max(PIXELS_PER_BYTE.saturating_mul(bytes)));
+        let limit = MIN_CLAIM.max(PIXELS_PER_BYTE.saturating_mul(bytes));
+        let pixels = format.pixels() as u64;
         if pixels > limit {
-            return Err(DicomError::FrameClaim { path: data.path().into(), pixels, bytes, limit });
+            return Err(DicomError::FrameClaim { pixels, bytes, limit });
         }
     }
     Ok(())
@@ -111,13 +90,13 @@ fn fragments<'a>(
 ) -> Result<Vec<Vec<&'a [u8]>>, DicomError> {
     if !pixels.delimited {
         let want = "fragments, as the transfer syntax says";
-        return Err(data.refuse(PIXELS, "of a stated length", want));
+        return Err(PIXELS.refuse("of a stated length", want));
     }
     let items = data.fragments(pixels)?;
     let Some((table, fragments)) = items.split_first().filter(|(_, rest)| rest.len() >= count)
     else {
         let value = format!("{} fragments for {count} frames", items.len().saturating_sub(1));
-        return Err(data.refuse(PIXELS, value, "at least one fragment per frame"));
+        return Err(PIXELS.refuse(value, "at least one fragment per frame"));
     };
     if count == 1 {
         return Ok(vec![fragments.to_vec()]);
@@ -144,7 +123,7 @@ fn fragments<'a>(
     if frames.len() != count || offsets.len() != count {
         let value = format!("{} fragments for {count} frames", fragments.len());
         let want = "one fragment per frame, or a table of offsets that starts a frame each";
-        return Err(data.refuse(PIXELS, value, want));
+        return Err(PIXELS.refuse(value, want));
     }
     Ok(frames)
 }
@@ -165,9 +144,9 @@ pub(super) fn append(voxels: &mut Voxels, format: &Format, frame: &Cells) {
         Voxels::I32(voxels) => voxels.extend(cells.iter().map(signed)),
         // Slices that are scaled one by one.
         Voxels::F64(voxels) if format.signed => {
-            voxels.extend(cells.iter().map(|cell| f64::from(signed(cell))));
+            voxels.extend(cells.iter().map(signed).map(f64::from))
         }
-        Voxels::F64(voxels) => voxels.extend(cells.iter().map(|cell| f64::from(unsigned(cell)))),
+        Voxels::F64(voxels) => voxels.extend(cells.iter().map(unsigned).map(f64::from)),
         Voxels::U64(_) | Voxels::I64(_) | Voxels::F32(_) => {}
     }
 }

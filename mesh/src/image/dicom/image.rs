@@ -1,5 +1,7 @@
 //! One file's image: how its pixels are stored and where its frames lie.
 
+use std::path::PathBuf;
+
 use nalgebra::Vector3;
 
 use super::cursor::Element;
@@ -39,8 +41,9 @@ pub(super) struct Plane {
 }
 
 /// What a file's header says about its image.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Image {
+    pub path: PathBuf,
     pub format: Format,
     /// One per frame, at least one.
     pub planes: Vec<Plane>,
@@ -49,15 +52,17 @@ pub(super) struct Image {
 impl Image {
     /// Reads and checks the header, and that the pixels can be there.
     pub fn of(file: &DicomFile, data: &DataSet) -> Result<Self, ImageError> {
-        check_kind(data)?;
-        file.check_codec()?;
-        let pixels = data.require(PIXELS)?;
-        let format = format(data)?;
-        let count = frame_count(data)?;
-        let dims = [format.columns.into(), format.rows.into(), count as u64];
-        check_count(file.path(), dims)?;
-        check_pixels(file, data, &format, count, pixels)?;
-        Ok(Self { format, planes: planes(data, count)? })
+        let check = || -> Result<Self, ImageError> {
+            check_kind(data)?;
+            file.check_codec()?;
+            let pixels = data.require(PIXELS)?;
+            let format = format(data)?;
+            let count = frame_count(data)?;
+            check_count([format.columns.into(), format.rows.into(), count as u64])?;
+            check_pixels(file, data, &format, count, pixels)?;
+            Ok(Self { path: file.path.clone(), format, planes: planes(data, count)? })
+        };
+        check().map_err(ImageError::in_file(&file.path))
     }
 }
 
@@ -65,51 +70,51 @@ impl Image {
 fn check_kind(data: &DataSet) -> Result<(), DicomError> {
     if data.text(SOP_CLASS) == SEGMENTATION {
         let want = "an image; export the segmentation as a label map in NIfTI or NRRD";
-        return Err(data.refuse(SOP_CLASS, "a segmentation object", want));
+        return Err(SOP_CLASS.refuse("a segmentation object", want));
     }
     for tag in [FLOAT_PIXELS, DOUBLE_PIXELS] {
         if data.get(tag).is_some() {
-            return Err(data.refuse(tag, "present", "integers in PixelData (7FE0,0010)"));
+            return Err(tag.refuse("present", "integers in PixelData (7FE0,0010)"));
         }
     }
     let photometric = data.text(PHOTOMETRIC);
     let samples = data.required_u16(SAMPLES)?;
     if samples != 1 {
         let value = format!("{samples} ({photometric})");
-        return Err(data.refuse(SAMPLES, value, "1: colour is no measured quantity"));
+        return Err(SAMPLES.refuse(value, "1: colour is no measured quantity"));
     }
     if !["MONOCHROME1", "MONOCHROME2"].contains(&photometric.as_str()) {
         let want = "MONOCHROME1 or MONOCHROME2";
-        return Err(data.refuse(PHOTOMETRIC, format!("\"{photometric}\""), want));
+        return Err(PHOTOMETRIC.refuse(format!("\"{photometric}\""), want));
     }
     if data.get(MODALITY_LUT).is_some() {
-        return Err(data.refuse(MODALITY_LUT, "a table of values", "slope and intercept"));
+        return Err(MODALITY_LUT.refuse("a table of values", "slope and intercept"));
     }
     Ok(())
 }
 
 fn format(data: &DataSet) -> Result<Format, DicomError> {
     let size = |tag| match data.required_u16(tag)? {
-        0 => Err(data.refuse(tag, 0, "1 to 65535")),
+        0 => Err(tag.refuse(0, "1 to 65535")),
         size => Ok(size),
     };
     let allocated = data.required_u16(BITS_ALLOCATED)?;
     if ![8, 16, 32].contains(&allocated) {
-        return Err(data.refuse(BITS_ALLOCATED, allocated, "8, 16 or 32"));
+        return Err(BITS_ALLOCATED.refuse(allocated, "8, 16 or 32"));
     }
     let stored = data.required_u16(BITS_STORED)?;
     if !(1..=allocated).contains(&stored) {
-        return Err(data.refuse(BITS_STORED, stored, "1 to BitsAllocated (0028,0100)"));
+        return Err(BITS_STORED.refuse(stored, "1 to BitsAllocated (0028,0100)"));
     }
     let high = data.u16(HIGH_BIT)?.unwrap_or(stored - 1);
     if !(stored - 1..allocated).contains(&high) {
         let want = "BitsStored (0028,0101) − 1 to BitsAllocated (0028,0100) − 1";
-        return Err(data.refuse(HIGH_BIT, high, want));
+        return Err(HIGH_BIT.refuse(high, want));
     }
     let signed = match data.required_u16(PIXEL_REPRESENTATION)? {
         0 => false,
         1 => true,
-        other => return Err(data.refuse(PIXEL_REPRESENTATION, other, "0 or 1")),
+        other => return Err(PIXEL_REPRESENTATION.refuse(other, "0 or 1")),
     };
     Ok(Format {
         columns: size(COLUMNS)?,
@@ -125,7 +130,7 @@ fn frame_count(data: &DataSet) -> Result<usize, DicomError> {
     const WANT: &str = "a whole number ≥ 1";
     let Some([count]) = data.numbers(FRAMES, WANT)? else { return Ok(1) };
     if !(count >= 1.0 && count <= f64::from(u32::MAX) && count.fract() == 0.0) {
-        return Err(data.refuse(FRAMES, count, WANT));
+        return Err(FRAMES.refuse(count, WANT));
     }
     Ok(count as usize)
 }
@@ -143,11 +148,11 @@ fn check_pixels(
     }
     if pixels.delimited {
         let want = "bytes of a stated length, as the transfer syntax says";
-        return Err(data.refuse(PIXELS, "in fragments", want));
+        return Err(PIXELS.refuse("in fragments", want));
     }
     if format.allocated == 32 && pixels.encoding.big_endian {
         let want = "8 or 16 in big endian, which leaves the order of a 32-bit pixel's words open";
-        return Err(data.refuse(BITS_ALLOCATED, 32, want));
+        return Err(BITS_ALLOCATED.refuse(32, want));
     }
     // Below 2³³: the voxels were counted.
     let want = (format.frame_bytes() * count) as u64;
@@ -155,10 +160,10 @@ fn check_pixels(
     // Where bytes stand in words, the last word must be whole.
     let want = if pixels.encoding.big_endian { want.next_multiple_of(2) } else { want };
     if found > want + 1 && found < want + format.frame_bytes() as u64 {
-        let path = data.path().display();
+        let path = file.path.display();
         tracing::warn!("{path}: {found} bytes of pixels where {want} belong; the rest left unread");
     } else if found < want || found > want + 1 {
-        return Err(DicomError::PixelLength { path: data.path().into(), found, want });
+        return Err(DicomError::PixelLength { found, want });
     }
     Ok(())
 }
@@ -169,11 +174,11 @@ fn planes(data: &DataSet, count: usize) -> Result<Vec<Plane>, DicomError> {
     let frames = data.items(FRAME_GROUPS)?;
     if frames.is_empty() && count > 1 {
         let want = "1, or positions in PerFrameFunctionalGroupsSequence (5200,9230)";
-        return Err(data.refuse(FRAMES, count, want));
+        return Err(FRAMES.refuse(count, want));
     }
     if !frames.is_empty() && frames.len() != count {
         let value = format!("of {} items", frames.len());
-        return Err(data.refuse(FRAME_GROUPS, value, "one per frame, NumberOfFrames (0028,0008)"));
+        return Err(FRAME_GROUPS.refuse(value, "one per frame, NumberOfFrames (0028,0008)"));
     }
     (0..count).map(|frame| plane(data, frames.get(frame), shared.first(), frame)).collect()
 }
@@ -186,53 +191,40 @@ fn plane<'a>(
 ) -> Result<Plane, DicomError> {
     const WANT: &str = "three numbers, mm, up to 1e6";
     // The frame's own group, the one of all frames, or the image itself.
-    let group = |sequence| -> Result<Option<DataSet<'a>>, DicomError> {
+    let group = |sequence| -> Result<DataSet<'a>, DicomError> {
         for groups in [own, shared].into_iter().flatten() {
             if let Some(group) = groups.items(sequence)?.into_iter().next() {
-                return Ok(Some(group));
+                return Ok(group);
             }
         }
-        Ok(None)
+        Ok(data.clone())
     };
-    let position = group(PLANE_POSITION)?;
-    let position = Vector3::from(required(position.as_ref().unwrap_or(data), POSITION, WANT)?);
+    let position = Vector3::from(group(PLANE_POSITION)?.required(POSITION, WANT)?);
     if position.amax() > MAX_MM {
-        return Err(data.refuse(POSITION, position.amax(), WANT));
+        return Err(POSITION.refuse(position.amax(), WANT));
     }
-    let directions = group(PLANE_ORIENTATION)?;
-    let [along_row, along_column] = orientation(directions.as_ref().unwrap_or(data))?;
-    let measures = group(PIXEL_MEASURES)?;
-    let spacing = spacing(measures.as_ref().unwrap_or(data))?;
-    let values = group(VALUE_TRANSFORMATION)?;
-    let scale = scale(values.as_ref().unwrap_or(data))?;
+    let [along_row, along_column] = orientation(&group(PLANE_ORIENTATION)?)?;
+    let spacing = spacing(&group(PIXEL_MEASURES)?)?;
+    let scale = scale(&group(VALUE_TRANSFORMATION)?)?;
     Ok(Plane { frame, position, along_row, along_column, spacing, scale })
-}
-
-fn required<const N: usize>(
-    group: &DataSet,
-    tag: Tag,
-    want: &'static str,
-) -> Result<[f64; N], DicomError> {
-    group.require(tag)?;
-    Ok(group.numbers(tag, want)?.unwrap_or([0.0; N]))
 }
 
 fn spacing(group: &DataSet) -> Result<[f64; 2], DicomError> {
     const WANT: &str = "two numbers > 0, mm, up to 1e6";
-    let spacing: [f64; 2] = required(group, PIXEL_SPACING, WANT)?;
+    let spacing: [f64; 2] = group.required(PIXEL_SPACING, WANT)?;
     match spacing.iter().find(|s| !(**s > 0.0 && **s <= MAX_MM)) {
-        Some(bad) => Err(group.refuse(PIXEL_SPACING, bad, WANT)),
+        Some(bad) => Err(PIXEL_SPACING.refuse(bad, WANT)),
         None => Ok(spacing),
     }
 }
 
 fn orientation(group: &DataSet) -> Result<[Vector3<f64>; 2], DicomError> {
     const WANT: &str = "two directions of length 1 at right angles to 0.001";
-    let [a, b, c, d, e, f] = required(group, ORIENTATION, WANT)?;
+    let [a, b, c, d, e, f] = group.required(ORIENTATION, WANT)?;
     let axes = [Vector3::new(a, b, c), Vector3::new(d, e, f)];
     let unit = axes.iter().all(|axis| (axis.norm() - 1.0).abs() <= UNIT_TOLERANCE);
     if !unit || axes[0].dot(&axes[1]).abs() > UNIT_TOLERANCE {
-        return Err(group.refuse(ORIENTATION, format!("{a}\\{b}\\{c}\\{d}\\{e}\\{f}"), WANT));
+        return Err(ORIENTATION.refuse(format!("{a}\\{b}\\{c}\\{d}\\{e}\\{f}"), WANT));
     }
     Ok(axes.map(|axis| axis.normalize()))
 }
@@ -244,7 +236,7 @@ fn scale(group: &DataSet) -> Result<[f64; 2], DicomError> {
     };
     let slope = number(SLOPE, 1.0)?;
     if slope == 0.0 {
-        return Err(group.refuse(SLOPE, slope, "other than 0"));
+        return Err(SLOPE.refuse(slope, "other than 0"));
     }
     Ok([slope, number(INTERCEPT, 0.0)?])
 }

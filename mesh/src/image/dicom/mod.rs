@@ -4,7 +4,6 @@
 //! over the elements of one, `image` checks what its header says, `stack` orders the slices, and
 //! `frames` decodes their pixels by `rle`, `jpeg` or `jpeg2000`.
 
-mod codestream;
 mod cursor;
 mod data_set;
 mod error;

@@ -1,4 +1,4 @@
-//! Reads DICOM image series: a directory of slices, or multi-frame files.
+//! Reads DICOM image series.
 
 use std::path::Path;
 
@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 use super::error::DicomError;
 use super::file::DicomFile;
-use super::format::{Cells, Format};
+use super::format::Cells;
 use super::frames::{Frames, append};
-use super::image::{Image, Plane};
+use super::image::Image;
 use super::scan::{Series, series};
-use super::stack::{Member, Slice, stack};
+use super::stack::{Slice, stack};
 use crate::image::ImageError;
 use crate::image::raw::RawVolume;
 use crate::image::voxels::{VoxelType, Voxels, check_count};
@@ -42,67 +42,54 @@ const BATCH: usize = 64;
 /// DICOM PS3.3 (C.7.6.2, C.7.6.16), PS3.5, PS3.10, <https://www.dicomstandard.org/current>.
 pub fn read_dicom(path: &Path) -> Result<RawVolume, ImageError> {
     let Series { uid, directory, images } = series(path)?;
-    let members: Vec<Member> = images.iter().map(|(path, image)| Member { path, image }).collect();
-    let (slices, affine) = stack(&members, &uid)?;
-    let format = images[0].1.format;
+    let (slices, affine) = stack(&images, &uid)?;
+    let format = images[0].format;
     let dims = [format.columns.into(), format.rows.into(), slices.len()];
-    check_count(path, dims.map(|d| d as u64))?;
-    let (voxels, scale) = read_voxels(&members, &slices, &format)?;
+    check_count(dims.map(|d| d as u64)).map_err(ImageError::in_file(path))?;
+    let scale = slices[0].plane.scale;
+    let alike = slices.iter().all(|slice| slice.plane.scale == scale)
+        && images.iter().all(|image| image.format.voxel_type() == format.voxel_type());
+    let voxels = read_voxels(&slices, alike.then(|| format.voxel_type()))?;
+    let scale = (alike && scale != [1.0, 0.0]).then_some(scale);
     RawVolume::new(&directory, dims, &affine, scale, voxels)
 }
 
-/// The voxels slice by slice, and their common slope and intercept.
-///
-/// They keep their stored type where all slices have it and are scaled alike, else they are
-/// scaled here.
-fn read_voxels(
-    members: &[Member],
-    slices: &[Slice],
-    format: &Format,
-) -> Result<(Voxels, Option<[f64; 2]>), ImageError> {
-    let scale = slices[0].plane.scale;
-    let alike = slices.iter().all(|slice| slice.plane.scale == scale)
-        && members.iter().all(|m| m.image.format.voxel_type() == format.voxel_type());
-    let kind = if alike { format.voxel_type() } else { VoxelType::F64 };
-    let mut voxels = Voxels::decode(kind, false, &[]);
+/// The voxels slice by slice: of their common type, or scaled here where they have none or are
+/// not scaled alike.
+fn read_voxels(slices: &[Slice], common: Option<VoxelType>) -> Result<Voxels, ImageError> {
+    let mut voxels = Voxels::decode(common.unwrap_or(VoxelType::F64), false, &[]);
     for batch in slices.chunks(BATCH) {
-        let runs: Vec<&[Slice]> = batch.chunk_by(|a, b| a.member == b.member).collect();
-        let decoded: Vec<_> =
-            runs.par_iter().map(|run| decode(&members[run[0].member], run)).collect();
+        let runs: Vec<&[Slice]> = batch.chunk_by(|a, b| std::ptr::eq(a.image, b.image)).collect();
+        let decoded: Vec<_> = runs.par_iter().map(|run| decode(run[0].image, run)).collect();
         for (run, cells) in runs.iter().zip(decoded) {
             // In the order of the slices, so that the first error is always the same.
-            for (Slice { member, plane, .. }, cells) in run.iter().zip(cells?) {
+            for (Slice { image, plane, .. }, cells) in run.iter().zip(cells?) {
                 let start = voxels.count();
-                append(&mut voxels, &members[*member].image.format, &cells);
-                rescale(&mut voxels, start, plane);
+                append(&mut voxels, &image.format, &cells);
+                let [slope, intercept] = plane.scale;
+                if let Voxels::F64(voxels) = &mut voxels {
+                    voxels[start..].iter_mut().for_each(|v| *v = *v * slope + intercept);
+                }
             }
         }
     }
-    Ok((voxels, (alike && scale != [1.0, 0.0]).then_some(scale)))
+    Ok(voxels)
 }
 
 /// The pixels of slices that lie in one file.
-fn decode(member: &Member, run: &[Slice]) -> Result<Vec<Cells>, ImageError> {
-    let Member { path, image } = member;
-    let file = DicomFile::require(path)?;
+fn decode(image: &Image, run: &[Slice]) -> Result<Vec<Cells>, ImageError> {
+    let file = DicomFile::open(&image.path)?;
     let data = file.data_set()?;
     // Once more, for a file that changed meanwhile.
     let now = Image::of(&file, &data)?;
-    if now.format != image.format || now.planes.len() != image.planes.len() {
-        return Err(DicomError::Changed { path: path.to_path_buf() }.into());
-    }
-    let frames = Frames::of(&data, file.codec, image.planes.len())?;
-    let decode = |slice: &Slice| frames.decode(&data, &image.format, slice.plane.frame);
-    let cells: Vec<_> = run.par_iter().map(decode).collect();
-    Ok(cells.into_iter().collect::<Result<_, _>>()?)
-}
-
-/// Scales the voxels from `start` on where they are to be scaled one slice at a time.
-fn rescale(voxels: &mut Voxels, start: usize, plane: &Plane) {
-    let [slope, intercept] = plane.scale;
-    if let Voxels::F64(voxels) = voxels {
-        for voxel in &mut voxels[start..] {
-            *voxel = *voxel * slope + intercept;
+    let decode = || {
+        if now.format != image.format || now.planes.len() != image.planes.len() {
+            return Err(DicomError::Changed);
         }
-    }
+        let frames = Frames::of(&data, file.codec, image.planes.len())?;
+        let decode = |slice: &Slice| frames.decode(&image.format, slice.plane.frame);
+        let cells: Vec<_> = run.par_iter().map(decode).collect();
+        cells.into_iter().collect()
+    };
+    decode().map_err(ImageError::in_file(&image.path))
 }

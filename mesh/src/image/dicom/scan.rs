@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::data_set::DataSet;
@@ -35,7 +36,7 @@ const EXTENSIONS: [&str; 3] = ["dcm", "dicom", "ima"];
 pub(super) struct Series {
     pub uid: String,
     pub directory: PathBuf,
-    pub images: Vec<(PathBuf, Image)>,
+    pub images: Vec<Image>,
 }
 
 /// Files of a directory that belong to one series.
@@ -46,22 +47,21 @@ struct Found {
 
 /// The series that a directory or a file in it stands for.
 pub(super) fn series(path: &Path) -> Result<Series, ImageError> {
-    let io_error = |source| ImageError::Io { path: path.into(), source };
-    let is_directory = fs::metadata(path).map_err(io_error)?.is_dir();
-    if is_directory {
+    let refuse = |error: DicomError| Err(ImageError::in_file(path)(error));
+    if fs::metadata(path).map_err(ImageError::in_file(path))?.is_dir() {
         let mut found = scan(path)?;
-        return match found.pop_first() {
-            Some((uid, only)) if found.is_empty() => collect(uid, path, only),
-            Some(first) => {
-                found.insert(first.0, first.1);
-                Err(several(path, &found).into())
+        return match (found.pop_first(), found.len()) {
+            (Some((uid, only)), 0) => collect(uid, path, only),
+            (Some((uid, first)), _) => {
+                found.insert(uid, first);
+                refuse(several(&found))
             }
-            None => Err(none(path)?.into()),
+            (None, _) => refuse(none(path)?),
         };
     }
-    let file = DicomFile::require(path)?;
+    let file = DicomFile::open(path)?;
     let data = file.data_set()?;
-    data.require(SERIES)?;
+    data.require(SERIES).map_err(ImageError::in_file(path))?;
     // So that the message is about this file, whatever its directory holds.
     Image::of(&file, &data)?;
     let uid = data.text(SERIES);
@@ -71,43 +71,36 @@ pub(super) fn series(path: &Path) -> Result<Series, ImageError> {
     };
     match scan(directory)?.remove(&uid) {
         Some(found) => collect(uid, directory, found),
-        None => Err(DicomError::Changed { path: path.into() }.into()),
+        None => refuse(DicomError::Changed),
     }
 }
 
 fn collect(uid: String, directory: &Path, found: Found) -> Result<Series, ImageError> {
-    let mut images = Vec::new();
-    for (path, image) in found.images {
-        images.push((path, image?));
-    }
+    let images = found.images.into_iter().map(|(_, image)| image).collect::<Result<_, _>>()?;
     Ok(Series { uid, directory: directory.into(), images })
 }
 
 /// The images of a directory by their series. What is no image is left out, with a warning.
 fn scan(directory: &Path) -> Result<BTreeMap<String, Found>, ImageError> {
     let mut found: BTreeMap<String, Found> = BTreeMap::new();
-    let (files, mut left_out) = (files(directory)?, 0);
-    let count = files.len();
+    let files = files(directory)?;
+    let (count, mut images) = (files.len(), 0);
     for path in files {
-        let Some(file) = open(&path)? else {
-            left_out += 1;
-            continue;
-        };
+        let Some(file) = open(&path)? else { continue };
         let data = file.data_set()?;
         if !is_image(&file, &data) {
-            left_out += 1;
             continue;
         }
-        data.require(SERIES)?;
+        data.require(SERIES).map_err(ImageError::in_file(&path))?;
         let image = Image::of(&file, &data);
         let title = format!("{} \"{}\"", data.text(MODALITY), data.text(SERIES_DESCRIPTION));
         let series =
             found.entry(data.text(SERIES)).or_insert_with(|| Found { title, images: vec![] });
-        drop(data);
         series.images.push((path, image));
+        images += 1;
     }
-    if left_out > 0 && left_out < count {
-        let directory = directory.display();
+    if images > 0 && images < count {
+        let (directory, left_out) = (directory.display(), count - images);
         tracing::warn!("{directory}: {left_out} of {count} files are no DICOM images; left out");
     }
     Ok(found)
@@ -115,11 +108,14 @@ fn scan(directory: &Path) -> Result<BTreeMap<String, Found>, ImageError> {
 
 /// A DICOM file, or `None` for one that has neither its start nor its name.
 fn open(path: &Path) -> Result<Option<DicomFile>, ImageError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    if extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str())) {
-        return DicomFile::require(path).map(Some);
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    match DicomFile::open(path) {
+        Err(error) if !EXTENSIONS.contains(&extension.as_str()) => match error.problem() {
+            ImageError::Dicom(problem) if matches!(**problem, DicomError::NotDicom(_)) => Ok(None),
+            _ => Err(error),
+        },
+        opened => opened.map(Some),
     }
-    DicomFile::open(path)
 }
 
 fn is_image(file: &DicomFile, data: &DataSet) -> bool {
@@ -132,33 +128,33 @@ fn is_image(file: &DicomFile, data: &DataSet) -> bool {
 
 /// The regular files of a directory by name, but for hidden ones.
 fn files(directory: &Path) -> Result<Vec<PathBuf>, ImageError> {
-    let io_error = |source| ImageError::Io { path: directory.into(), source };
-    let mut files = Vec::new();
-    for entry in fs::read_dir(directory).map_err(io_error)? {
-        let path = entry.map_err(io_error)?.path();
-        let hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
-        // A link to nowhere is no file.
-        if !hidden && fs::metadata(&path).is_ok_and(|metadata| metadata.is_file()) {
-            files.push(path);
+    let list = || -> io::Result<Vec<PathBuf>> {
+        let mut files = Vec::new();
+        for entry in fs::read_dir(directory)? {
+            let entry = entry?;
+            let hidden = entry.file_name().to_string_lossy().starts_with('.');
+            // A link to nowhere is no file.
+            if !hidden && fs::metadata(entry.path()).is_ok_and(|metadata| metadata.is_file()) {
+                files.push(entry.path());
+            }
         }
-    }
-    files.sort();
-    Ok(files)
+        files.sort();
+        Ok(files)
+    };
+    list().map_err(ImageError::in_file(directory))
 }
 
-fn several(directory: &Path, found: &BTreeMap<String, Found>) -> DicomError {
+fn several(found: &BTreeMap<String, Found>) -> DicomError {
     let mut list: Vec<String> = Vec::new();
-    for (uid, series) in found.iter().take(LISTED) {
-        let files = series.images.len();
-        let example = series.images[0].0.file_name().unwrap_or_default().to_string_lossy();
-        let title = &series.title;
+    for (uid, Found { title, images }) in found.iter().take(LISTED) {
+        let files = images.len();
+        let example = images[0].0.file_name().unwrap_or_default().to_string_lossy();
         list.push(format!("SeriesInstanceUID {uid} ({title}, {files} files, as {example})"));
     }
     if found.len() > LISTED {
         list.push(format!("{} others", found.len() - LISTED));
     }
-    let (path, count, list) = (directory.into(), found.len(), list.join(", "));
-    DicomError::SeveralSeries { path, count, list }
+    DicomError::SeveralSeries { count: found.len(), list: list.join(", ") }
 }
 
 fn none(directory: &Path) -> Result<DicomError, ImageError> {
@@ -167,5 +163,5 @@ fn none(directory: &Path) -> Result<DicomError, ImageError> {
     for path in &files {
         other += usize::from(open(path)?.is_some());
     }
-    Ok(DicomError::NoImages { path: directory.into(), files: files.len(), other })
+    Ok(DicomError::NoImages { files: files.len(), other })
 }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::error::DicomError;
+
 /// Number (group, element) and keyword of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tag {
@@ -9,25 +11,26 @@ pub(super) struct Tag {
     pub keyword: &'static str,
 }
 
-impl fmt::Display for Tag {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.keyword, Number(self.number))
+impl Tag {
+    /// An error about the element's value.
+    pub fn refuse(self, value: impl ToString, want: &'static str) -> DicomError {
+        DicomError::Tag { tag: self.to_string(), value: value.to_string(), want }
     }
 }
 
-/// A number as the standard prints it: (7FE0,0010).
-pub(super) struct Number(pub u32);
-
-impl fmt::Display for Number {
+impl fmt::Display for Tag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "({:04X},{:04X})", self.0 >> 16, self.0 & 0xffff)
+        // As the standard prints numbers: (7FE0,0010).
+        let [group, element] = [self.number >> 16, self.number & 0xffff];
+        let blank = if self.keyword.is_empty() { "" } else { " " };
+        write!(f, "{}{blank}({group:04X},{element:04X})", self.keyword)
     }
 }
 
 /// Number of any element, with its keyword if the reader looks at it.
 pub(super) fn named(number: u32) -> String {
     let known = KNOWN.iter().find(|tag| tag.number == number);
-    known.map_or_else(|| Number(number).to_string(), Tag::to_string)
+    known.unwrap_or(&Tag { number, keyword: "" }).to_string()
 }
 
 macro_rules! tags {

@@ -1,8 +1,9 @@
 //! The 348 bytes at the start of a NIfTI-1 file, checked field by field.
 
-use std::path::Path;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::image::ImageError;
+use crate::image::placement::VoxelAffine;
 use crate::image::voxels::{VoxelType, check_count};
 
 /// Length of a NIfTI-1 header.
@@ -13,6 +14,9 @@ const FIRST_OFFSET: f32 = 352.0;
 
 /// `vox_offset` is an f32 and a multiple of 16 by custom; beyond this it can't count them all.
 const LAST_OFFSET: f32 = 268_435_456.0;
+
+/// b² + c² + d² of a unit quaternion may exceed 1 by rounding only.
+const MAX_QUATERNION: f64 = 1.0 + 1e-3;
 
 /// What the reader needs of a header, in range.
 pub(super) struct Header {
@@ -25,35 +29,19 @@ pub(super) struct Header {
     pub voxel_bytes: u64,
     /// Slope and intercept, `None` where values are stored as they are.
     pub scale: Option<[f64; 2]>,
-    /// −1 if the third axis of the qform is reversed, else 1.
-    pub qfac: f64,
-    /// pixdim\[1..=3\], mm.
-    pub spacing_mm: [f64; 3],
-    /// Quaternion b, c, d; `None` where `qform_code` is 0.
-    pub quaternion: Option<[f64; 3]>,
-    /// Centre of voxel (0, 0, 0) by the qform, mm.
-    pub quaternion_offset_mm: [f64; 3],
-    /// Rows of the sform, mm; `None` where `sform_code` is 0.
-    pub sform_mm: Option<[[f64; 4]; 3]>,
+    /// By the sform, else the qform, else the spacings alone.
+    pub affine: VoxelAffine,
 }
 
 impl Header {
     /// Reads and checks the fields.
-    pub fn parse(path: &Path, bytes: &[u8; HEADER_BYTES]) -> Result<Self, ImageError> {
-        let big_endian = check_start(path, bytes)?;
-        let fields = Fields { path, bytes, big: big_endian };
+    pub fn parse(bytes: &[u8; HEADER_BYTES]) -> Result<Self, ImageError> {
+        let big_endian = check_start(bytes)?;
+        let fields = Fields { bytes, big: big_endian };
         fields.check_magic()?;
         let dims = fields.dims()?;
         let datatype = fields.datatype()?;
         let voxels: u64 = dims.iter().map(|&d| d as u64).product();
-        let unit = fields.unit_mm()?;
-        let spacing_mm = fields.spacing(unit)?;
-        let has_qform = fields.i16(252) > 0;
-        let quaternion_offset_mm = if has_qform {
-            fields.vector(["qoffset_x", "qoffset_y", "qoffset_z"], 268)?
-        } else {
-            [0.0; 3]
-        };
         Ok(Self {
             big_endian,
             dims,
@@ -61,25 +49,17 @@ impl Header {
             vox_offset: fields.vox_offset()?,
             voxel_bytes: voxels * datatype.bytes(),
             scale: fields.scale()?,
-            qfac: if fields.f32(76) < 0.0 { -1.0 } else { 1.0 },
-            spacing_mm,
-            quaternion: if has_qform {
-                Some(fields.vector(["quatern_b", "quatern_c", "quatern_d"], 256)?)
-            } else {
-                None
-            },
-            quaternion_offset_mm: quaternion_offset_mm.map(|x| x * unit),
-            sform_mm: if fields.i16(254) > 0 { Some(fields.sform(unit)?) } else { None },
+            affine: fields.affine()?,
         })
     }
 }
 
 /// Whether the bytes are big-endian, by `sizeof_hdr`, the first field, or why this is no NIfTI-1
 /// file.
-pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<bool, ImageError> {
+pub(super) fn check_start(bytes: &[u8]) -> Result<bool, ImageError> {
     let refuse = |value: String| {
         let want = "348 in either byte order";
-        Err(ImageError::NotNifti { path: path.into(), field: "sizeof_hdr", value, want })
+        Err(ImageError::NotNifti { field: "sizeof_hdr", value, want })
     };
     let Some(first) = bytes.first_chunk::<4>() else {
         return refuse(format!("missing ({} bytes in all)", bytes.len()));
@@ -93,16 +73,13 @@ pub(super) fn check_start(path: &Path, bytes: &[u8]) -> Result<bool, ImageError>
 }
 
 struct Fields<'a> {
-    path: &'a Path,
     bytes: &'a [u8; HEADER_BYTES],
     big: bool,
 }
 
 impl Fields<'_> {
     fn array<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut array = [0; N];
-        array.copy_from_slice(&self.bytes[at..at + N]);
-        array
+        std::array::from_fn(|i| self.bytes[at + i])
     }
 
     fn i16(&self, at: usize) -> i16 {
@@ -115,33 +92,30 @@ impl Fields<'_> {
         if self.big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }
     }
 
-    fn error(&self, field: &'static str, value: f64, want: &'static str) -> ImageError {
-        ImageError::Header { path: self.path.into(), field, value, want }
-    }
-
     fn finite(&self, field: &'static str, at: usize) -> Result<f64, ImageError> {
         let value = f64::from(self.f32(at));
-        if value.is_finite() { Ok(value) } else { Err(self.error(field, value, "finite")) }
+        if value.is_finite() { Ok(value) } else { Err(wrong(field, value, "finite")) }
     }
 
-    fn vector(&self, names: [&'static str; 3], at: usize) -> Result<[f64; 3], ImageError> {
-        let mut vector = [0.0; 3];
-        for (i, name) in names.into_iter().enumerate() {
-            vector[i] = self.finite(name, at + 4 * i)?;
-        }
-        Ok(vector)
+    /// Three numbers, `stride` bytes from one to the next.
+    fn vector(
+        &self,
+        names: [&'static str; 3],
+        at: usize,
+        stride: usize,
+    ) -> Result<Vector3<f64>, ImageError> {
+        let number = |i: usize| self.finite(names[i], at + stride * i);
+        Ok(Vector3::new(number(0)?, number(1)?, number(2)?))
     }
 
     fn check_magic(&self) -> Result<(), ImageError> {
         match &self.array::<4>(344) {
             b"n+1\0" => Ok(()),
-            b"ni1\0" => Err(ImageError::HeaderPair { path: self.path.into() }),
-            other => Err(ImageError::NotNifti {
-                path: self.path.into(),
-                field: "magic",
-                value: format!("\"{}\"", other.escape_ascii()),
-                want: "\"n+1\\x00\"",
-            }),
+            b"ni1\0" => Err(ImageError::HeaderPair),
+            other => {
+                let (value, want) = (format!("\"{}\"", other.escape_ascii()), "\"n+1\\x00\"");
+                Err(ImageError::NotNifti { field: "magic", value, want })
+            }
         }
     }
 
@@ -151,38 +125,36 @@ impl Fields<'_> {
         let dim: [i16; 8] = std::array::from_fn(|i| self.i16(40 + 2 * i));
         let rank = dim[0];
         if !(3..=7).contains(&rank) {
-            return Err(self.error(NAMES[0], rank.into(), "3, or 4 to 7 with trailing ones"));
+            return Err(wrong(NAMES[0], rank.into(), "3, or 4 to 7 with trailing ones"));
         }
-        for i in 1..=rank as usize {
-            if dim[i] < 1 {
-                return Err(self.error(NAMES[i], dim[i].into(), "1 to 32767"));
-            }
+        if let Some(i) = (1..=rank as usize).find(|&i| dim[i] < 1) {
+            return Err(wrong(NAMES[i], dim[i].into(), "1 to 32767"));
         }
         // Below 2⁶⁰: four factors below 2¹⁵.
         let count: u64 = dim[4..=rank as usize].iter().map(|&d| d as u64).product();
         if count > 1 {
-            return Err(ImageError::NotThreeDimensional { path: self.path.into(), rank, count });
+            return Err(ImageError::NotThreeDimensional { rank, count });
         }
-        let dims = [dim[1] as u64, dim[2] as u64, dim[3] as u64];
-        check_count(self.path, dims)?;
+        let dims = [dim[1], dim[2], dim[3]];
+        check_count(dims.map(|d| d as u64))?;
         Ok(dims.map(|d| d as usize))
     }
 
     /// The type of a voxel.
     fn datatype(&self) -> Result<VoxelType, ImageError> {
         let code = self.i16(70);
-        let refuse = |name| Err(ImageError::Datatype { path: self.path.into(), code, name });
-        let (datatype, bits, want) = match code {
-            2 => (VoxelType::U8, 8, "8, as its datatype 2 (uint8)"),
-            4 => (VoxelType::I16, 16, "16, as its datatype 4 (int16)"),
-            8 => (VoxelType::I32, 32, "32, as its datatype 8 (int32)"),
-            16 => (VoxelType::F32, 32, "32, as its datatype 16 (float32)"),
-            64 => (VoxelType::F64, 64, "64, as its datatype 64 (float64)"),
-            256 => (VoxelType::I8, 8, "8, as its datatype 256 (int8)"),
-            512 => (VoxelType::U16, 16, "16, as its datatype 512 (uint16)"),
-            768 => (VoxelType::U32, 32, "32, as its datatype 768 (uint32)"),
-            1024 => (VoxelType::I64, 64, "64, as its datatype 1024 (int64)"),
-            1280 => (VoxelType::U64, 64, "64, as its datatype 1280 (uint64)"),
+        let refuse = |name| Err(ImageError::Datatype { code, name });
+        let (datatype, want) = match code {
+            2 => (VoxelType::U8, "8, as its datatype 2 (uint8)"),
+            4 => (VoxelType::I16, "16, as its datatype 4 (int16)"),
+            8 => (VoxelType::I32, "32, as its datatype 8 (int32)"),
+            16 => (VoxelType::F32, "32, as its datatype 16 (float32)"),
+            64 => (VoxelType::F64, "64, as its datatype 64 (float64)"),
+            256 => (VoxelType::I8, "8, as its datatype 256 (int8)"),
+            512 => (VoxelType::U16, "16, as its datatype 512 (uint16)"),
+            768 => (VoxelType::U32, "32, as its datatype 768 (uint32)"),
+            1024 => (VoxelType::I64, "64, as its datatype 1024 (int64)"),
+            1280 => (VoxelType::U64, "64, as its datatype 1280 (uint64)"),
             1 => return refuse("binary, 1 bit"),
             32 => return refuse("complex64"),
             128 => return refuse("RGB24"),
@@ -193,18 +165,17 @@ impl Fields<'_> {
             _ => return refuse("unknown"),
         };
         let bitpix = self.i16(72);
-        if bitpix != bits {
-            return Err(self.error("bitpix", bitpix.into(), want));
+        if i64::from(bitpix) != 8 * datatype.bytes() as i64 {
+            return Err(wrong("bitpix", bitpix.into(), want));
         }
         Ok(datatype)
     }
 
     fn vox_offset(&self) -> Result<u64, ImageError> {
         let offset = self.f32(108);
-        let in_range = (FIRST_OFFSET..=LAST_OFFSET).contains(&offset);
-        if !in_range || offset.fract() != 0.0 {
+        if !(FIRST_OFFSET..=LAST_OFFSET).contains(&offset) || offset.fract() != 0.0 {
             let want = "a whole number of bytes from 352 to 268435456";
-            return Err(self.error("vox_offset", offset.into(), want));
+            return Err(wrong("vox_offset", offset.into(), want));
         }
         Ok(offset as u64)
     }
@@ -219,6 +190,37 @@ impl Fields<'_> {
         Ok((slope != 1.0 || inter != 0.0).then_some([slope, inter]))
     }
 
+    fn affine(&self) -> Result<VoxelAffine, ImageError> {
+        let unit_mm = self.unit_mm()?;
+        let spacing_mm = self.spacing()?.map(|spacing| spacing * unit_mm);
+        let mut qform = None;
+        if self.i16(252) > 0 {
+            let offset = self.vector(["qoffset_x", "qoffset_y", "qoffset_z"], 268, 4)?;
+            qform = Some((self.vector(["quatern_b", "quatern_c", "quatern_d"], 256, 4)?, offset));
+        }
+        if self.i16(254) > 0 {
+            let column = |j: usize| self.vector(["srow_x", "srow_y", "srow_z"], 280 + 4 * j, 16);
+            let columns = [column(0)? * unit_mm, column(1)? * unit_mm, column(2)? * unit_mm];
+            return Ok(VoxelAffine { form: "sform", columns, first_centre: column(3)? * unit_mm });
+        }
+        let Some((imaginary, offset)) = qform else {
+            let columns = [0, 1, 2].map(|i| Vector3::ith(i, spacing_mm[i]));
+            return Ok(VoxelAffine { form: "pixdim", columns, first_centre: Vector3::zeros() });
+        };
+        let squared = imaginary.norm_squared();
+        if squared > MAX_QUATERNION {
+            let field = "quatern_b² + quatern_c² + quatern_d²";
+            return Err(wrong(field, squared, "at most 1, as of a unit quaternion"));
+        }
+        let real = (1.0 - squared).max(0.0).sqrt();
+        let turn = UnitQuaternion::from_quaternion(Quaternion::from_parts(real, imaginary));
+        let qfac = if self.f32(76) < 0.0 { -1.0 } else { 1.0 };
+        let [x, y, z] = spacing_mm;
+        let columns =
+            [turn * Vector3::x() * x, turn * Vector3::y() * y, turn * Vector3::z() * (z * qfac)];
+        Ok(VoxelAffine { form: "qform", columns, first_centre: offset * unit_mm })
+    }
+
     /// Millimetres per unit of length.
     fn unit_mm(&self) -> Result<f64, ImageError> {
         match self.bytes[123] & 7 {
@@ -227,32 +229,21 @@ impl Fields<'_> {
             3 => Ok(0.001),
             other => {
                 let want = "0 (unknown), 1 (metre), 2 (mm) or 3 (micron) in its low 3 bits";
-                Err(self.error("xyzt_units", other.into(), want))
+                Err(wrong("xyzt_units", other.into(), want))
             }
         }
     }
 
-    fn spacing(&self, unit_mm: f64) -> Result<[f64; 3], ImageError> {
+    fn spacing(&self) -> Result<[f64; 3], ImageError> {
         let names = ["pixdim[1]", "pixdim[2]", "pixdim[3]"];
-        let mut spacing = [0.0; 3];
-        for (i, name) in names.into_iter().enumerate() {
-            let value = f64::from(self.f32(80 + 4 * i));
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(self.error(name, value, "a finite spacing > 0"));
-            }
-            spacing[i] = value * unit_mm;
+        let spacing = [80, 84, 88].map(|at| f64::from(self.f32(at)));
+        match (0..3).find(|&i| !(spacing[i] > 0.0 && spacing[i].is_finite())) {
+            Some(i) => Err(wrong(names[i], spacing[i], "a finite spacing > 0")),
+            None => Ok(spacing),
         }
-        Ok(spacing)
     }
+}
 
-    fn sform(&self, unit_mm: f64) -> Result<[[f64; 4]; 3], ImageError> {
-        let names = ["srow_x", "srow_y", "srow_z"];
-        let mut rows = [[0.0; 4]; 3];
-        for (i, name) in names.into_iter().enumerate() {
-            for j in 0..4 {
-                rows[i][j] = self.finite(name, 280 + 16 * i + 4 * j)? * unit_mm;
-            }
-        }
-        Ok(rows)
-    }
+fn wrong(field: &'static str, value: f64, want: &'static str) -> ImageError {
+    ImageError::Header { field, value, want }
 }

@@ -1,9 +1,7 @@
 //! NIfTI-1 images (.nii, .nii.gz), read and written.
 //!
-//! Open `reader` first. `header` checks the 348 bytes of the header field by field, `affine` finds
-//! the place of the voxels in them.
+//! Open `reader` first. `header` checks the 348 bytes of the header field by field.
 
-mod affine;
 mod header;
 mod reader;
 mod writer;

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use super::affine;
 use super::header::{HEADER_BYTES, Header, check_start};
 use crate::image::ImageError;
 use crate::image::bytes::{ByteStream, GZIP_MAGIC};
@@ -25,21 +24,24 @@ use crate::image::voxels::Voxels;
 /// # Source
 /// nifti1.h, <https://nifti.nimh.nih.gov/nifti-1>.
 pub fn read_nifti(path: &Path) -> Result<RawVolume, ImageError> {
+    read(path).map_err(ImageError::in_file(path))
+}
+
+fn read(path: &Path) -> Result<RawVolume, ImageError> {
     let mut stream = ByteStream::open(path)?;
     if stream.starts_with(&GZIP_MAGIC)? {
         stream = stream.inflate_gzip();
     }
     let start = stream.take(HEADER_BYTES as u64)?;
-    check_start(path, &start)?;
+    check_start(&start)?;
     let found = start.len() as u64;
     let start: [u8; HEADER_BYTES] =
         start.try_into().map_err(|_| stream.length_error("header", found, HEADER_BYTES as u64))?;
-    let header = Header::parse(path, &start)?;
-    let affine = affine::of(path, &header)?;
+    let header = Header::parse(&start)?;
     let gap = header.vox_offset - HEADER_BYTES as u64;
     stream.check_length(gap, header.voxel_bytes)?;
     stream.skip(gap, "extensions before vox_offset")?;
     let bytes = stream.voxel_bytes(header.voxel_bytes)?;
     let voxels = Voxels::decode(header.datatype, header.big_endian, &bytes);
-    RawVolume::new(path, header.dims, &affine, header.scale, voxels)
+    RawVolume::new(path, header.dims, &header.affine, header.scale, voxels)
 }

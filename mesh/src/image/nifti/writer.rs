@@ -61,13 +61,15 @@ fn write<const N: usize>(
     (code, bytes): (i16, usize),
     voxels: impl Iterator<Item = [u8; N]>,
 ) -> Result<(), ImageError> {
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
     let gzip = name.ends_with(".nii.gz");
-    if !gzip && !name.ends_with(".nii") {
+    let header = if gzip || name.ends_with(".nii") {
+        header(grid, code, bytes)
+    } else {
         let (field, want) = ("the name", "a name that ends in .nii or .nii.gz");
-        return Err(ImageError::Unwritable { path: path.into(), field, value: name, want });
-    }
-    let header = header(path, grid, code, bytes)?;
+        Err(ImageError::Unwritable { field, value: name.into(), want })
+    };
+    let header = header.map_err(ImageError::in_file(path))?;
     let write_all = |out: &mut dyn Write| -> io::Result<()> {
         out.write_all(&header)?;
         for voxel in voxels {
@@ -83,27 +85,18 @@ fn write<const N: usize>(
         write_all(&mut encoder)?;
         encoder.into_inner().map_err(io::IntoInnerError::into_error)?.finish().map(|_| ())
     });
-    written.map_err(|source| ImageError::Io { path: path.into(), source })
+    written.map_err(ImageError::in_file(path))
 }
 
-fn header(
-    path: &Path,
-    grid: &Grid,
-    code: i16,
-    bytes: usize,
-) -> Result<[u8; VOXEL_OFFSET], ImageError> {
+fn header(grid: &Grid, code: i16, bytes: usize) -> Result<[u8; VOXEL_OFFSET], ImageError> {
     let mut header = Header([0; VOXEL_OFFSET]);
     header.put(0, 348i32.to_le_bytes());
     header.i16(40, 3);
     for axis in 0..3 {
-        let Ok(count) = i16::try_from(grid.dims[axis]) else {
-            return Err(ImageError::Unwritable {
-                path: path.into(),
-                field: "the number of voxels along an axis",
-                value: grid.dims[axis].to_string(),
-                want: "at most 32767",
-            });
-        };
+        let count = i16::try_from(grid.dims[axis]).map_err(|_| {
+            let (field, want) = ("the number of voxels along an axis", "at most 32767");
+            ImageError::Unwritable { field, value: grid.dims[axis].to_string(), want }
+        })?;
         header.i16(42 + 2 * axis, count);
         header.f32(80 + 4 * axis, grid.spacing_mm);
     }

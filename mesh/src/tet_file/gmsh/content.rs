@@ -1,24 +1,20 @@
 //! What the sections of an MSH file hold, until all of them are known.
 
-use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
 use super::element::Element;
 use super::scanner::Scanner;
-use crate::tet_file::TetMeshError;
-use crate::tet_file::mesh::{LoadedMesh, PlainMesh};
+use crate::tet_file::{TetMeshError, file};
 
-/// What the sections hold, until all of them are known.
 #[derive(Default)]
 pub(super) struct Content {
-    points: Vec<Vector3<f64>>,
-    /// Positions in `points` by node tag.
+    /// All but the tetrahedra.
+    pub(super) file: file::Content,
+    /// Positions of points by node tag.
     nodes: HashMap<u64, u32>,
     tets: Vec<Tetrahedron>,
-    ignored_elements: usize,
-    pub(super) names: BTreeMap<i64, String>,
     /// The first physical tag of each volume (4.1).
     pub(super) volumes: HashMap<i64, i64>,
 }
@@ -44,11 +40,11 @@ impl Content {
         tag: u64,
         x: [f64; 3],
     ) -> Result<(), TetMeshError> {
-        let number = u32::try_from(self.points.len()).unwrap_or(u32::MAX);
+        let number = u32::try_from(self.file.points.len()).unwrap_or(u32::MAX);
         if self.nodes.insert(tag, number).is_some() {
             return Err(scanner.syntax(format!("node {tag} a second time"), "each node once"));
         }
-        self.points.push(Vector3::from(x));
+        self.file.points.push(Vector3::from(x));
         Ok(())
     }
 
@@ -64,35 +60,25 @@ impl Content {
             [a, b, c, d] if kind.is_tetrahedron() => {
                 self.tets.push(Tetrahedron { element: tag, nodes: [a, b, c, d], material });
             }
-            _ => self.ignored_elements += 1,
+            _ => self.file.ignored_elements += 1,
         }
     }
 
-    pub(super) fn load(mut self, path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
-        let mut tets = Vec::with_capacity(self.tets.len());
-        let mut tags = Vec::with_capacity(self.tets.len());
-        for tet in &self.tets {
+    pub(super) fn finish(mut self) -> Result<file::Content, TetMeshError> {
+        for Tetrahedron { element, nodes, material } in self.tets {
             let mut corners = [0; 4];
-            for (corner, node) in corners.iter_mut().zip(tet.nodes) {
-                *corner = *self.nodes.get(&node).ok_or_else(|| TetMeshError::Syntax {
-                    path: path.into(),
-                    place: format!("$Elements, element {}", tet.element),
-                    found: format!("node {node}"),
-                    want: "a node of $Nodes".into(),
+            for (corner, node) in corners.iter_mut().zip(nodes) {
+                *corner = *self.nodes.get(&node).ok_or_else(|| {
+                    let place = format!("$Elements, element {element}");
+                    TetMeshError::syntax(place, format!("node {node}"), "a node of $Nodes")
                 })?;
             }
-            tets.push(corners);
-            tags.push(match tet.material {
+            self.file.tets.push(corners);
+            self.file.tags.push(match material {
                 Material::Tag(tag) => tag,
                 Material::Volume(volume) => self.volumes.get(&volume).copied().unwrap_or(0),
             });
         }
-        for point in &mut self.points {
-            *point *= unit_m;
-        }
-        let (mesh, repairs) = PlainMesh::new(self.points, tets, tags)
-            .map_err(|e| TetMeshError::InFile { path: path.into(), source: Box::new(e) })?;
-        let (ignored_elements, names) = (self.ignored_elements, self.names);
-        Ok(LoadedMesh { mesh, repairs, ignored_elements, names })
+        Ok(self.file)
     }
 }

@@ -20,17 +20,19 @@ use crate::tet_file::mesh::LoadedMesh;
 /// never with what it announces.
 ///
 /// # Errors
-/// [`TetMeshError::Io`]; [`TetMeshError::LengthUnit`]; with section and line (or byte, if binary):
-/// [`TetMeshError::Syntax`], [`TetMeshError::Claim`] for counts beyond the file's length,
-/// [`TetMeshError::Unsupported`] for other versions, tetrahedra of higher order and partitioned
-/// meshes; [`TetMeshError::InFile`] with what [`PlainMesh::new`](crate::PlainMesh::new) refuses, tetrahedra numbered
-/// from 0 in the order of the file.
+/// [`TetMeshError::LengthUnit`]; [`TetMeshError::InFile`] with [`TetMeshError::Io`]; with section
+/// and line (or byte, if binary) [`TetMeshError::Syntax`], [`TetMeshError::Claim`] for counts beyond
+/// the file's length, [`TetMeshError::Unsupported`] for other versions, tetrahedra of higher order
+/// and partitioned meshes; or with what [`PlainMesh::new`](crate::PlainMesh::new) refuses,
+/// tetrahedra numbered from 0 in the order of the file.
 /// # Source
 /// Gmsh reference manual, "Gmsh file formats".
 pub fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
-    file::check_unit(unit_m)?;
-    let bytes = file::read(path)?;
-    let mut scanner = Scanner::new(path, &bytes);
+    file::load(path, unit_m, parse)
+}
+
+fn parse(bytes: &[u8]) -> Result<file::Content, TetMeshError> {
+    let mut scanner = Scanner::new(bytes);
     let version = scanner.format()?;
     let mut content = Content::default();
     while let Some(section) = scanner.next_section()? {
@@ -43,7 +45,7 @@ pub fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
             ("Entities", Version::Four) => msh41::entities(&mut scanner, &mut content)?,
             ("PartitionedEntities", Version::Four) => {
                 let advice = "save the mesh without partitions";
-                return Err(scanner.unsupported("a partitioned mesh".into(), advice));
+                return Err(scanner.unsupported("a partitioned mesh", advice));
             }
             _ => {
                 scanner.skip_section()?;
@@ -52,7 +54,7 @@ pub fn read_msh(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
         }
         scanner.end_section()?;
     }
-    content.load(path, unit_m)
+    content.finish()
 }
 
 /// `$PhysicalNames`, which is text in binary files too: dimension, tag, "name".
@@ -60,7 +62,7 @@ fn physical_names(scanner: &mut Scanner, content: &mut Content) -> Result<(), Te
     let count = scanner.line_count()?;
     scanner.claim("names", count, 6)?;
     for _ in 0..count {
-        let line = scanner.line()?.to_string();
+        let line = scanner.line()?;
         let wrong = || scanner.syntax(format!("{line:?}"), "dimension, tag, \"name\"");
         let (numbers, rest) = line.split_once('"').ok_or_else(wrong)?;
         // Gmsh writes quotes within a name as they are: the last one ends it.
@@ -69,7 +71,7 @@ fn physical_names(scanner: &mut Scanner, content: &mut Content) -> Result<(), Te
             numbers.split_whitespace().map(|n| n.parse().ok()).collect();
         let Some([dimension, tag]) = numbers.as_deref() else { return Err(wrong()) };
         if *dimension == 3 {
-            content.names.insert(*tag, name.to_string());
+            content.file.names.insert(*tag, name.to_string());
         }
     }
     Ok(())

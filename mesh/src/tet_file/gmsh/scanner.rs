@@ -1,10 +1,7 @@
 //! Walks over the sections of an MSH file: numbers as text or binary, each with its place.
 
-use std::path::Path;
-
 use super::element::Element;
 use crate::tet_file::TetMeshError;
-use crate::tet_file::file::shortened;
 
 /// How numbers stand in the file.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -23,7 +20,6 @@ pub(super) enum Version {
 
 /// A position in the bytes of a file.
 pub(super) struct Scanner<'a> {
-    path: &'a Path,
     bytes: &'a [u8],
     at: usize,
     /// Name of the open section, without `$`.
@@ -32,8 +28,8 @@ pub(super) struct Scanner<'a> {
 }
 
 impl<'a> Scanner<'a> {
-    pub(super) fn new(path: &'a Path, bytes: &'a [u8]) -> Self {
-        Self { path, bytes, at: 0, section: String::new(), encoding: Encoding::Text }
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, section: String::new(), encoding: Encoding::Text }
     }
 
     pub(super) fn is_text(&self) -> bool {
@@ -53,14 +49,12 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    pub(super) fn syntax(&self, found: String, want: impl Into<String>) -> TetMeshError {
-        let (path, place, found) = (self.path.into(), self.place(), shortened(&found));
-        TetMeshError::Syntax { path, place, found, want: want.into() }
+    pub(super) fn syntax(&self, found: impl AsRef<str>, want: impl Into<String>) -> TetMeshError {
+        TetMeshError::syntax(self.place(), found, want)
     }
 
-    pub(super) fn unsupported(&self, found: String, advice: &'static str) -> TetMeshError {
-        let found = shortened(&found);
-        TetMeshError::Unsupported { path: self.path.into(), place: self.place(), found, advice }
+    pub(super) fn unsupported(&self, found: &str, advice: &'static str) -> TetMeshError {
+        TetMeshError::unsupported(&self.place(), found, advice)
     }
 
     /// Refuses a count of items, `bytes` long each at least, that can't all be there.
@@ -74,8 +68,7 @@ impl<'a> Scanner<'a> {
         if claimed <= limit {
             return Ok(());
         }
-        let (path, place) = (self.path.into(), self.place());
-        Err(TetMeshError::Claim { path, place, what, claimed, limit })
+        Err(TetMeshError::Claim { place: self.place(), what, claimed, limit })
     }
 
     fn skip_whitespace(&mut self) {
@@ -87,7 +80,7 @@ impl<'a> Scanner<'a> {
     pub(super) fn line(&mut self) -> Result<String, TetMeshError> {
         let rest = &self.bytes[self.at..];
         if rest.is_empty() {
-            return Err(self.syntax("the end of the file".into(), "another line"));
+            return Err(self.syntax("the end of the file", "another line"));
         }
         let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
         self.at += (length + 1).min(rest.len());
@@ -107,7 +100,7 @@ impl<'a> Scanner<'a> {
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         let word = &rest[..length];
         if word.is_empty() {
-            return Err(self.syntax("the end of the file".into(), want));
+            return Err(self.syntax("the end of the file", want));
         }
         let text = std::str::from_utf8(word)
             .map_err(|_| self.syntax(format!("{:?}", String::from_utf8_lossy(word)), want))?;
@@ -122,7 +115,7 @@ impl<'a> Scanner<'a> {
 
     fn binary<const N: usize>(&mut self, want: &str) -> Result<[u8; N], TetMeshError> {
         let Some(&(mut bytes)) = self.bytes[self.at..].first_chunk::<N>() else {
-            return Err(self.syntax("the end of the file".into(), want));
+            return Err(self.syntax("the end of the file", want));
         };
         self.at += N;
         if self.encoding == Encoding::BigEndian {
@@ -170,11 +163,11 @@ impl<'a> Scanner<'a> {
         let code = self.int("an element type")?;
         let advice = "save the mesh with first-order elements";
         let Some(element) = Element::of(code) else {
-            return Err(self.unsupported(format!("element type {code}"), advice));
+            return Err(self.unsupported(&format!("element type {code}"), advice));
         };
         if let Some(order) = element.curved() {
             let found = format!("a {}-node tetrahedron ({order} order)", element.nodes);
-            return Err(self.unsupported(found, advice));
+            return Err(self.unsupported(&found, advice));
         }
         Ok(element)
     }
@@ -187,13 +180,10 @@ impl<'a> Scanner<'a> {
                 Some("MeshFormat") => break,
                 Some("Comments") => self.skip_section()?,
                 Some(other) => {
-                    let found = format!("${other}");
-                    return Err(self.syntax(found, "$MeshFormat first, as in a Gmsh mesh"));
+                    let want = "$MeshFormat first, as in a Gmsh mesh";
+                    return Err(self.syntax(format!("${other}"), want));
                 }
-                None => {
-                    let found = "no section".into();
-                    return Err(self.syntax(found, "$MeshFormat, as in a Gmsh mesh"));
-                }
+                None => return Err(self.syntax("no section", "$MeshFormat, as in a Gmsh mesh")),
             }
         }
         let line = self.line()?;
@@ -204,7 +194,7 @@ impl<'a> Scanner<'a> {
         let version = match version {
             "2.2" => Version::Two,
             "4.1" => Version::Four,
-            _ => return Err(self.unsupported(format!("MSH version {version:?}"), ADVICE)),
+            _ => return Err(self.unsupported(&format!("MSH version {version:?}"), ADVICE)),
         };
         if size != "8" {
             return Err(self.syntax(format!("data size {size:?}"), "8"));
@@ -260,7 +250,7 @@ impl<'a> Scanner<'a> {
                 self.at += position + end.len();
                 Ok(())
             }
-            None => Err(self.syntax("no end of the section".into(), end)),
+            None => Err(self.syntax("no end of the section", end)),
         }
     }
 }

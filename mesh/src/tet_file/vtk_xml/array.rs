@@ -5,33 +5,66 @@ use std::io::Read;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::read::ZlibDecoder;
+use quick_xml::XmlVersion;
+use quick_xml::events::BytesStart;
 
-use super::layout::{Attributes, Layout};
+use crate::image::voxels::{Sample, each_voxel_type};
+use crate::image::{VoxelType, Voxels};
 use crate::tet_file::TetMeshError;
 
 /// Deflate shrinks to a 1032nd at best (zlib's technical details).
 const BEST_RATIO: u64 = 1032;
 
-/// 2⁵³, the magnitude up to which every integer is an f64.
-const EXACT_F64: f64 = 9_007_199_254_740_992.0;
+/// What the root element and the appended data say.
+#[derive(Default)]
+pub(super) struct Layout<'a> {
+    pub(super) big_endian: bool,
+    /// Bytes of the counts before binary data, 4 or 8.
+    pub(super) header: usize,
+    pub(super) compressor: String,
+    /// Whether appended data are base64.
+    pub(super) base64: bool,
+    /// What follows the underscore of the appended data.
+    pub(super) appended: &'a [u8],
+}
+
+/// Attributes of an element, in any order.
+pub(super) struct Attributes(Vec<(String, String)>);
+
+impl Attributes {
+    pub(super) fn read(place: &str, tag: &BytesStart) -> Result<Self, TetMeshError> {
+        let wrong =
+            |reason: String| TetMeshError::syntax(place, reason, "attributes as name=\"value\"");
+        let mut list = Vec::new();
+        for attribute in tag.attributes() {
+            let attribute = attribute.map_err(|error| wrong(error.to_string()))?;
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0);
+            let value = value.map_err(|error| wrong(error.to_string()))?;
+            list.push((attribute.key.as_ref().to_string(), value.into_owned()));
+        }
+        Ok(Self(list))
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&str> {
+        self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
+    }
+
+    /// An error about an attribute of the element at `place`.
+    pub(super) fn wrong(&self, place: &str, name: &str, want: &str) -> TetMeshError {
+        let found = format!("{name} {:?}", self.get(name).unwrap_or("missing"));
+        TetMeshError::syntax(place, found, want)
+    }
+}
 
 /// An array that is not yet decoded.
 pub(super) struct Array {
     pub(super) name: String,
-    kind: Kind,
+    /// `None` for strings and bits, which no mesh needs.
+    kind: Option<VoxelType>,
     pub(super) components: u64,
     format: Format,
     /// Content of the element, if it is not appended.
     pub(super) text: Vec<u8>,
-}
-
-#[derive(Clone, Copy)]
-enum Kind {
-    Signed(usize),
-    Unsigned(usize),
-    Float(usize),
-    /// Strings and bits, which no mesh needs.
-    Other,
 }
 
 enum Format {
@@ -40,162 +73,115 @@ enum Format {
     Appended(u64),
 }
 
-/// Decoded numbers.
-pub(super) enum Numbers {
-    Integers(Vec<i64>),
-    Reals(Vec<f64>),
-}
-
-impl Numbers {
-    pub(super) fn reals(self) -> Vec<f64> {
-        match self {
-            Self::Integers(values) => values.into_iter().map(|v| v as f64).collect(),
-            Self::Reals(values) => values,
-        }
-    }
-
-    /// The values as integers, or the first that is none.
-    pub(super) fn integers(self) -> Result<Vec<i64>, f64> {
-        match self {
-            Self::Integers(values) => Ok(values),
-            Self::Reals(values) => {
-                // NaN and infinity fail the comparison.
-                let exact = |v: f64| v.abs() <= EXACT_F64 && v.fract() == 0.0;
-                values.into_iter().map(|v| if exact(v) { Ok(v as i64) } else { Err(v) }).collect()
-            }
-        }
-    }
-}
-
 impl Array {
-    pub(super) fn new(layout: &Layout, tag: &Attributes) -> Result<Self, TetMeshError> {
+    pub(super) fn new(tag: &Attributes) -> Result<Self, TetMeshError> {
         let name = tag.get("Name").unwrap_or_default().to_string();
-        let wrong = |what: &str, want: &str| {
-            let found = format!("{what} {:?}", tag.get(what).unwrap_or("missing"));
-            Err(layout.syntax(format!("array {name:?}"), found, want))
-        };
+        let wrong = |what, want| tag.wrong(&format!("array {name:?}"), what, want);
         let kind = match tag.get("type") {
-            Some("Int8") => Kind::Signed(1),
-            Some("Int16") => Kind::Signed(2),
-            Some("Int32") => Kind::Signed(4),
-            Some("Int64") => Kind::Signed(8),
-            Some("UInt8") => Kind::Unsigned(1),
-            Some("UInt16") => Kind::Unsigned(2),
-            Some("UInt32") => Kind::Unsigned(4),
-            Some("UInt64") => Kind::Unsigned(8),
-            Some("Float32") => Kind::Float(4),
-            Some("Float64") => Kind::Float(8),
-            _ => Kind::Other,
+            Some("Int8") => Some(VoxelType::I8),
+            Some("Int16") => Some(VoxelType::I16),
+            Some("Int32") => Some(VoxelType::I32),
+            Some("Int64") => Some(VoxelType::I64),
+            Some("UInt8") => Some(VoxelType::U8),
+            Some("UInt16") => Some(VoxelType::U16),
+            Some("UInt32") => Some(VoxelType::U32),
+            Some("UInt64") => Some(VoxelType::U64),
+            Some("Float32") => Some(VoxelType::F32),
+            Some("Float64") => Some(VoxelType::F64),
+            _ => None,
         };
-        let Ok(components) = tag.get("NumberOfComponents").unwrap_or("1").parse() else {
-            return wrong("NumberOfComponents", "a count");
-        };
+        let components = tag.get("NumberOfComponents").unwrap_or("1").parse();
+        let components = components.map_err(|_| wrong("NumberOfComponents", "a count"))?;
         let format = match tag.get("format") {
             None | Some("ascii") => Format::Ascii,
             Some("binary") => Format::Binary,
-            Some("appended") => match tag.get("offset").unwrap_or("0").parse() {
-                Ok(offset) => Format::Appended(offset),
-                Err(_) => return wrong("offset", "a number of bytes"),
-            },
-            _ => return wrong("format", "ascii, binary or appended"),
+            Some("appended") => {
+                let offset = tag.get("offset").unwrap_or("0").parse();
+                Format::Appended(offset.map_err(|_| wrong("offset", "a number of bytes"))?)
+            }
+            _ => return Err(wrong("format", "ascii, binary or appended")),
         };
         Ok(Self { name, kind, components, format, text: Vec::new() })
     }
 
-    pub(super) fn place(&self) -> String {
+    /// Exactly `count` real numbers.
+    pub(super) fn reals(&self, layout: &Layout, count: u64) -> Result<Vec<f64>, TetMeshError> {
+        Ok(each_voxel_type!(self.numbers(layout, count)?, numbers => {
+            numbers.into_iter().map(|number| Sample::from(number).value()).collect()
+        }))
+    }
+
+    /// Exactly `count` integers, which must be what `want` says.
+    pub(super) fn integers(
+        &self,
+        layout: &Layout,
+        count: u64,
+        want: &str,
+    ) -> Result<Vec<i64>, TetMeshError> {
+        let exact = |number: Sample| {
+            number.label().ok_or_else(|| self.wrong(number.value().to_string(), want))
+        };
+        each_voxel_type!(self.numbers(layout, count)?, numbers => {
+            numbers.into_iter().map(|number| exact(number.into())).collect()
+        })
+    }
+
+    pub(super) fn wrong(&self, found: impl AsRef<str>, want: impl Into<String>) -> TetMeshError {
+        TetMeshError::syntax(self.place(), found, want)
+    }
+
+    fn place(&self) -> String {
         format!("array {:?}", self.name)
     }
 
-    /// Decodes exactly `count` numbers.
-    pub(super) fn numbers(&self, layout: &Layout, count: u64) -> Result<Numbers, TetMeshError> {
-        let width = match self.kind {
-            Kind::Signed(width) | Kind::Unsigned(width) | Kind::Float(width) => width,
-            Kind::Other => {
-                let advice = "use Int8 to UInt64, Float32 or Float64";
-                return Err(layout.unsupported(self.place(), "its type", advice));
-            }
+    fn claim(&self, claimed: u64, limit: u64) -> TetMeshError {
+        TetMeshError::Claim { place: self.place(), what: "numbers", claimed, limit }
+    }
+
+    fn numbers(&self, layout: &Layout, count: u64) -> Result<Voxels, TetMeshError> {
+        let Some(kind) = self.kind else {
+            let advice = "use Int8 to UInt64, Float32 or Float64";
+            return Err(TetMeshError::unsupported(&self.place(), "its type", advice));
         };
         let (source, base64) = match self.format {
-            Format::Ascii => return self.ascii(layout, count),
+            Format::Ascii => return self.ascii(kind, count),
             Format::Binary => (self.text.as_slice(), true),
             Format::Appended(offset) => {
                 let start = usize::try_from(offset).ok();
-                let Some(source) = start.and_then(|at| layout.appended.get(at..)) else {
-                    let limit = layout.appended.len();
-                    let want = format!("at most {limit}, the appended bytes");
-                    return Err(layout.syntax(self.place(), format!("offset {offset}"), want));
-                };
+                let source = start.and_then(|at| layout.appended.get(at..)).ok_or_else(|| {
+                    let want = format!("at most {}, the appended bytes", layout.appended.len());
+                    self.wrong(format!("offset {offset}"), want)
+                })?;
                 (source, layout.base64)
             }
         };
         let ratio = if layout.compressor.is_empty() { 1 } else { BEST_RATIO };
-        let limit = (source.len() as u64).saturating_mul(ratio) / width as u64;
+        let limit = (source.len() as u64).saturating_mul(ratio) / kind.bytes();
         if count > limit {
-            return Err(layout.claim(self.place(), count, limit));
+            return Err(self.claim(count, limit));
         }
-        let mut bytes = Source { layout, array: self, left: source, base64 };
-        let bytes = bytes.data(count as usize * width)?;
-        self.convert(layout, &bytes, width)
+        let mut source = Source { layout, array: self, left: source, base64 };
+        let bytes = source.data((count * kind.bytes()) as usize)?;
+        Ok(Voxels::decode(kind, layout.big_endian, &bytes))
     }
 
-    fn ascii(&self, layout: &Layout, count: u64) -> Result<Numbers, TetMeshError> {
+    /// Numbers as text, in the widest type: as many digits as there are.
+    fn ascii(&self, kind: VoxelType, count: u64) -> Result<Voxels, TetMeshError> {
         let text = String::from_utf8_lossy(&self.text);
         let words = text.split_ascii_whitespace();
-        let wrong = |word: &str| {
-            layout.syntax(self.place(), format!("{word:?}"), "numbers of the array's type")
-        };
-        let numbers = if matches!(self.kind, Kind::Float(_)) {
-            let values: Result<Vec<f64>, _> =
-                words.map(|w| w.parse().map_err(|_| wrong(w))).collect();
-            Numbers::Reals(values?)
+        let wrong = |word: &str| self.wrong(format!("{word:?}"), "numbers of the array's type");
+        let numbers = if matches!(kind, VoxelType::F32 | VoxelType::F64) {
+            let numbers = words.map(|word| word.parse().map_err(|_| wrong(word)));
+            Voxels::F64(numbers.collect::<Result<_, _>>()?)
         } else {
-            let values: Result<Vec<i64>, _> =
-                words.map(|w| w.parse().map_err(|_| wrong(w))).collect();
-            Numbers::Integers(values?)
+            let numbers = words.map(|word| word.parse().map_err(|_| wrong(word)));
+            Voxels::I64(numbers.collect::<Result<_, _>>()?)
         };
-        let found = match &numbers {
-            Numbers::Integers(values) => values.len(),
-            Numbers::Reals(values) => values.len(),
-        };
-        if found as u64 == count {
-            return Ok(numbers);
+        if numbers.count() as u64 != count {
+            let found = format!("{} numbers", numbers.count());
+            return Err(self.wrong(found, count.to_string()));
         }
-        Err(layout.syntax(self.place(), format!("{found} numbers"), count.to_string()))
-    }
-
-    fn convert(
-        &self,
-        layout: &Layout,
-        bytes: &[u8],
-        width: usize,
-    ) -> Result<Numbers, TetMeshError> {
-        let raw = |chunk: &[u8]| {
-            let mut value = [0; 8];
-            value[..width].copy_from_slice(chunk);
-            if layout.big_endian {
-                value[..width].reverse();
-            }
-            u64::from_le_bytes(value)
-        };
-        let chunks = bytes.chunks_exact(width).map(raw);
-        Ok(match self.kind {
-            Kind::Float(4) => {
-                Numbers::Reals(chunks.map(|v| f32::from_bits(v as u32).into()).collect())
-            }
-            Kind::Float(_) => Numbers::Reals(chunks.map(f64::from_bits).collect()),
-            Kind::Signed(width) => {
-                // The sign bit moves to the top and back, which extends it.
-                let shift = 64 - 8 * width as u32;
-                Numbers::Integers(chunks.map(|v| ((v << shift) as i64) >> shift).collect())
-            }
-            _ => {
-                let narrow = |v: u64| {
-                    let want = "integers below 2^63";
-                    i64::try_from(v).map_err(|_| layout.syntax(self.place(), v.to_string(), want))
-                };
-                Numbers::Integers(chunks.map(narrow).collect::<Result<_, _>>()?)
-            }
-        })
+        Ok(numbers)
     }
 }
 
@@ -208,35 +194,24 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn wrong(&self, found: String, want: impl Into<String>) -> TetMeshError {
-        self.layout.syntax(self.array.place(), found, want)
-    }
-
     /// The next `count` bytes; in base64, of a group of characters that starts here.
     fn take(&mut self, count: usize) -> Result<Vec<u8>, TetMeshError> {
-        let short = |source: &Self| source.wrong("too few bytes".into(), format!("{count} more"));
+        let short = |source: &Self| source.array.wrong("too few bytes", format!("{count} more"));
         if !self.base64 {
             let (bytes, left) = self.left.split_at_checked(count).ok_or_else(|| short(self))?;
             self.left = left;
             return Ok(bytes.to_vec());
         }
         let characters = count.div_ceil(3).checked_mul(4).ok_or_else(|| short(self))?;
-        let mut group = Vec::new();
-        let mut used = 0;
-        for &b in self.left {
-            if group.len() == characters {
-                break;
-            }
-            used += 1;
-            if !b.is_ascii_whitespace() {
-                group.push(b);
-            }
-        }
+        let mut rest = self.left.iter();
+        let written = rest.by_ref().copied().filter(|byte| !byte.is_ascii_whitespace());
+        let group: Vec<u8> = written.take(characters).collect();
         if group.len() < characters {
             return Err(short(self));
         }
-        self.left = &self.left[used..];
-        let mut bytes = STANDARD.decode(&group).map_err(|e| self.wrong(e.to_string(), "base64"))?;
+        self.left = rest.as_slice();
+        let mut bytes =
+            STANDARD.decode(&group).map_err(|e| self.array.wrong(e.to_string(), "base64"))?;
         if bytes.len() < count {
             return Err(short(self));
         }
@@ -264,7 +239,7 @@ impl Source<'_> {
                 let found = self.count(&announced);
                 if found != want {
                     let want = format!("{want}, by the counts of the piece");
-                    return Err(self.wrong(format!("{found} bytes"), want));
+                    return Err(self.array.wrong(format!("{found} bytes"), want));
                 }
                 // Header and data are one base64 stream, or each its own: padding tells.
                 if self.base64 && !self.padded(start) {
@@ -276,7 +251,7 @@ impl Source<'_> {
             "vtkZLibDataCompressor" => self.blocks(want),
             other => {
                 let advice = "save the mesh uncompressed or with zlib";
-                Err(self.layout.unsupported(self.array.place(), other, advice))
+                Err(TetMeshError::unsupported(&self.array.place(), other, advice))
             }
         }
     }
@@ -300,13 +275,13 @@ impl Source<'_> {
         self.left = start;
         if blocks > self.left.len() / header {
             let limit = (self.left.len() / header) as u64;
-            return Err(self.layout.claim(self.array.place(), blocks as u64, limit));
+            return Err(self.array.claim(blocks as u64, limit));
         }
         let sizes = self.take(header * (3 + blocks))?;
         let sizes: Vec<usize> = sizes.chunks_exact(header).map(|size| self.count(size)).collect();
         let total = sizes[3..].iter().try_fold(0usize, |sum, &size| sum.checked_add(size));
         let total = total.filter(|&total| total <= self.left.len());
-        let total = total.ok_or_else(|| self.wrong("too few bytes".into(), "all zlib blocks"))?;
+        let total = total.ok_or_else(|| self.array.wrong("too few bytes", "all zlib blocks"))?;
         let packed = self.take(total)?;
         let mut data = Vec::new();
         let mut at = 0;
@@ -316,7 +291,8 @@ impl Source<'_> {
             // One byte beyond what is wanted shows that there is too much.
             let room = (want - data.len()) as u64 + 1;
             let inflated = ZlibDecoder::new(block).take(room).read_to_end(&mut data);
-            inflated.map_err(|e| self.wrong(format!("a damaged zlib block ({e})"), "zlib"))?;
+            inflated
+                .map_err(|e| self.array.wrong(format!("a damaged zlib block ({e})"), "zlib"))?;
             if data.len() > want {
                 break;
             }
@@ -325,6 +301,6 @@ impl Source<'_> {
             return Ok(data);
         }
         let want = format!("{want} bytes, by the counts of the piece");
-        Err(self.wrong(format!("{} bytes or more", data.len()), want))
+        Err(self.array.wrong(format!("{} bytes or more", data.len()), want))
     }
 }

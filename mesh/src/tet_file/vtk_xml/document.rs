@@ -1,12 +1,9 @@
 //! The elements of a .vtu file: pieces, their arrays, and the block of appended data.
 
-use std::path::Path;
-
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-use super::array::Array;
-use super::layout::{Attributes, Layout};
+use super::array::{Array, Attributes, Layout};
 use crate::tet_file::TetMeshError;
 
 /// A .vtu file, its arrays not yet decoded.
@@ -30,19 +27,16 @@ impl Piece {
     }
 
     /// The coordinates, whatever their name.
-    pub(super) fn points(&self, layout: &Layout) -> Result<&Array, TetMeshError> {
+    pub(super) fn points(&self) -> Result<&Array, TetMeshError> {
         let points = self.arrays.iter().find(|(parent, _)| parent == "Points");
-        let missing = || layout.syntax("Piece".into(), "no Points".into(), "an array of points");
+        let missing = || TetMeshError::syntax("Piece", "no Points", "an array of points");
         points.map(|(_, array)| array).ok_or_else(missing)
     }
 
-    pub(super) fn topology(&self, layout: &Layout, name: &str) -> Result<&Array, TetMeshError> {
+    pub(super) fn topology(&self, name: &str) -> Result<&Array, TetMeshError> {
         self.find("Cells", name).ok_or_else(|| {
-            layout.syntax(
-                "Cells".into(),
-                format!("no array {name:?}"),
-                "types, offsets, connectivity",
-            )
+            let found = format!("no array {name:?}");
+            TetMeshError::syntax("Cells", found, "types, offsets, connectivity")
         })
     }
 
@@ -52,41 +46,28 @@ impl Piece {
 }
 
 impl<'a> Document<'a> {
-    pub(super) fn parse(path: &'a Path, bytes: &'a [u8]) -> Result<Self, TetMeshError> {
-        let layout = Layout {
-            path,
-            big_endian: false,
-            header: 4,
-            compressor: String::new(),
-            base64: true,
-            appended: &[],
-        };
+    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, TetMeshError> {
+        const END: &str = "the end of the file";
+        let layout = Layout { header: 4, base64: true, ..Layout::default() };
         let mut document = Self { layout, pieces: Vec::new() };
         // Raw appended data are no XML: what comes before is read on its own.
         let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
         if let Some(length) = find(&bytes[cut..], b"</AppendedData>") {
             document.append(&bytes[cut..cut + length])?;
         } else if cut < bytes.len() {
-            let found = "the end of the file".into();
-            return Err(document.layout.syntax("AppendedData".into(), found, "</AppendedData>"));
+            return Err(TetMeshError::syntax("AppendedData", END, "</AppendedData>"));
         }
         let closed = document.elements(&bytes[..cut])?;
         if !closed && cut == bytes.len() {
-            let place = format!("byte {}", bytes.len());
-            return Err(document.layout.syntax(place, "the end of the file".into(), "</VTKFile>"));
+            return Err(TetMeshError::syntax(format!("byte {cut}"), END, "</VTKFile>"));
         }
         Ok(document)
     }
 
     /// The element `<AppendedData encoding="…">_…`, without its end.
     fn append(&mut self, element: &'a [u8]) -> Result<(), TetMeshError> {
-        let wrong = |found: &str| {
-            self.layout.syntax(
-                "AppendedData".into(),
-                found.into(),
-                "encoding=\"raw\" or \"base64\", _data",
-            )
-        };
+        let want = "encoding=\"raw\" or \"base64\", _data";
+        let wrong = |found: &str| TetMeshError::syntax("AppendedData", found, want);
         let head = find(element, b">").ok_or_else(|| wrong("no end of the tag"))?;
         let tag = String::from_utf8_lossy(&element[..head]).replace('\'', "\"");
         let base64 = match tag.split("encoding=\"").nth(1).and_then(|rest| rest.split('"').next()) {
@@ -110,16 +91,15 @@ impl<'a> Document<'a> {
         loop {
             let event = reader.read_event();
             let place = format!("byte {}", reader.buffer_position());
-            match event.map_err(|e| self.layout.syntax(place.clone(), e.to_string(), "XML"))? {
+            match event.map_err(|e| TetMeshError::syntax(&place, e.to_string(), "XML"))? {
                 Event::Start(tag) => {
                     let name = tag.name().as_ref().to_string();
-                    self.start(&open, &name, &Attributes::read(&self.layout, &place, &tag)?)?;
+                    self.start(&open, &name, &Attributes::read(&place, &tag)?)?;
                     open.push(name);
                 }
                 Event::Text(text) if open.last().is_some_and(|name| name == "DataArray") => {
-                    if let Some((_, array)) =
-                        self.pieces.last_mut().and_then(|p| p.arrays.last_mut())
-                    {
+                    let piece = self.pieces.last_mut();
+                    if let Some((_, array)) = piece.and_then(|piece| piece.arrays.last_mut()) {
                         array.text.extend_from_slice(text.as_bytes());
                     }
                 }
@@ -136,43 +116,38 @@ impl<'a> Document<'a> {
     }
 
     fn start(&mut self, open: &[String], name: &str, tag: &Attributes) -> Result<(), TetMeshError> {
-        let wrong = |what: &str, want: &str| {
-            let found = format!("{what} {:?}", tag.get(what).unwrap_or("missing"));
-            Err(self.layout.syntax(name.into(), found, want))
-        };
+        let wrong = |what, want| tag.wrong(name, what, want);
         match (open.last().map(String::as_str), name) {
             (None, "VTKFile") => {
                 if tag.get("type") != Some("UnstructuredGrid") {
-                    return wrong("type", "UnstructuredGrid");
+                    return Err(wrong("type", "UnstructuredGrid"));
                 }
                 let big_endian = match tag.get("byte_order") {
                     None | Some("LittleEndian") => false,
                     Some("BigEndian") => true,
-                    _ => return wrong("byte_order", "LittleEndian or BigEndian"),
+                    _ => return Err(wrong("byte_order", "LittleEndian or BigEndian")),
                 };
                 let header = match tag.get("header_type") {
                     None | Some("UInt32") => 4,
                     Some("UInt64") => 8,
-                    _ => return wrong("header_type", "UInt32 or UInt64"),
+                    _ => return Err(wrong("header_type", "UInt32 or UInt64")),
                 };
                 (self.layout.big_endian, self.layout.header) = (big_endian, header);
                 self.layout.compressor = tag.get("compressor").unwrap_or_default().into();
             }
             (None, _) => {
-                return Err(self.layout.syntax("start".into(), format!("<{name}>"), "<VTKFile>"));
+                return Err(TetMeshError::syntax("start", format!("<{name}>"), "<VTKFile>"));
             }
             (Some("UnstructuredGrid"), "Piece") => {
-                let count = |what| tag.get(what).and_then(|n| n.trim().parse().ok());
-                let Some(points) = count("NumberOfPoints") else {
-                    return wrong("NumberOfPoints", "a count");
+                let count = |what| {
+                    let number = tag.get(what).and_then(|n| n.trim().parse().ok());
+                    number.ok_or_else(|| wrong(what, "a count"))
                 };
-                let Some(cells) = count("NumberOfCells") else {
-                    return wrong("NumberOfCells", "a count");
-                };
+                let (points, cells) = (count("NumberOfPoints")?, count("NumberOfCells")?);
                 self.pieces.push(Piece { points, cells, arrays: Vec::new() });
             }
             (Some(parent), "DataArray" | "Array") => {
-                let array = Array::new(&self.layout, tag)?;
+                let array = Array::new(tag)?;
                 if let Some(piece) = self.pieces.last_mut() {
                     piece.arrays.push((parent.to_string(), array));
                 }

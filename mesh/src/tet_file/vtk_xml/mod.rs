@@ -2,8 +2,8 @@
 //!
 //! Open `writer` for writing: one writer for all files, arrays in base64 or appended raw. Open
 //! `reader` for reading (feature `vtu`): `document` finds the elements, `array` decodes their
-//! numbers (text, base64 or appended, plain or compressed with zlib), `layout` says how the file
-//! stores them. `plain` writes a plain mesh with fields.
+//! numbers (text, base64 or appended, plain or compressed with zlib). `plain` writes a plain mesh
+//! with fields.
 //!
 //! A reader of our own, since `vtkio` 0.6 takes no `Int64` cell types and a default header of
 //! eight bytes (so that it refuses what meshio writes), leaves out arrays it can't decode without
@@ -13,8 +13,6 @@
 mod array;
 #[cfg(feature = "vtu")]
 mod document;
-#[cfg(feature = "vtu")]
-mod layout;
 #[cfg(feature = "vtu")]
 mod plain;
 #[cfg(feature = "vtu")]

@@ -1,17 +1,19 @@
 //! Where an iteration stands, and the best place it has been at.
 
-use nalgebra::Vector3;
-
 use super::problem::{Iterate, Outcome, Problem, Tolerance};
+use crate::field::Field;
 
 /// Positions with their forces and residual, the best iterate so far, and the count of work.
-pub(crate) struct Point<'a> {
-    pub positions: &'a mut [Vector3<f64>],
-    pub internal: &'a mut [Vector3<f64>],
+pub struct Iteration<'a> {
+    /// m.
+    pub positions: &'a mut Field,
+    /// N.
+    pub internal: &'a mut Field,
     /// As [`Problem::evaluate`] gives it.
     pub residual: Vec<f64>,
-    /// Relative size of the residual.
+    /// Its relative size.
     pub size: f64,
+    /// When to stop.
     pub tolerance: &'a Tolerance,
     iterations: usize,
     evaluations: usize,
@@ -19,12 +21,12 @@ pub(crate) struct Point<'a> {
     best: (f64, Iterate),
 }
 
-impl<'a> Point<'a> {
+impl<'a> Iteration<'a> {
     /// The first iterate: where `positions` are.
-    pub fn new(
+    pub(super) fn new(
         problem: &mut Problem<'_>,
-        positions: &'a mut [Vector3<f64>],
-        internal: &'a mut [Vector3<f64>],
+        positions: &'a mut Field,
+        internal: &'a mut Field,
         tolerance: &'a Tolerance,
     ) -> Self {
         let mut residual = vec![0.0; problem.rows()];
@@ -80,7 +82,7 @@ impl<'a> Point<'a> {
     }
 
     /// Ends at the best iterate.
-    pub fn finish(mut self, problem: &mut Problem<'_>, method: &'static str) -> Outcome {
+    pub(super) fn finish(mut self, problem: &mut Problem<'_>, method: &'static str) -> Outcome {
         if !self.is_within(1.0) {
             self.return_to_best(problem);
         }
@@ -93,15 +95,4 @@ impl<'a> Point<'a> {
             fallbacks: 0,
         }
     }
-}
-
-/// What a solver reports that leaves the body where it is.
-pub(crate) fn untouched(
-    problem: &mut Problem<'_>,
-    method: &'static str,
-    positions: &mut [Vector3<f64>],
-    internal: &mut [Vector3<f64>],
-    tolerance: &Tolerance,
-) -> Outcome {
-    Point::new(problem, positions, internal, tolerance).finish(problem, method)
 }
