@@ -62,7 +62,8 @@ impl Gripped {
         let formulation = formulation_by_name(element).unwrap();
         let vertices = forest.vertices();
         let link =
-            InverseLink::new(&body, formulation, vertices, |_| false, key, &factory).unwrap();
+            InverseLink::new(&body, &|_| 0.0, formulation, vertices, |_| false, key, &factory)
+                .unwrap();
         Self { forest, placement, embedding, body, link, positions, delta: MeshDelta::empty() }
     }
 
