@@ -63,7 +63,8 @@ pub trait Equilibrium: Send {
     /// The scene name.
     fn name(&self) -> &'static str;
 
-    /// Whether it needs [`InternalForces::tangent`](crate::InternalForces::tangent); without it it then ends where it begins.
+    /// Whether it needs [`InternalForces::tangent`](crate::InternalForces::tangent); without it it
+    /// then ends where it begins.
     fn needs_tangent(&self) -> bool {
         false
     }
