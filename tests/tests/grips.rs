@@ -49,8 +49,8 @@ impl Gripped {
             body.insert(element_of(&forest, &placement, &embedding, &tet));
         }
         for stiffness in [Some(STIFFNESS), None] {
-            let mut grip =
-                Grip::new(points.clone(), stiffness, &body, &rest, |_| true).expect("some points");
+            let mut grip = Grip::new(points.clone(), stiffness, body.elements().iter(), &rest)
+                .expect("some points");
             let turn = Vector3::new(0.3, -0.5, 0.2);
             grip.set_pose(Isometry3::new(Vector3::new(1e-3, 2e-3, -5e-4), turn));
             body.add_grip(grip);

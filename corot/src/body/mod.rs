@@ -4,6 +4,7 @@
 //! of them, `material.rs` its law with the states. Open `storage.rs` first.
 
 mod evaluation;
+mod held;
 mod material;
 mod storage;
 

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
 use super::locate::locate;
-use crate::body::Body;
+use crate::element::Element;
 
 /// The least radius of gyration of points that can feel a torque, as a part of the largest.
 const FLAT: f64 = 1e-4;
@@ -26,7 +26,7 @@ pub struct WeightedPoint {
 /// its refinement are nested, so that sums over the points are the same integrals on every mesh: a
 /// split by itself changes no energy, force or mean. A grip has a pose that its points are to follow,
 /// y_f = R X_f + t; with a stiffness κ it is elastic, an energy ½ Σ κ w_f |x_f − y_f|² of the body
-/// ([`Body::add_grip`]), without one it is for [`Constraints`](super::Constraints) to hold its mean.
+/// ([`Body::add_grip`](crate::Body::add_grip)), without one it is for [`Constraints`](super::Constraints) to hold its mean.
 #[derive(Clone, Debug)]
 pub struct Grip {
     points: Vec<WeightedPoint>,
@@ -78,19 +78,17 @@ impl Share {
 }
 
 impl Grip {
-    /// Points in the elements of `body` for which `holds` is true, whose vertices rest at `rest` (by
-    /// vertex number, m), at their pose of rest. `stiffness` κ in N/m per unit of weight.
+    /// Points in `elements`, whose vertices rest at `rest` (by vertex number, m), at their pose of
+    /// rest. `stiffness` κ in N/m per unit of weight.
     ///
     /// Points outside of all these elements count for nothing; `None` if no point is left.
-    pub fn new(
+    pub fn new<'a>(
         points: Vec<WeightedPoint>,
         stiffness: Option<f64>,
-        body: &Body,
+        elements: impl Iterator<Item = &'a Element>,
         rest: &[Vector3<f64>],
-        holds: impl Fn(TetId) -> bool,
     ) -> Option<Self> {
         let places: Vec<Vector3<f64>> = points.iter().map(|point| point.rest).collect();
-        let elements = body.elements().iter().filter(|element| holds(element.tet));
         let located = locate(&places, elements, rest, 0.0);
         type Bound = ([usize; 4], Vec<(u32, Vector4<f64>)>);
         let mut bound: BTreeMap<TetId, Bound> = BTreeMap::new();
@@ -152,9 +150,15 @@ impl Grip {
         self.gyration.is_some()
     }
 
-    /// How many elements it holds something of.
-    pub fn tet_count(&self) -> usize {
-        self.shares.len()
+    /// Whether it has points in an element.
+    pub(crate) fn holds(&self, tet: TetId) -> bool {
+        self.shares.contains_key(&tet)
+    }
+
+    /// The largest diagonal entry of the elements' [matrices](Self::matrix), N/m.
+    pub(crate) fn stiffest(&self) -> f64 {
+        let largest = |share: &Share| share.second.diagonal().max();
+        self.stiffness.unwrap_or(0.0) * self.shares.values().map(largest).fold(0.0, f64::max)
     }
 
     /// Where its points are to be, from rest.
@@ -328,48 +332,5 @@ impl Grip {
                 }
             }
         }
-    }
-}
-
-impl Body {
-    /// Adds a grip; an elastic one pulls from now on. Returns its number.
-    pub fn add_grip(&mut self, grip: Grip) -> usize {
-        self.grips.push(grip);
-        self.grips.len() - 1
-    }
-
-    /// All grips, those that have let go too.
-    pub fn grips(&self) -> &[Grip] {
-        &self.grips
-    }
-
-    /// The same, to lead them or let them go.
-    pub fn grips_mut(&mut self) -> &mut [Grip] {
-        &mut self.grips
-    }
-
-    /// Takes all grips along through a split or merge of the mesh.
-    pub fn grips_follow(&mut self, delta: &MeshDelta) {
-        self.grips.iter_mut().for_each(|grip| grip.follow(delta));
-    }
-
-    /// Whether a grip has points in an element.
-    pub fn is_gripped(&self, tet: TetId) -> bool {
-        self.grips.iter().any(|grip| grip.shares.contains_key(&tet))
-    }
-
-    /// A bound on the entries of what elastic grips add to the stiffness, N/m.
-    pub(crate) fn grip_scale(&self) -> f64 {
-        let diagonals = self.grips.iter().flat_map(|grip| {
-            let stiffness = grip.stiffness.unwrap_or(0.0);
-            grip.shares.values().map(move |share| stiffness * share.second.diagonal().max())
-        });
-        diagonals.fold(0.0, f64::max)
-    }
-
-    /// What elastic grips add to the stiffness of an element, on its corners and the same for each
-    /// axis, N/m.
-    pub fn grip_matrix(&self, tet: TetId) -> Option<Matrix4<f64>> {
-        self.grips.iter().filter_map(|grip| grip.matrix(tet)).reduce(|a, b| a + b)
     }
 }

@@ -4,10 +4,7 @@ use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::VertexId;
 
-use super::ring::{RingStiffness, beside};
-
-/// Displacements per vertex, the first of its unknowns.
-pub(super) const DISPLACEMENTS: usize = 3;
+use super::ring::{DISPLACEMENTS, RingStiffness, beside};
 
 /// Zeroes the rows and columns that belong to the displacements of held corners: `k` is an
 /// element's matrix with `k.nrows() / held.len()` unknowns per corner.

@@ -4,9 +4,11 @@ use faer::{Mat, Scale};
 use nalgebra::{Matrix4, Vector3};
 use yawara_mesh::{MeshDelta, RingTet, TetId, VertexId};
 
-use super::clamp::DISPLACEMENTS;
 use super::halved::Halved;
 use crate::embedding::Embedding;
+
+/// Displacements per vertex, the first of its unknowns.
+pub(super) const DISPLACEMENTS: usize = 3;
 
 /// The stiffness of the tetrahedra around a bisected edge, before and after.
 ///

@@ -212,8 +212,8 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
 /// [`SimError::ToolOutside`] for a tool that holds nothing of them.
 fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(), SimError> {
     for (tool, MaterialHold { points, stiffness }) in grips {
-        let holds = |tet| !state.cell(tet).is_void;
-        match (Grip::new(points, stiffness, &state.body, &state.rest, holds), tool) {
+        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
+        match (Grip::new(points, stiffness, solid, &state.rest), tool) {
             (Some(grip), _) => {
                 state.body.add_grip(grip);
                 state.grip_tools.push(tool);

@@ -14,7 +14,6 @@ use super::grips::Grips;
 use super::held::Held;
 use super::predictor::Predictor;
 use super::settling::Settling;
-use super::simulation::SimulatedBody;
 use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
@@ -97,10 +96,10 @@ impl StepSolver {
     pub fn let_go(
         &mut self,
         step: Span,
-        body: &mut SimulatedBody,
+        state: &mut BodyState,
+        inverse: &mut InverseLink,
         tools: &[Box<dyn Tool>],
     ) -> Result<(), SimError> {
-        let SimulatedBody { state, inverse, .. } = body;
         self.grips.let_go(step.to, state, inverse, tools, |force| {
             if self.motion.is_none() {
                 self.fading.push(force);

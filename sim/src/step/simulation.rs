@@ -82,7 +82,7 @@ impl Simulation {
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
         let Self { body, tools, contact, solver, .. } = self;
-        solver.let_go(span, body, tools)?;
+        solver.let_go(span, &mut body.state, &mut body.inverse, tools)?;
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let mut outcome = solver.advance(span, &mut acting)?;
         let felt = self.felt();
