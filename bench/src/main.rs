@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, drift, elements, homogenisation, mesh,
-    pareto, scaling, table1, validate,
+    meshes, pareto, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -48,6 +48,8 @@ enum Study {
     /// Linear tetrahedra towards incompressibility, with and without a pressure (quick: meshes and
     /// references half as fine).
     Elements(Common),
+    /// A scene on uniform meshes of rising level: where force, energy and displacement go.
+    Meshes(meshes::Arguments),
     /// Cases with a known solution: beams, spheres, rotation; errors and their slopes (quick: one
     /// refinement less of each).
     Validate(Common),
@@ -95,6 +97,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
+        Study::Meshes(arguments) => meshes::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),

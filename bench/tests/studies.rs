@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use yawara_bench::studies::{Arguments, Common, drift, elements, homogenisation, scaling, table1};
+use yawara_bench::studies::{
+    Arguments, Common, drift, elements, homogenisation, meshes, scaling, table1,
+};
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
 
@@ -230,4 +232,33 @@ fn homogenisation_holds_what_is_claimed() {
     assert!(mean("laminate", "error_fine") < 1.001 * laminate);
     let svg = std::fs::read_to_string(out.join("homogenisation.svg")).unwrap();
     assert!(svg.contains("kharevych, 3 levels"));
+}
+
+/// Nested meshes of a beam that is held by its material: the force can only fall.
+#[test]
+fn meshes_follow_a_scene_to_its_limit() {
+    let (_root, common) = scratch();
+    let out = common.out.clone();
+    let set = ["support.hold=\"elastic\"", "tools.0.hold=\"mean\""].map(str::to_owned).to_vec();
+    let (scene, finest) = ("beam".to_owned(), Some(3));
+    let arguments = meshes::Arguments { scene, common, set, finest };
+    let printed = meshes::run(&arguments).unwrap();
+    assert!(printed.contains("force_n of `p1`: monotone"), "{printed}");
+    let value = files(&out, "meshes", &printed);
+    assert!(out.join("meshes.svg").exists());
+    assert_eq!(rows(&value).len(), 8);
+    for levels in rows(&value).chunks(4) {
+        assert!(levels.iter().all(|row| row["converged"] == true), "{levels:?}");
+        for pair in levels.windows(2) {
+            assert!(number(&pair[1], "vertices") > number(&pair[0], "vertices"));
+            assert!(number(&pair[1], "force_n") <= number(&pair[0], "force_n"), "{levels:?}");
+        }
+    }
+    let [p1, p1p1] = [3, 7].map(|at| number(&rows(&value)[at], "force_n"));
+    assert!((p1 - p1p1).abs() < 0.03 * p1, "{p1} and {p1p1} N");
+
+    let (root, common) = scratch();
+    let set = vec!["tools.0.hold=\"glue\"".to_owned()];
+    let arguments = meshes::Arguments { common, set, ..arguments };
+    refused(root.path(), meshes::run(&arguments));
 }

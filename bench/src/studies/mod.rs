@@ -13,6 +13,7 @@ pub mod drift;
 pub mod elements;
 pub mod homogenisation;
 pub mod mesh;
+pub mod meshes;
 pub mod pareto;
 mod race;
 pub mod scaling;

@@ -95,6 +95,7 @@ impl FileMesh {
 }
 
 /// The file by the extension of its name.
+#[cfg_attr(not(any(feature = "gmsh", feature = "vtu")), expect(unused_variables))]
 fn read(path: &Path, unit_m: f64) -> Result<LoadedMesh, SimError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {

@@ -188,6 +188,18 @@ impl Simulation {
         self.solver.momentum(&self.body.state)
     }
 
+    /// Σ ½ V σ : ε in the elements' frames and what elastic supports and pads store, J, where the body
+    /// is now. Cost: O(elements).
+    pub fn energy_j(&self) -> f64 {
+        let BodyState { body, positions, .. } = &self.body.state;
+        let elements = body.elements().iter().enumerate().map(|(number, element)| {
+            let strain = element.corotated_strain(positions);
+            0.5 * element.geometry.volume * body.stress(number, positions).dot(&strain)
+        });
+        let held = body.grips().iter().map(|grip| grip.energy(positions));
+        elements.chain(held).sum()
+    }
+
     /// The current mesh with its fields and surfaces, for output.
     /// # Errors
     /// [`SimError::Surface`] if a position is not finite.

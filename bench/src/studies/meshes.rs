@@ -1,0 +1,266 @@
+//! `meshes`: one scene on uniform meshes of rising level, and where its figures go.
+//!
+//! A body that is held by its material is the same problem on every mesh, and on nested meshes it can
+//! only get softer: forces fall towards a limit. One that is held by vertices is not.
+
+use clap::Args;
+use nalgebra::Vector3;
+use serde::Serialize;
+use yawara::report::StepReport;
+use yawara::{Probe, Simulation, Stages, scene_file};
+use yawara_embed::FORMULATIONS;
+
+use crate::error::Result;
+use crate::harness::arguments::in_range;
+use crate::harness::plot::log_log;
+use crate::harness::report::markdown::rows as table;
+use crate::harness::report::{self, Summary, curves};
+use crate::harness::{Common, Progress};
+
+/// Version of the JSON layout.
+const SCHEMA: &str = "yawara-bench-meshes-1";
+
+/// Levels that the study may go to: three make a mesh of half the edges and eight times the vertices.
+const LEVELS: (usize, usize) = (2, 12);
+
+/// What is asked for on the command line.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    /// A built-in scene or a TOML file.
+    #[arg(default_value = "liver")]
+    pub scene: String,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub common: Common,
+    /// Replaces a value of the scene for all, as for yawara run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// The finest level [default: 4, quick: 2].
+    #[arg(long, value_name = "LEVEL")]
+    pub finest: Option<usize>,
+}
+
+/// A scene on a uniform mesh, at the step in which its tools' force is largest on the coarsest one.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    element: &'static str,
+    level: u8,
+    vertices: usize,
+    /// Of all tools together.
+    force_n: f64,
+    /// Strain energy, that of elastic holds with it.
+    energy_j: f64,
+    /// Of the point that moves farthest on the coarsest mesh.
+    displacement_m: f64,
+    /// Whether all steps until then converged.
+    converged: bool,
+}
+
+/// Where a figure of an element goes.
+#[derive(Clone, Debug, Serialize)]
+struct Limit {
+    element: &'static str,
+    figure: &'static str,
+    /// Whether it only falls, or only rises, from level to level.
+    monotone: bool,
+    /// p of the error C hᵖ of three evenly spaced levels, h the edge; absent where their differences
+    /// do not shrink.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    order: Option<f64>,
+    /// What it is for h → 0 by that (Richardson).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limit: Option<f64>,
+}
+
+/// A figure of a row.
+type Figure = (&'static str, fn(&Row) -> f64);
+
+const FIGURES: [Figure; 3] = [
+    ("force_n", |row| row.force_n),
+    ("energy_j", |row| row.energy_j),
+    ("displacement_m", |row| row.displacement_m),
+];
+
+/// Runs the study.
+pub fn run(arguments: &Arguments) -> Result<String> {
+    let Arguments { scene, common, set, finest } = arguments;
+    let finest = finest.unwrap_or(if common.quick { 2 } else { 4 });
+    in_range("--finest", finest, LEVELS)?;
+    let given = |element: &str, level: usize| {
+        let keys = [
+            format!("mesh.start_level={level}"),
+            format!("mesh.max_level={level}"),
+            "mesh.max_vertices=1000000".into(),
+            format!("stages.element={element:?}"),
+        ];
+        scene_file::load(scene, &[&set[..], &keys].concat())
+    };
+    // What is mistyped is refused before anything is measured.
+    given(FORMULATIONS[0], finest)?;
+    let folder = common.folder()?;
+    let mut progress = Progress::new((FORMULATIONS.len() * (finest + 1)) as f64);
+    let mut place: Option<Place> = None;
+    let mut rows = Vec::new();
+    for element in FORMULATIONS.iter().copied() {
+        for level in 0..=finest {
+            let (scene, _) = given(element, level)?;
+            let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages)?)?;
+            let mut course = Course::new(&simulation, place.as_ref())?;
+            let last = place.as_ref().map_or(usize::MAX, |place| place.step);
+            while simulation.steps_left() > 0 && course.steps.len() <= last {
+                let report = simulation.step()?;
+                course.take(&simulation, &report)?;
+            }
+            let place = place.get_or_insert_with(|| course.farthest());
+            rows.push(course.row(element, level as u8, place));
+            progress.advance(element, 1.0);
+        }
+    }
+    let limits: Vec<Limit> = limits(&rows);
+    report::write(&folder, "meshes", &rows, summary(&scene[..], &rows, limits))
+}
+
+/// The step and the point that all meshes are compared at.
+struct Place {
+    step: usize,
+    point: usize,
+}
+
+/// A run's figures, step by step.
+struct Course {
+    probe: Probe,
+    /// The number of the point, once it is known.
+    point: Option<usize>,
+    vertices: usize,
+    /// Force, energy, displacement of the point (of all of them while it is not known).
+    steps: Vec<(f64, f64, Vec<f64>)>,
+    converged: Vec<bool>,
+}
+
+impl Course {
+    fn new(simulation: &Simulation, place: Option<&Place>) -> Result<Self> {
+        let vertices = simulation.body().vertex_count();
+        let (probe, point) = (simulation.probe(0)?, place.map(|place| place.point));
+        Ok(Self { probe, point, vertices, steps: Vec::new(), converged: Vec::new() })
+    }
+
+    fn take(&mut self, simulation: &Simulation, report: &StepReport) -> Result<()> {
+        let now = simulation.probe_positions(&mut self.probe)?;
+        let moves: Vec<f64> =
+            now.iter().zip(self.probe.rest()).map(|(x, rest)| (x - rest).norm()).collect();
+        let moves = self.point.map_or(moves.clone(), |point| vec![moves[point]]);
+        let force = Vector3::from(report.force_n).norm();
+        self.steps.push((force, simulation.energy_j(), moves));
+        self.converged.push(report.converged);
+        Ok(())
+    }
+
+    /// The step of the largest force, and the point that has moved farthest by then.
+    fn farthest(&self) -> Place {
+        let largest = |values: &mut dyn Iterator<Item = f64>| {
+            let best = values.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+            best.map_or(0, |(at, _)| at)
+        };
+        let step = largest(&mut self.steps.iter().map(|step| step.0));
+        Place { step, point: largest(&mut self.steps[step].2.iter().copied()) }
+    }
+
+    fn row(&self, element: &'static str, level: u8, place: &Place) -> Row {
+        let (force_n, energy_j, moves) = &self.steps[place.step];
+        let at = self.point.map_or(place.point, |_| 0);
+        Row {
+            element,
+            level,
+            vertices: self.vertices,
+            force_n: *force_n,
+            energy_j: *energy_j,
+            displacement_m: moves[at],
+            converged: self.converged[..=place.step].iter().all(|converged| *converged),
+        }
+    }
+}
+
+/// Of each element and figure.
+fn limits(rows: &[Row]) -> Vec<Limit> {
+    let mut limits = Vec::new();
+    for element in FORMULATIONS.iter().copied() {
+        for (figure, of) in FIGURES {
+            let values: Vec<f64> =
+                rows.iter().filter(|row| row.element == element).map(of).collect();
+            limits.push(Limit::new(element, figure, &values));
+        }
+    }
+    limits
+}
+
+impl Limit {
+    /// Of the values by level.
+    fn new(element: &'static str, figure: &'static str, values: &[f64]) -> Self {
+        let falls = values.windows(2).all(|pair| pair[1] <= pair[0]);
+        let monotone = falls || values.windows(2).all(|pair| pair[1] >= pair[0]);
+        let last = values.len() - 1;
+        let stride = last / 2;
+        let [a, b, c] = [last - 2 * stride, last - stride, last].map(|level| values[level]);
+        let ratio = (b - c) / (a - b);
+        let shrinks = ratio > 0.0 && ratio < 1.0;
+        // Three levels halve the edges.
+        let order = shrinks.then(|| -3.0 * ratio.log2() / stride as f64);
+        let limit = shrinks.then(|| c + (c - b) * ratio / (1.0 - ratio));
+        Self { element, figure, monotone, order, limit }
+    }
+}
+
+fn summary(scene: &str, rows: &[Row], limits: Vec<Limit>) -> Summary {
+    let mut text = format!("`{scene}` on uniform meshes, at the step of its largest force.\n\n");
+    text += &table(
+        rows,
+        &[
+            ("element", |row| row.element.to_owned()),
+            ("level", |row| row.level.to_string()),
+            ("vertices", |row| row.vertices.to_string()),
+            ("force, N", |row| format!("{:.4}", row.force_n)),
+            ("energy, J", |row| format!("{:.4e}", row.energy_j)),
+            ("displacement, mm", |row| format!("{:.4}", 1e3 * row.displacement_m)),
+            ("converged", |row| if row.converged { "yes" } else { "no" }.to_owned()),
+        ],
+    );
+    let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |x| format!("{x:.4}"));
+    for limit in &limits {
+        text += &format!(
+            "{} of `{}`: {}, order {}, limit {}\n",
+            limit.figure,
+            limit.element,
+            if limit.monotone { "monotone" } else { "not monotone" },
+            or_dash(limit.order),
+            or_dash(limit.limit),
+        );
+    }
+    let by_size = |row: &Row| Some((row.element.to_owned(), (row.vertices as f64, row.force_n)));
+    let titles = ["vertices", "force, N"];
+    let plot = log_log("Force of the tools", titles, &curves(rows, by_size));
+    Summary::new(text)
+        .with("schema", SCHEMA)
+        .with("scene", scene)
+        .with("limits", limits)
+        .with_file("meshes.svg", plot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_power_of_the_edge_gives_its_order_and_its_limit() {
+        let error = |level: i32| 3.0 + 0.5 * 0.5f64.powf(1.5 * f64::from(level) / 3.0);
+        for finest in [2, 4, 5] {
+            let values: Vec<f64> = (0..=finest).map(error).collect();
+            let limit = Limit::new("p1", "force_n", &values);
+            assert!(limit.monotone);
+            assert!((limit.order.unwrap() - 1.5).abs() < 1e-9, "{limit:?}");
+            assert!((limit.limit.unwrap() - 3.0).abs() < 1e-9, "{limit:?}");
+        }
+        let rising = Limit::new("p1", "force_n", &[2.0, 2.1, 2.3]);
+        assert!(rising.monotone && rising.limit.is_none() && rising.order.is_none());
+        assert!(!Limit::new("p1", "force_n", &[2.0, 2.1, 2.05]).monotone);
+    }
+}
