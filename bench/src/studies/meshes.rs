@@ -40,7 +40,7 @@ pub struct Arguments {
     pub finest: Option<usize>,
 }
 
-/// A scene on a uniform mesh, at the step in which its tools' force is largest on the coarsest one.
+/// A scene on a uniform mesh, at the step in which its tools act hardest on the coarsest one.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     element: &'static str,
@@ -48,6 +48,8 @@ struct Row {
     vertices: usize,
     /// Of all tools together.
     force_n: f64,
+    /// Largest of a tool.
+    torque_n_m: f64,
     /// Strain energy, that of elastic holds with it.
     energy_j: f64,
     /// Of the point that moves farthest on the coarsest mesh.
@@ -75,8 +77,9 @@ struct Limit {
 /// A figure of a row.
 type Figure = (&'static str, fn(&Row) -> f64);
 
-const FIGURES: [Figure; 3] = [
+const FIGURES: [Figure; 4] = [
     ("force_n", |row| row.force_n),
+    ("torque_n_m", |row| row.torque_n_m),
     ("energy_j", |row| row.energy_j),
     ("displacement_m", |row| row.displacement_m),
 ];
@@ -120,10 +123,10 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     report::write(&folder, "meshes", &rows, summary(&scene[..], &rows, limits))
 }
 
-/// The step and the point that all meshes are compared at.
+/// The step and the point, where it rests (m), that all meshes are compared at.
 struct Place {
     step: usize,
-    point: usize,
+    point: Vector3<f64>,
 }
 
 /// A run's figures, step by step.
@@ -132,52 +135,76 @@ struct Course {
     /// The number of the point, once it is known.
     point: Option<usize>,
     vertices: usize,
-    /// Force, energy, displacement of the point (of all of them while it is not known).
-    steps: Vec<(f64, f64, Vec<f64>)>,
-    converged: Vec<bool>,
+    steps: Vec<Step>,
+}
+
+struct Step {
+    force_n: f64,
+    torque_n_m: f64,
+    energy_j: f64,
+    /// Of the point, or of all of them while it is not known, m.
+    moves: Vec<f64>,
+    converged: bool,
 }
 
 impl Course {
     fn new(simulation: &Simulation, place: Option<&Place>) -> Result<Self> {
-        let vertices = simulation.body().vertex_count();
-        let (probe, point) = (simulation.probe(0)?, place.map(|place| place.point));
-        Ok(Self { probe, point, vertices, steps: Vec::new(), converged: Vec::new() })
+        let probe = simulation.probe(0)?;
+        let nearest = |place: &Place| {
+            least(probe.rest().iter().map(|rest| (rest - place.point).norm_squared()))
+        };
+        let (point, vertices) = (place.map(nearest), simulation.body().vertex_count());
+        Ok(Self { probe, point, vertices, steps: Vec::new() })
     }
 
     fn take(&mut self, simulation: &Simulation, report: &StepReport) -> Result<()> {
         let now = simulation.probe_positions(&mut self.probe)?;
-        let moves: Vec<f64> =
-            now.iter().zip(self.probe.rest()).map(|(x, rest)| (x - rest).norm()).collect();
-        let moves = self.point.map_or(moves.clone(), |point| vec![moves[point]]);
-        let force = Vector3::from(report.force_n).norm();
-        self.steps.push((force, simulation.energy_j(), moves));
-        self.converged.push(report.converged);
+        let moved = |at: usize| (now[at] - self.probe.rest()[at]).norm();
+        let torques = report.tools.iter().map(|tool| Vector3::from(tool.torque_n_m).norm());
+        self.steps.push(Step {
+            force_n: Vector3::from(report.force_n).norm(),
+            torque_n_m: torques.fold(0.0, f64::max),
+            energy_j: simulation.energy_j(),
+            moves: match self.point {
+                Some(point) => vec![moved(point)],
+                None => (0..now.len()).map(moved).collect(),
+            },
+            converged: report.converged,
+        });
         Ok(())
     }
 
-    /// The step of the largest force, and the point that has moved farthest by then.
+    /// The step in which tools act hardest, by force and torque in units of their largest, and the
+    /// point that has moved farthest by then.
     fn farthest(&self) -> Place {
-        let largest = |values: &mut dyn Iterator<Item = f64>| {
-            let best = values.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-            best.map_or(0, |(at, _)| at)
-        };
-        let step = largest(&mut self.steps.iter().map(|step| step.0));
-        Place { step, point: largest(&mut self.steps[step].2.iter().copied()) }
+        let largest =
+            |of: fn(&Step) -> f64| self.steps.iter().map(of).fold(f64::MIN_POSITIVE, f64::max);
+        let (force, torque) = (largest(|step| step.force_n), largest(|step| step.torque_n_m));
+        let effort = |step: &Step| step.force_n / force + step.torque_n_m / torque;
+        let step = least(self.steps.iter().map(|step| -effort(step)));
+        let point = least(self.steps[step].moves.iter().map(|moved| -moved));
+        Place { step, point: self.probe.rest()[point] }
     }
 
     fn row(&self, element: &'static str, level: u8, place: &Place) -> Row {
-        let (force_n, energy_j, moves) = &self.steps[place.step];
-        let at = self.point.map_or(place.point, |_| 0);
+        let Step { force_n, torque_n_m, energy_j, moves, .. } = &self.steps[place.step];
         Row {
             element,
             level,
             vertices: self.vertices,
             force_n: *force_n,
+            torque_n_m: *torque_n_m,
             energy_j: *energy_j,
-            displacement_m: moves[at],
-            converged: self.converged[..=place.step].iter().all(|converged| *converged),
+            // The point is the one of the largest move where all are known.
+            displacement_m: moves.iter().copied().fold(0.0, f64::max),
+            converged: self.steps[..=place.step].iter().all(|step| step.converged),
         }
     }
+}
+
+/// The position of the least of some values; 0 without any.
+fn least(values: impl Iterator<Item = f64>) -> usize {
+    values.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(at, _)| at)
 }
 
 /// Of each element and figure.
@@ -211,7 +238,8 @@ impl Limit {
 }
 
 fn summary(scene: &str, rows: &[Row], limits: Vec<Limit>) -> Summary {
-    let mut text = format!("`{scene}` on uniform meshes, at the step of its largest force.\n\n");
+    let mut text =
+        format!("`{scene}` on uniform meshes, at the step in which its tools act hardest.\n\n");
     text += &table(
         rows,
         &[
@@ -219,12 +247,13 @@ fn summary(scene: &str, rows: &[Row], limits: Vec<Limit>) -> Summary {
             ("level", |row| row.level.to_string()),
             ("vertices", |row| row.vertices.to_string()),
             ("force, N", |row| format!("{:.4}", row.force_n)),
+            ("torque, N m", |row| format!("{:.4e}", row.torque_n_m)),
             ("energy, J", |row| format!("{:.4e}", row.energy_j)),
             ("displacement, mm", |row| format!("{:.4}", 1e3 * row.displacement_m)),
             ("converged", |row| if row.converged { "yes" } else { "no" }.to_owned()),
         ],
     );
-    let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |x| format!("{x:.4}"));
+    let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |x| format!("{x:.4e}"));
     for limit in &limits {
         text += &format!(
             "{} of `{}`: {}, order {}, limit {}\n",
