@@ -17,8 +17,8 @@ const MAX_LEVEL: u8 = 8;
 /// Springs as stiff as a material of 10⁶ Pa, N/m⁴.
 const STIFFNESS: f64 = 1e10;
 
-/// An organ whose mesh changes, held by a pad and by the mean of the same points, with the inverse of
-/// its stiffness and the pad's.
+/// An organ whose mesh changes, held by two pads and by the mean of the same points, with the inverse
+/// of its stiffness and the pads'.
 struct Gripped {
     forest: BisectionForest,
     placement: Placement,
@@ -48,7 +48,7 @@ impl Gripped {
         for tet in forest.leaves() {
             body.insert(element_of(&forest, &placement, &embedding, &tet));
         }
-        for stiffness in [Some(STIFFNESS), None] {
+        for stiffness in [Some(STIFFNESS), None, Some(STIFFNESS)] {
             let mut grip = Grip::new(points.clone(), stiffness, body.elements().iter(), &rest)
                 .expect("some points");
             let turn = Vector3::new(0.3, -0.5, 0.2);
@@ -68,7 +68,7 @@ impl Gripped {
     }
 
     fn felt(&self) -> Felt {
-        let [pad, mean] = self.body.grips() else { panic!("two grips") };
+        let [pad, mean, _] = self.body.grips() else { panic!("three grips") };
         let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
         pad.each_force(&self.positions, |v, f| {
             force += f;
@@ -225,10 +225,15 @@ proptest! {
         for (split, pick) in &picks {
             if *split { gripped.split(pick) } else { gripped.merge(pick) }
         }
-        prop_assert!((gripped.total() - total).abs() <= 1e-11 * total);
-        // The body hangs on nothing but the pad.
+        prop_assert!((gripped.total() - 2.0 * total).abs() <= 1e-11 * total);
+        // The body hangs on nothing but the pads.
         let error = gripped.error();
         prop_assert!(error < 1e-6, "{error:e}");
+        // The second pad lets go: the first one's stiffness is left.
+        gripped.link.remove_springs(&gripped.body.grips_mut()[2].release()).unwrap();
+        prop_assert!((gripped.total() - total).abs() <= 1e-11 * total);
+        let error = gripped.error();
+        prop_assert!(error < 1e-6, "with one pad: {error:e}");
     }
 }
 

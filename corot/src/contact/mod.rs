@@ -14,4 +14,4 @@ mod together;
 
 pub use obstacle::{Obstacle, Sphere};
 pub use solve::solve_with_contact;
-pub use surface_contact::{Contact, ContactOutcome, SurfacePoint};
+pub use surface_contact::{Contact, ContactOutcome};

@@ -3,29 +3,14 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::obstacle::Obstacle;
+use crate::element::ElementPoint;
 use crate::equilibrium::{Outcome, Problem};
 use crate::field::Field;
-
-/// A point of a body's surface: x = Σ w_i x_i over the corners of its coarse tetrahedron.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// Corners, vertex numbers.
-    pub vertices: [usize; 4],
-    /// Barycentric weights, of sum 1.
-    pub weights: [f64; 4],
-}
-
-impl SurfacePoint {
-    /// Where it is when the vertices are at `positions`.
-    pub fn position(&self, positions: &Field) -> Vector3<f64> {
-        (0..4).map(|i| self.weights[i] * positions[self.vertices[i]]).sum()
-    }
-}
 
 /// Which points may touch what, and the compliance of the body there.
 pub struct Contact<'a> {
     /// The points with the position of their obstacle in `obstacles`.
-    pub points: &'a [(SurfacePoint, usize)],
+    pub points: &'a [(ElementPoint, usize)],
     /// The obstacles, which stay where they are during the solve.
     pub obstacles: &'a [&'a dyn Obstacle],
     /// Vertex numbers, ascending, of the rows of `compliance`: all corners of `points` that move.

@@ -1,10 +1,13 @@
 //! One tetrahedron: its state, the rotation nearest to its deformation gradient, the way from a
 //! stress to forces on its corners, and what pressures add to it in a mixed body.
 //!
-//! Open `tetrahedron.rs` first. Nothing here knows of a body.
+//! `point.rs` is a point of the material by its element. Open `tetrahedron.rs` first. Nothing here
+//! knows of a body.
 
+mod point;
 pub(crate) mod pressures;
 pub mod rotation;
 pub(crate) mod tetrahedron;
 
+pub use point::{ElementPoint, locate};
 pub use tetrahedron::Element;

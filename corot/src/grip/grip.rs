@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
-use super::locate::locate;
-use crate::element::Element;
+use crate::element::{Element, locate};
 
 /// The least radius of gyration of points that can feel a torque, as a part of the largest.
 const FLAT: f64 = 1e-4;
@@ -26,7 +25,8 @@ pub struct WeightedPoint {
 /// its refinement are nested, so that sums over the points are the same integrals on every mesh: a
 /// split by itself changes no energy, force or mean. A grip has a pose that its points are to follow,
 /// y_f = R X_f + t; with a stiffness κ it is elastic, an energy ½ Σ κ w_f |x_f − y_f|² of the body
-/// ([`Body::add_grip`](crate::Body::add_grip)), without one it is for [`Constraints`](super::Constraints) to hold its mean.
+/// ([`Body::add_grip`](crate::Body::add_grip)), without one it is for
+/// [`Constraints`](super::Constraints) to hold its mean.
 #[derive(Clone, Debug)]
 pub struct Grip {
     points: Vec<WeightedPoint>,
@@ -93,8 +93,8 @@ impl Grip {
         type Bound = ([usize; 4], Vec<(u32, Vector4<f64>)>);
         let mut bound: BTreeMap<TetId, Bound> = BTreeMap::new();
         for (number, place) in located.iter().enumerate() {
-            let Some(place) = place else { continue };
-            let share = bound.entry(place.tet).or_insert((place.vertices, Vec::new()));
+            let Some((tet, place)) = place else { continue };
+            let share = bound.entry(*tet).or_insert((place.vertices, Vec::new()));
             share.1.push((number as u32, Vector4::from(place.weights)));
         }
         let shares: BTreeMap<TetId, Share> = bound

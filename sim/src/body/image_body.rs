@@ -98,20 +98,20 @@ impl ImageBody {
     fn fixed_places(&self, scene: &Scene) -> Vec<(Vec<usize>, Vector3<f64>)> {
         let lattice = *self.forest.domain().lattice();
         if scene.support.hold == SupportHold::Elastic {
-            let grid = self.tree.grid();
-            let cell = |x: &Vector3<f64>| {
-                let at = [0, 1, 2].map(|axis| {
-                    let voxel = (x[axis] / (self.volume.grid().spacing_mm * 1e-3)).floor() as i64;
-                    let cell = (voxel - grid.first_voxel[axis]) / grid.voxels_per_cell as i64;
-                    (cell.max(0) as usize).min(grid.cells[axis] - 1)
-                });
-                at[0] + grid.cells[0] * (at[1] + grid.cells[1] * at[2])
+            let voxel_m = self.volume.grid().spacing_mm * 1e-3;
+            // A face between two voxels, up to rounding, belongs to the cells of both.
+            let cells = |x: &Vector3<f64>| {
+                let cell = |off: f64| {
+                    let voxel = x.map(|x| (x / voxel_m + off).floor() as i64);
+                    components::cell_of(self.tree.grid(), voxel.into())
+                };
+                vec![cell(-1e-6), cell(1e-6)]
             };
             let points = scene
                 .fixed
                 .iter()
                 .flat_map(|region| material_points::of_volume(&self.volume, &self.organ, region));
-            return points.map(|point| (vec![cell(&point.rest)], point.rest)).collect();
+            return points.map(|point| (cells(&point.rest), point.rest)).collect();
         }
         let held = self.forest.vertices().filter(|&v| {
             let x = self.rest(v);

@@ -129,24 +129,18 @@ impl InverseLink {
     /// same for each axis.
     ///
     /// # Errors
-    /// [`SimError::Inverse`] if the maintainer refuses that.
-    pub(crate) fn remove_springs(
+    /// [`SimError::Embed`] if they are not finite; [`SimError::Inverse`] if the maintainer refuses.
+    pub fn remove_springs(
         &mut self,
         springs: &[([usize; 4], Matrix4<f64>)],
     ) -> Result<(), SimError> {
         let m = self.element.unknowns();
-        for (corners, matrix) in springs {
-            let eigen = matrix.symmetric_eigen();
-            let floor = f64::EPSILON * 16.0 * eigen.eigenvalues.amax();
-            let kept: Vec<usize> = (0..4).filter(|&k| eigen.eigenvalues[k] > floor).collect();
-            let removed = Mat::from_fn(4 * m, DISPLACEMENTS * kept.len(), |i, j| {
-                let k = kept[j / DISPLACEMENTS];
-                let entry = eigen.eigenvectors[(i / m, k)] * eigen.eigenvalues[k].sqrt();
-                if i % m == j % DISPLACEMENTS { entry } else { 0.0 }
-            });
+        for (corners, springs) in springs {
+            let alike = |i: usize, j: usize| i % m == j % m && i % m < DISPLACEMENTS;
+            let entry = |i, j| if alike(i, j) { springs[(i / m, j / m)] } else { 0.0 };
+            let matrices = [Mat::from_fn(4 * m, 4 * m, entry), Mat::zeros(4 * m, 4 * m)];
             let vertices = corners.map(|v| VertexId(v as u32));
-            let added = Mat::zeros(4 * m, 0);
-            let content = ContentStiffness { vertices, added, removed };
+            let content = ContentStiffness::new(vertices, [false; 4], matrices)?;
             self.pending.extend(self.slots.content_change(&content).map(Update::Content));
             self.pending_count += 1;
         }

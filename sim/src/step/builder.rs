@@ -209,7 +209,7 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
 /// Puts what is held into the elements of `state` that are not void.
 ///
 /// # Errors
-/// [`SimError::ToolOutside`] for a tool that holds nothing of them.
+/// [`SimError::Value`] for a tool that holds nothing of them.
 fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(), SimError> {
     for (tool, MaterialHold { points, stiffness }) in grips {
         let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
@@ -221,9 +221,9 @@ fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(),
             // A region may hold only parts that are left out.
             (None, None) => {}
             (None, Some(tool)) => {
-                let (key, image) = (format!("tools[{tool}]"), image.into());
-                let (distance_mm, limit_mm) = (f64::INFINITY, 0.0);
-                return Err(SimError::ToolOutside { key, image, distance_mm, limit_mm });
+                let (key, want) =
+                    (format!("tools[{tool}].region"), "material of a part that is kept");
+                return Err(SimError::value(image, &key, "in parts that are left out", want));
             }
         }
     }

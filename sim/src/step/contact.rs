@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use yawara_corot::{
-    Constraints, Contact, ContactOutcome, Equilibrium, Obstacle, Outcome, Problem, Sphere,
-    SurfacePoint, Tolerance, solve_with_contact,
+    Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Obstacle, Outcome, Problem,
+    Sphere, Tolerance, solve_with_contact,
 };
 
 use crate::error::SimError;
@@ -39,7 +39,7 @@ struct Push {
     tool: usize,
     /// Its number among the tool's surface points.
     number: usize,
-    point: SurfacePoint,
+    point: ElementPoint,
     normal: Vector3<f64>,
     force: f64,
     /// By how much it grew in the last step, N.
@@ -86,7 +86,7 @@ fn depth(probing: &[Probing], tolerance: &Tolerance) -> f64 {
 }
 
 /// The points of `pairs` with the number of their probe.
-fn points(pairs: &[Push], around: &Surroundings<'_>) -> Vec<(SurfacePoint, usize)> {
+fn points(pairs: &[Push], around: &Surroundings<'_>) -> Vec<(ElementPoint, usize)> {
     let of = |tool: usize| around.probing.iter().position(|p| p.tool == tool).unwrap_or(0);
     pairs.iter().map(|pair| (pair.point, of(pair.tool))).collect()
 }
@@ -182,7 +182,7 @@ impl ContactState {
         positions: &[Vector3<f64>],
         around: &Surroundings<'_>,
     ) -> Result<(), SimError> {
-        let moves = |point: &SurfacePoint| {
+        let moves = |point: &ElementPoint| {
             let free = problem.free;
             point.vertices.into_iter().filter(move |&v| free[v])
         };
@@ -304,7 +304,7 @@ impl ContactState {
     }
 }
 
-fn push(tool: usize, number: usize, point: SurfacePoint) -> Push {
+fn push(tool: usize, number: usize, point: ElementPoint) -> Push {
     Push { tool, number, point, normal: Vector3::zeros(), force: 0.0, growth: 0.0 }
 }
 
@@ -314,7 +314,7 @@ fn each_within(
     probing: &Probing,
     positions: &[Vector3<f64>],
     reach: f64,
-    mut visit: impl FnMut(usize, &SurfacePoint, f64),
+    mut visit: impl FnMut(usize, &ElementPoint, f64),
 ) {
     let Some(skin) = around.tools[probing.tool].surface_points() else { return };
     let Sphere { centre, radius } = probing.sphere;

@@ -288,8 +288,8 @@ impl StepSolver {
         total.report.fallbacks += outcome.fallbacks;
         if outcome.converged {
             contact.add_loads(&mut pressed);
-            let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
-            self.grips.note_forces(&external, &self.internal, &held.free, state);
+            let left = |v: usize| own[v] + pressed[v] - self.internal[v];
+            self.grips.note_forces(left, &held.free, state);
             self.tool_loads = pressed;
             total.converged_by.push(outcome.method);
         }

@@ -83,11 +83,11 @@ impl Grips {
         Ok(Some(self.constraints.clone()))
     }
 
-    /// Notes the forces of tools in an equilibrium under `external` forces, by vertex number, N.
+    /// Notes the forces of tools in an equilibrium that leaves the residual f_ext − f_int without
+    /// them, by vertex number, N.
     pub fn note_forces(
         &mut self,
-        external: &[Vector3<f64>],
-        internal: &[Vector3<f64>],
+        left: impl Fn(usize) -> Vector3<f64>,
         free: &[bool],
         state: &BodyState,
     ) {
@@ -98,7 +98,7 @@ impl Grips {
         let m = state.body.unknowns_per_vertex();
         let mut residual = vec![0.0; m * free.len()];
         for v in (0..free.len()).filter(|&v| free[v]) {
-            residual[m * v..m * v + 3].copy_from_slice((external[v] - internal[v]).as_slice());
+            residual[m * v..m * v + 3].copy_from_slice(left(v).as_slice());
         }
         let mut rows = self.constraints.forces(&state.body, &residual).into_iter();
         let firsts = self.held.iter().map(|held| held.1).chain([self.constraints.len()]);
@@ -189,8 +189,10 @@ impl Grips {
             }
             self.of_tool(tool, state).into_iter().for_each(&mut fade);
             self.free.push(number);
-            self.held.clear();
-            self.forces.clear();
+            if let Some(at) = self.held.iter().position(|held| held.0 == number) {
+                self.held.remove(at);
+                self.forces.remove(at);
+            }
             inverse.remove_springs(&state.body.grips_mut()[number].release())?;
         }
         Ok(())

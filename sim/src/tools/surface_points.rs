@@ -3,14 +3,10 @@
 use std::ops::Range;
 
 use nalgebra::Vector3;
-use yawara_corot::{Element, SurfacePoint};
+use yawara_corot::{ElementPoint, locate};
 use yawara_mesh::TetId;
 
 use crate::body::BodyState;
-
-/// Weights that are found again after a change of the mesh and differ by more than this belong to
-/// another place.
-const SAME: f64 = 1e-9;
 
 /// Points of the surface at rest, each bound to the coarse tetrahedron around it by its barycentric
 /// weights.
@@ -23,7 +19,7 @@ pub struct SurfacePoints {
     /// Area vectors, outward, m²; empty where no tool needs them.
     areas: Vec<Vector3<f64>>,
     reach: f64,
-    bound: Vec<Option<(TetId, SurfacePoint)>>,
+    bound: Vec<Option<(TetId, ElementPoint)>>,
     /// The bound points, those of one tetrahedron together.
     order: Vec<usize>,
     groups: Vec<(TetId, Range<usize>)>,
@@ -37,7 +33,7 @@ impl SurfacePoints {
     }
 
     /// A point as the mesh carries it.
-    pub fn point(&self, i: usize) -> Option<&SurfacePoint> {
+    pub fn point(&self, i: usize) -> Option<&ElementPoint> {
         self.bound[i].as_ref().map(|(_, point)| point)
     }
 
@@ -59,55 +55,30 @@ impl SurfacePoints {
     /// Binds all points whose tetrahedron has changed. Cost: O(points), and O(tetrahedra) if
     /// there are such points.
     pub(crate) fn bind(&mut self, state: &BodyState) {
-        let stands = |tet: TetId, at: &Vector3<f64>, point: &SurfacePoint| {
-            state.body.element(tet).is_some_and(|element| {
-                let now = weights(element, state, at);
-                element.vertices == point.vertices
-                    && now.iter().zip(point.weights).all(|(a, b)| (a - b).abs() <= SAME)
-            })
+        let stands = |(tet, point): (TetId, ElementPoint), at: &Vector3<f64>| {
+            let element = state.body.element(tet);
+            element
+                .is_some_and(|element| point.is_same(&ElementPoint::new(element, &state.rest, at)))
         };
         let mut lost: Vec<usize> = Vec::new();
         for i in 0..self.rest.len() {
-            let kept = self.bound[i].is_some_and(|(tet, point)| stands(tet, &self.rest[i], &point));
+            let kept = self.bound[i].is_some_and(|bound| stands(bound, &self.rest[i]));
             if !kept {
                 lost.push(i);
             }
         }
         if !lost.is_empty() {
-            self.find(&mut lost, state);
+            self.find(&lost, state);
             self.group();
         }
     }
 
     /// Binds the points `lost`, each to the tetrahedron in which its least weight is largest.
-    fn find(&mut self, lost: &mut [usize], state: &BodyState) {
-        lost.sort_by(|&a, &b| self.rest[a].x.total_cmp(&self.rest[b].x));
-        lost.iter().for_each(|&i| self.bound[i] = None);
-        let mut inside = vec![f64::NEG_INFINITY; self.rest.len()];
-        for element in state.body.elements() {
-            if state.cell(element.tet).is_void {
-                continue;
-            }
-            let (low, high) = bounds(&element.vertices.map(|v| state.rest[v]), self.reach);
-            let first = lost.partition_point(|&i| self.rest[i].x < low.x);
-            for &i in &lost[first..] {
-                let x = &self.rest[i];
-                if x.x > high.x {
-                    break;
-                }
-                if x.y < low.y || x.y > high.y || x.z < low.z || x.z > high.z {
-                    continue;
-                }
-                let weights = weights(element, state, x);
-                let least = weights.iter().copied().fold(f64::INFINITY, f64::min);
-                // On a face the first tetrahedron wins, so that rounding does not decide.
-                if least > inside[i] + SAME {
-                    inside[i] = least;
-                    let point = SurfacePoint { vertices: element.vertices, weights };
-                    self.bound[i] = Some((element.tet, point));
-                }
-            }
-        }
+    fn find(&mut self, lost: &[usize], state: &BodyState) {
+        let places: Vec<Vector3<f64>> = lost.iter().map(|&i| self.rest[i]).collect();
+        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
+        let found = locate(&places, solid, &state.rest, self.reach);
+        lost.iter().zip(found).for_each(|(&i, bound)| self.bound[i] = bound);
     }
 
     fn group(&mut self) {
@@ -132,7 +103,7 @@ impl SurfacePoints {
         positions: &[Vector3<f64>],
         centre: &Vector3<f64>,
         distance: f64,
-        mut visit: impl FnMut(usize, &SurfacePoint),
+        mut visit: impl FnMut(usize, &ElementPoint),
     ) {
         let wide = distance + self.reach;
         for (_, range) in &self.groups {
@@ -156,10 +127,4 @@ fn bounds(corners: &[Vector3<f64>; 4], reach: f64) -> (Vector3<f64>, Vector3<f64
     let low = corners.iter().fold(corners[0], |low, x| low.inf(x));
     let high = corners.iter().fold(corners[0], |high, x| high.sup(x));
     (low.add_scalar(-reach), high.add_scalar(reach))
-}
-
-/// λ_a(x) = ¼ + ∇λ_a · (x − centroid).
-fn weights(element: &Element, state: &BodyState, x: &Vector3<f64>) -> [f64; 4] {
-    let centroid = element.vertices.iter().map(|&v| state.rest[v]).sum::<Vector3<f64>>() * 0.25;
-    element.geometry.gradients.map(|gradient| 0.25 + gradient.dot(&(x - centroid)))
 }

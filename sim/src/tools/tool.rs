@@ -19,9 +19,8 @@ pub struct MaterialHold {
     pub stiffness: Option<f64>,
 }
 
-/// What acts on the body from outside. A tool does one or more of four things: it holds material, or
-/// vertices of the mesh,
-/// stands in the surface's way, or loads vertices with forces. What it does not do, it leaves at the
+/// What acts on the body from outside. A tool does one or more of four things: it holds material or
+/// vertices of the mesh, stands in the surface's way, or loads vertices with forces. What it does not do, it leaves at the
 /// default.
 ///
 /// Positions are in solver axes, m; [`ScannerAxes`](crate::ScannerAxes) converts. Times are those

@@ -1,35 +1,38 @@
-//! Which element a point at rest lies in.
+//! A point of the material by its element, and which element a point at rest lies in.
 
 use nalgebra::Vector3;
 use yawara_mesh::TetId;
 
-use crate::element::Element;
+use super::tetrahedron::Element;
+use crate::field::Field;
 
-/// Barycentric coordinates that differ by less are the same.
+/// Barycentric coordinates that differ by no more than this are of one place.
 const SAME: f64 = 1e-9;
 
-/// An element with the barycentric coordinates λ of a point in it.
+/// A point of the material: x = Σ λ_i x_i over the corners of its coarse tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Located {
-    /// The element's tetrahedron.
-    pub tet: TetId,
-    /// Its corners, by vertex number.
+pub struct ElementPoint {
+    /// Corners, vertex numbers.
     pub vertices: [usize; 4],
-    /// λ of each corner; their sum is 1.
+    /// Barycentric coordinates λ, of sum 1.
     pub weights: [f64; 4],
 }
 
-impl Located {
-    /// The point `x` (rest, m) in `element`, whose vertices rest at `rest` (by vertex number, m):
-    /// λ_a = ¼ + ∇λ_a · (x − centroid).
-    pub fn new(element: &Element, rest: &[Vector3<f64>], x: &Vector3<f64>) -> Self {
-        let centroid = element.vertices.iter().map(|&v| rest[v]).sum::<Vector3<f64>>() * 0.25;
-        let weight = |gradient: &Vector3<f64>| 0.25 + gradient.dot(&(x - centroid));
-        let weights = element.geometry.gradients.each_ref().map(weight);
-        Self { tet: element.tet, vertices: element.vertices, weights }
+impl ElementPoint {
+    /// Where it is when the vertices are at `positions`.
+    pub fn position(&self, positions: &Field) -> Vector3<f64> {
+        (0..4).map(|i| self.weights[i] * positions[self.vertices[i]]).sum()
     }
 
-    /// True if `other` is the same place in the same element, up to rounding.
+    /// The point `x` (rest, m) by `element`, whose vertices rest at `rest` (by vertex number, m):
+    /// λ_a = ¼ + ∇λ_a · (x − centroid), also where it lies outside.
+    pub fn new(element: &Element, rest: &[Vector3<f64>], x: &Vector3<f64>) -> Self {
+        let centroid = element.vertices.iter().map(|&v| rest[v]).sum::<Vector3<f64>>() * 0.25;
+        let weight = |gradient: Vector3<f64>| 0.25 + gradient.dot(&(x - centroid));
+        Self { vertices: element.vertices, weights: element.geometry.gradients.map(weight) }
+    }
+
+    /// True if `other` is the same place of the same element, up to rounding.
     pub fn is_same(&self, other: &Self) -> bool {
         let mut pairs = self.weights.iter().zip(other.weights);
         self.vertices == other.vertices && pairs.all(|(a, b)| (a - b).abs() <= SAME)
@@ -37,15 +40,15 @@ impl Located {
 }
 
 /// For each point (rest, m) the element in which its least λ is largest, the first of several;
-/// none where every element's box, widened by `reach` (m), is missed.
+/// none where every element's box, wider by `reach` (m) on each side, is missed.
 ///
-/// Cost: O(points log points), and a look at each point whose x lies in an element's widened box.
+/// Cost: O(points log points), and a look at each point whose x lies in an element's wider box.
 pub fn locate<'a>(
     points: &[Vector3<f64>],
     elements: impl Iterator<Item = &'a Element>,
     rest: &[Vector3<f64>],
     reach: f64,
-) -> Vec<Option<Located>> {
+) -> Vec<Option<(TetId, ElementPoint)>> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
     let mut found = vec![None; points.len()];
@@ -60,11 +63,11 @@ pub fn locate<'a>(
             if x.y < low.y || x.y > high.y || x.z < low.z || x.z > high.z {
                 continue;
             }
-            let here = Located::new(element, rest, x);
+            let here = ElementPoint::new(element, rest, x);
             let least = here.weights.iter().copied().fold(f64::INFINITY, f64::min);
             // On a face the first element wins, so that rounding does not decide.
             if least > inside[i] + SAME {
-                (inside[i], found[i]) = (least, Some(here));
+                (inside[i], found[i]) = (least, Some((element.tet, here)));
             }
         }
     }
