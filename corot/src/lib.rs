@@ -32,7 +32,7 @@ pub use forces::{
     ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
     PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
 };
-pub use grip::{Constraints, Grip, Responses, WeightedPoint};
+pub use grip::{Constraints, Grip, PointLoad, Responses, WeightedPoint};
 pub use kernels::element::StiffnessPacket;
 pub use law::{
     ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,

@@ -9,8 +9,8 @@ use super::candidate::Candidate;
 /// Thresholds of `volume`, relative volume changes.
 const VOLUME_THRESHOLDS: [f64; 3] = [0.005, 0.02, 0.08];
 
-/// Factors on the scene's own threshold.
-const ENERGY_FACTORS: [f64; 4] = [1.0 / 16.0, 0.25, 4.0, 16.0];
+/// Factors on the scene's own target, and on the threshold of an indicator that has one.
+const FACTORS: [f64; 4] = [0.25, 0.5, 2.0, 4.0];
 
 /// Where `volume` merges, as a fraction of its threshold.
 const VOLUME_MERGE: &str = "refinement.merge_fraction=0.2";
@@ -76,12 +76,21 @@ impl Choices<'_> {
     }
 
     fn thresholds(&self, list: &mut Vec<Candidate>) {
-        let own = self.scene.refinement.split_above;
-        let factors = if self.quick { &ENERGY_FACTORS[2..] } else { &ENERGY_FACTORS[..] };
-        for factor in factors {
-            let value = format!("refinement.split_above={:e}", own * factor);
-            let name = format!("{} above {:.2e}", self.scene.stages.indicator, own * factor);
+        let refinement = &self.scene.refinement;
+        let (key, own) = match refinement.split_above {
+            Some(above) => ("split_above", above),
+            None => ("target", refinement.target),
+        };
+        let factors = if self.quick { &FACTORS[2..3] } else { &FACTORS[..] };
+        for value in factors.iter().map(|factor| own * factor).filter(|&value| value < 1.0) {
+            let name = format!("{} {key} {value:.2e}", self.scene.stages.indicator);
+            let value = format!("refinement.{key}={value:e}");
             list.push(Candidate::new("threshold", &name, &[&value]));
+        }
+        let energies = ["energy", "residual"].iter();
+        for other in energies.filter(|&&one| one != self.scene.stages.indicator) {
+            let value = format!("stages.indicator={other}");
+            list.push(Candidate::new("indicator", &format!("indicator {other}"), &[&value]));
         }
         let other =
             indicator::CHOICES.contains(&"volume") && self.scene.stages.indicator != "volume";

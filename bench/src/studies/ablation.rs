@@ -45,7 +45,7 @@ impl Part {
         let has = |part| self == part || self == Self::Everything;
         if has(Self::Refinement) {
             scene.mesh.max_level = Some(finest);
-            scene.refinement.split_above = NEVER;
+            scene.refinement.split_above = Some(NEVER);
             // Nothing has come in that could go out.
             scene.refinement.merge_fraction = 0.0;
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
-use crate::element::{Element, locate};
+use crate::element::{Element, ElementPoint, locate};
 
 /// The least radius of gyration of points that can feel a torque, as a part of the largest.
 const FLAT: f64 = 1e-4;
@@ -36,8 +36,21 @@ pub struct Grip {
     shares: BTreeMap<TetId, Share>,
     weight: f64,
     centre: Vector3<f64>,
+    /// Σ w (|r|² I − r rᵀ) / Σ w at rest, r arms about the centre, m².
+    inertia: Matrix3<f64>,
     /// ρ, the radius of gyration, m; none where the points do not span a volume or an area.
     gyration: Option<f64>,
+}
+
+/// What acts on a point of the body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLoad {
+    /// Where.
+    pub point: ElementPoint,
+    /// The force on the body, N.
+    pub force: Vector3<f64>,
+    /// How the force falls with a displacement of the point, N/m.
+    pub stiffness: f64,
 }
 
 /// What an element has of a grip.
@@ -122,7 +135,7 @@ impl Grip {
         let can_turn = axes.min() > FLAT * FLAT * axes.max();
         let gyration = can_turn.then(|| spread.trace().sqrt());
         let pose = Isometry3::identity();
-        Some(Self { points, stiffness, pose, shares, weight, centre, gyration })
+        Some(Self { points, stiffness, pose, shares, weight, centre, inertia, gyration })
     }
 
     /// κ, N/m per unit of weight, of an elastic grip that has not let go.
@@ -235,6 +248,45 @@ impl Grip {
             })
         });
         0.5 * self.stiffness.unwrap_or(0.0) * squares.sum::<f64>()
+    }
+
+    /// Calls `visit` with what an elastic grip does to each of its points.
+    pub fn each_point(&self, positions: &[Vector3<f64>], mut visit: impl FnMut(PointLoad)) {
+        let Some(stiffness) = self.stiffness else { return };
+        self.points_in_elements(|point, WeightedPoint { rest, weight }| {
+            let off = point.position(positions) - (self.pose * Point3::from(*rest)).coords;
+            let stiffness = stiffness * weight;
+            visit(PointLoad { point, force: -stiffness * off, stiffness });
+        });
+    }
+
+    /// Calls `visit` with the share of each point in a force (N) and a torque about the mean (N m):
+    /// w/Σw (F + (J⁻¹τ) × R r), J the inertia of the points at their pose, r their arms at rest. A torque
+    /// that they can't feel is left out.
+    pub fn each_share(
+        &self,
+        force: &Vector3<f64>,
+        torque: &Vector3<f64>,
+        mut visit: impl FnMut(PointLoad),
+    ) {
+        let turn = self.pose.rotation;
+        let local = turn.inverse() * torque;
+        let inverse = self.gyration.and_then(|_| self.inertia.try_inverse());
+        let spin = inverse.map_or_else(Vector3::zeros, |inverse| turn * (inverse * local));
+        self.points_in_elements(|point, WeightedPoint { rest, weight }| {
+            let arm = turn * (rest - self.centre);
+            let force = *weight / self.weight * (force + spin.cross(&arm));
+            visit(PointLoad { point, force, stiffness: 0.0 });
+        });
+    }
+
+    fn points_in_elements(&self, mut visit: impl FnMut(ElementPoint, &WeightedPoint)) {
+        for share in self.shares.values() {
+            for (number, lambda) in &share.points {
+                let point = ElementPoint { vertices: share.vertices, weights: (*lambda).into() };
+                visit(point, &self.points[*number as usize]);
+            }
+        }
     }
 
     /// By vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the

@@ -8,4 +8,4 @@ mod constraints;
 mod grip;
 
 pub use constraints::{Constraints, Responses};
-pub use grip::{Grip, WeightedPoint};
+pub use grip::{Grip, PointLoad, WeightedPoint};

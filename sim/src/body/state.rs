@@ -111,6 +111,28 @@ impl BodyState {
         self.cell(tet).label
     }
 
+    /// Whether a tetrahedron of the current mesh holds nothing but void.
+    pub fn is_void(&self, tet: TetId) -> bool {
+        self.cell(tet).is_void
+    }
+
+    /// Whether nothing holds a vertex of that number.
+    pub fn is_free(&self, vertex: usize) -> bool {
+        self.holds[vertex] == Hold::Free
+    }
+
+    /// Σ ½ V σ : ε in the elements' frames and what elastic supports and pads store, J, where the body
+    /// is now. Cost: O(elements).
+    pub fn energy_j(&self) -> f64 {
+        let Self { body, positions, .. } = self;
+        let elements = body.elements().iter().enumerate().map(|(number, element)| {
+            let strain = element.corotated_strain(positions);
+            0.5 * element.geometry.volume * body.stress(number, positions).dot(&strain)
+        });
+        let held = body.grips().iter().map(|grip| grip.energy(positions));
+        elements.chain(held).sum()
+    }
+
     /// The vertices of the current mesh, ascending numbers.
     pub fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
         (0..self.is_active.len()).filter(|&i| self.is_active[i]).map(|i| VertexId(i as u32))

@@ -186,13 +186,14 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
         return row("refinement", indicator.name(), false, "max_level equals start_level");
     }
     let rules = &scene.refinement;
-    let why = format!(
-        "split above {:e} {}, merge below {:e}, at most {} vertices",
-        rules.split_above,
-        indicator.unit(),
-        rules.split_above * rules.merge_fraction,
-        scene.mesh.max_vertices
-    );
+    let until = match rules.split_above {
+        None => format!("until the energy is within {} %", 100.0 * rules.target),
+        Some(above) => {
+            let below = above * rules.merge_fraction;
+            format!("split above {above:e} {}, merge below {below:e}", indicator.unit())
+        }
+    };
+    let why = format!("{until}, at most {} vertices", scene.mesh.max_vertices);
     row("refinement", indicator.name(), true, why)
 }
 

@@ -21,6 +21,8 @@ fn join(cells: impl Iterator<Item = String>) -> String {
 /// Names and values.
 fn columns(step: &StepReport) -> Vec<(String, String)> {
     let times = &step.times;
+    // An estimate that there is not leaves its cell empty.
+    let estimate = step.error_estimate.map_or(String::new(), |value| format!("{value:?}"));
     let of_step: [(&str, &dyn Debug); 20] = [
         ("step", &step.step),
         ("time_s", &step.time_s),
@@ -44,6 +46,7 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
         ("inverse_ms", &times.inverse_ms),
     ];
     let mut columns = of_step.map(|(name, value)| (name.to_owned(), format!("{value:?}"))).to_vec();
+    columns.insert(12, ("error_estimate".into(), estimate));
     for (i, tool) in step.tools.iter().enumerate() {
         let mut add = |name: String, value: &dyn Debug| {
             columns.push((format!("tool{i}_{name}"), format!("{value:?}")));

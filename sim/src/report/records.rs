@@ -70,6 +70,9 @@ pub struct StepReport {
     pub residual: f64,
     /// Whether the residual reached the tolerance in every part.
     pub converged: bool,
+    /// How far the energy, and with it the force of a tool that acts alone, is from that on a mesh
+    /// without end, relative; none where it is not known.
+    pub error_estimate: Option<f64>,
     /// Reaction of all tools in scanner axes, N.
     pub force_n: [f64; 3],
     /// What each tool feels, in the order of the scene.

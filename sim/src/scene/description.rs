@@ -138,9 +138,9 @@ pub struct Void {
 #[serde(rename_all = "snake_case")]
 pub enum BesideTissue {
     /// Void is homogenised as a soft material.
-    #[default]
     Material,
     /// Void takes away stiffness by its volume.
+    #[default]
     Volume,
 }
 
@@ -161,9 +161,9 @@ pub struct Support {
 #[serde(rename_all = "snake_case")]
 pub enum SupportHold {
     /// The material in it, elastically: the same on every mesh.
+    #[default]
     Elastic,
     /// The mesh's vertices in it, rigidly: more of them on a finer mesh.
-    #[default]
     Vertices,
 }
 
@@ -219,9 +219,14 @@ pub struct Time {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Refinement {
-    /// Indicator above which a vertex comes in: J for `energy`, relative volume for `volume`.
-    pub split_above: f64,
-    /// A vertex goes out when the indicator is below this fraction of `split_above`.
+    /// Relative error of energy to refine to, with indicators that are energies.
+    pub target: f64,
+    /// In place of `target` the indicator above which a vertex comes in: J for `energy` and `residual`, relative volume for
+    /// `volume`, m for `rotation`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split_above: Option<f64>,
+    /// A vertex goes out when the indicator is below this fraction of `split_above`, or of its share
+    /// of `target`.
     pub merge_fraction: f64,
     /// Steps a new vertex stays at least.
     pub dwell_steps: usize,
@@ -334,7 +339,13 @@ impl Default for Void {
 
 impl Default for Refinement {
     fn default() -> Self {
-        Self { split_above: 1e-6, merge_fraction: 0.02, dwell_steps: 2, max_splits_per_step: 200 }
+        Self {
+            target: 0.05,
+            split_above: None,
+            merge_fraction: 0.02,
+            dwell_steps: 2,
+            max_splits_per_step: 200,
+        }
     }
 }
 

@@ -50,7 +50,7 @@ impl Default for StageNames {
             law: AUTO.into(),
             integrator: AUTO.into(),
             equilibrium: "fallback".into(),
-            indicator: "energy".into(),
+            indicator: "residual".into(),
             inverse: AUTO.into(),
             gpu_adapter: None,
         }

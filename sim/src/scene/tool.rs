@@ -67,11 +67,11 @@ pub struct GrabEntry {
 #[serde(rename_all = "snake_case")]
 pub enum GrabHold {
     /// The weighted mean of the region's material, in place and turn: six constraints.
+    #[default]
     Mean,
     /// The region's material, elastically: ½ ∫ κ w |x − y|².
     Pad,
     /// The mesh's vertices in the region, rigidly, and those that come in there.
-    #[default]
     Vertices,
 }
 

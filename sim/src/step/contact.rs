@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use yawara_corot::{
-    Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Obstacle, Outcome, Problem,
-    Sphere, Tolerance, solve_with_contact,
+    Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Obstacle, Outcome, PointLoad,
+    Problem, Sphere, Tolerance, solve_with_contact,
 };
 
 use crate::error::SimError;
@@ -262,6 +262,15 @@ impl ContactState {
                 loads[v] += weight * push.force * push.normal;
             }
         }
+    }
+
+    /// The forces of all contacts.
+    pub fn point_loads(&self) -> impl Iterator<Item = PointLoad> + '_ {
+        self.pushes.iter().map(|push| PointLoad {
+            point: push.point,
+            force: push.force * push.normal,
+            stiffness: 0.0,
+        })
     }
 
     /// Force and torque about `reference` of a tool on the body, N and N m, the number of points it

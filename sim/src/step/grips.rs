@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::{Constraints, Responses};
+use yawara_corot::{Constraints, PointLoad, Responses};
 use yawara_mesh::VertexId;
 
 use crate::body::BodyState;
@@ -117,6 +117,23 @@ impl Grips {
         let pads = (0..state.grip_tools.len()).filter(|&number| is_mine(number));
         pads.for_each(|number| forces.extend(pull(number, state)));
         forces
+    }
+
+    /// What grips do to each point of the body at the last equilibrium.
+    pub fn point_loads(&self, state: &BodyState) -> Vec<PointLoad> {
+        let mut loads = Vec::new();
+        for grip in state.body.grips() {
+            grip.each_point(&state.positions, |load| loads.push(load));
+        }
+        for ((number, _), forces) in self.held.iter().zip(&self.forces) {
+            let grip = &state.body.grips()[*number];
+            let centre = grip.pose() * nalgebra::Point3::from(grip.centre());
+            let force: Vector3<f64> = forces.iter().map(|(_, f)| f).sum();
+            let arm = |v: &VertexId| state.positions[v.index()] - centre.coords;
+            let torque: Vector3<f64> = forces.iter().map(|(v, f)| arm(v).cross(f)).sum();
+            grip.each_share(&force, &torque, |load| loads.push(load));
+        }
+        loads
     }
 
     /// The forces of all supports on the body, N.

@@ -4,7 +4,7 @@
 //! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads,
 //! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
 //! probes by `contact`. `refinement` splits and merges the mesh of `content` where the
-//! [`indicator`] asks for it; `tool_forces` measures what tools feel.
+//! [`indicator`] and `marking` ask for it; `tool_forces` measures what tools feel.
 
 mod builder;
 mod contact;
@@ -14,6 +14,7 @@ mod equilibrium;
 mod grips;
 mod held;
 pub mod indicator;
+mod marking;
 mod predictor;
 mod refinement;
 mod settling;

@@ -1,18 +1,24 @@
 //! Splits and merges: which vertices come in and go out, and the repair of all later stages.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
+use yawara_corot::PointLoad;
 use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
 use super::content::Content;
-use super::indicator::{Indicator, RingMember};
+use super::indicator::{Indicator, RingMember, Sight};
+use super::marking::{Limits, Wish};
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::report::{StageTimes, milliseconds};
 use crate::scene::Refinement;
 use crate::tools::{Regions, Tool};
+
+/// Energy below this part of the largest so far is refined for as if it were that much.
+const NOTHING: f64 = 1e-2;
 
 /// Refines the mesh of a body and coarsens it again.
 pub(crate) struct Refiner {
@@ -24,6 +30,10 @@ pub(crate) struct Refiner {
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.
     measured: Vec<f64>,
+    /// How far the energy is from that on a mesh without end, relative, at the last measurement.
+    error_estimate: Option<f64>,
+    /// The largest energy so far, J.
+    most_energy: f64,
     delta: MeshDelta,
     ring: Vec<Tet>,
     members: Vec<RingMember>,
@@ -47,6 +57,8 @@ pub(crate) struct Round<'a> {
     pub step: usize,
     /// When the time for splits is over.
     pub deadline: Option<Instant>,
+    /// What holds the body and pushes it, point by point.
+    pub loads: &'a [PointLoad],
 }
 
 /// What one round of remeshing did.
@@ -65,6 +77,8 @@ impl Refiner {
             rules,
             regions,
             measured: Vec::new(),
+            error_estimate: None,
+            most_energy: 0.0,
             delta: MeshDelta::empty(),
             ring: Vec::new(),
             members: Vec::new(),
@@ -75,6 +89,11 @@ impl Refiner {
     /// Last measured indicator of a leaf's ring; 0 if never measured.
     pub fn measured(&self, tet: TetId) -> f64 {
         self.measured.get(tet.index()).copied().unwrap_or(0.0)
+    }
+
+    /// The relative error of energy at the last measurement, if the indicator has one.
+    pub fn error_estimate(&self) -> Option<f64> {
+        self.error_estimate
     }
 
     /// Splits that are wanted and have to wait.
@@ -89,8 +108,8 @@ impl Refiner {
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
-        let leaving = self.wanted_merges(round.state, round.step);
-        self.rank_splits(round.state)?;
+        let limits = self.rank_splits(round.state, round.loads)?;
+        let leaving = self.wanted_merges(round.state, round.step, limits.merge_below);
         times.indicator_ms = milliseconds(begin);
 
         let begin = Instant::now();
@@ -103,18 +122,18 @@ impl Refiner {
         for _ in 0..self.rules.refinement.max_splits_per_step {
             let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
             let is_late = round.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            let Some((p, _)) = self.waiting.best().filter(|_| !is_full && !is_late) else {
+            if is_full || is_late {
                 break;
-            };
+            }
+            // What is wanted, or an older vertex that it needs.
+            let Some(p) = self.waiting.next(&self.content.forest) else { break };
+            self.content.forest.split_ring(p, &mut self.ring);
+            self.split(round, p)?;
             self.waiting.remove(p);
-            // A merge of this round may have taken an older vertex that `p` needs.
-            if self.content.forest.split_ring(p, &mut self.ring) {
-                self.split(round, p)?;
-                done.splits += 1;
-                // A clock has to see what each split costs.
-                if round.deadline.is_some() {
-                    round.inverse.flush()?;
-                }
+            done.splits += 1;
+            // A clock has to see what each split costs.
+            if round.deadline.is_some() {
+                round.inverse.flush()?;
             }
         }
         round.inverse.flush()?;
@@ -123,32 +142,83 @@ impl Refiner {
         Ok(done)
     }
 
+    /// The estimate on a mesh that stays as it is, if the indicator has one.
+    pub fn measure(&mut self, state: &BodyState, loads: &[PointLoad], times: &mut StageTimes) {
+        let begin = Instant::now();
+        if let Some(values) = self.rules.indicator.elements(&Sight { body: state, loads }) {
+            let energy = state.energy_j();
+            self.most_energy = self.most_energy.max(energy);
+            self.estimate(values.iter().sum(), energy);
+            times.indicator_ms = milliseconds(begin);
+        }
+    }
+
+    fn estimate(&mut self, sum: f64, energy: f64) {
+        let is_much = energy > NOTHING * self.most_energy;
+        let scale = self.rules.indicator.error_over_sum().filter(|_| is_much);
+        self.error_estimate = scale.map(|scale| scale * sum / energy);
+    }
+
     /// Queues all splits that are wanted now, the largest indicator first. What waited before is
     /// measured again with all others: a split is wanted only while its cause lasts, and it keeps
     /// its place.
-    fn rank_splits(&mut self, state: &BodyState) -> Result<(), SimError> {
+    fn rank_splits(&mut self, state: &BodyState, loads: &[PointLoad]) -> Result<Limits, SimError> {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
-        for p in self.content.forest.candidates() {
-            if !self.content.forest.split_ring(p, &mut self.ring) {
-                continue;
+        let energy = state.energy_j();
+        self.most_energy = self.most_energy.max(energy);
+        let sight = Sight { body: state, loads };
+        let wishes = match self.rules.indicator.elements(&sight) {
+            Some(values) => {
+                self.estimate(values.iter().sum(), energy);
+                self.element_wishes(state, &values)
             }
-            let value = self.measure_ring(state);
-            for tet in &self.ring {
-                self.measured[tet.id.index()] = value;
-            }
-            if value > self.rules.refinement.split_above {
+            None => self.ring_wishes(state),
+        };
+        // What is nothing beside what was asks for nothing.
+        let energy = energy.max(NOTHING * self.most_energy);
+        let scale = self.rules.indicator.error_over_sum();
+        let limits = self.rules.refinement.limits(&wishes, scale.map(|scale| energy / scale));
+        for Wish { point, value } in wishes {
+            if value > limits.split_above {
                 // An infinite indicator has to be ranked like any other.
-                self.waiting.push(p, value.min(f64::MAX))?;
+                self.waiting.push(point, value.min(f64::MAX))?;
             }
         }
-        Ok(())
+        Ok(limits)
     }
 
-    fn wanted_merges(&mut self, state: &BodyState, step: usize) -> Vec<VertexId> {
-        let Refinement { merge_fraction, split_above, dwell_steps, .. } = self.rules.refinement;
-        let limit = merge_fraction * split_above;
+    /// The indicators of all complete rings.
+    fn ring_wishes(&mut self, state: &BodyState) -> Vec<Wish> {
+        let mut wishes = Vec::new();
+        for point in self.content.forest.candidates() {
+            if self.content.forest.split_ring(point, &mut self.ring) {
+                let value = self.measure_ring(state);
+                for tet in &self.ring {
+                    self.measured[tet.id.index()] = value;
+                }
+                wishes.push(Wish { point, value });
+            }
+        }
+        wishes
+    }
+
+    /// The sums of `values`, by element, over those that each vertex would bisect.
+    fn element_wishes(&mut self, state: &BodyState, values: &[f64]) -> Vec<Wish> {
+        let mut by_point: BTreeMap<u64, Wish> = BTreeMap::new();
+        for (element, &value) in state.elements().iter().zip(values) {
+            self.measured[element.tet.index()] = value;
+            if let Some(point) = self.content.forest.refinement_point(element.tet) {
+                let wish = Wish { point, value: 0.0 };
+                by_point.entry(Lattice::key(point)).or_insert(wish).value += value;
+            }
+        }
+        by_point.into_values().collect()
+    }
+
+    fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {
+        let dwell_steps = self.rules.refinement.dwell_steps;
         let settled: Vec<VertexId> = self
             .content
             .forest

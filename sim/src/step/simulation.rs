@@ -103,6 +103,7 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
+            error_estimate: refiner.as_ref().and_then(Refiner::error_estimate),
             force_n,
             tools: reports,
             ..outcome.report
@@ -119,13 +120,23 @@ impl Simulation {
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
-        let Some(refiner) = refiner.as_mut().filter(|_| self.scene.mesh.refines()) else {
+        let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
+        let refines = self.scene.mesh.refines();
+        let is_written = step % self.scene.output.frames_every.max(1) == 0;
+        if !refines && !is_written && self.scene.time.steps != step {
             return Ok(Remeshed::default());
-        };
+        }
+        let mut loads = self.solver.grips.point_loads(state);
+        loads.extend(self.contact.point_loads());
+        if !refines {
+            refiner.measure(state, &loads, times);
+            return Ok(Remeshed::default());
+        }
         let budget = &self.scene.budget;
         let allowed = budget.step_ms.filter(|_| budget.realtime);
         let deadline = allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3));
-        let mut round = Round { state, inverse, tools: &self.tools, step, deadline };
+        let (tools, loads) = (&self.tools, &loads);
+        let mut round = Round { state, inverse, tools, step, deadline, loads };
         let remeshed = refiner.remesh(&mut round, times)?;
         if remeshed.splits + remeshed.merges > 0 {
             inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
@@ -191,13 +202,7 @@ impl Simulation {
     /// Σ ½ V σ : ε in the elements' frames and what elastic supports and pads store, J, where the body
     /// is now. Cost: O(elements).
     pub fn energy_j(&self) -> f64 {
-        let BodyState { body, positions, .. } = &self.body.state;
-        let elements = body.elements().iter().enumerate().map(|(number, element)| {
-            let strain = element.corotated_strain(positions);
-            0.5 * element.geometry.volume * body.stress(number, positions).dot(&strain)
-        });
-        let held = body.grips().iter().map(|grip| grip.energy(positions));
-        elements.chain(held).sum()
+        self.body.state.energy_j()
     }
 
     /// The current mesh with its fields and surfaces, for output.

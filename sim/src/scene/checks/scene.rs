@@ -204,7 +204,12 @@ impl Check<'_> {
         self.that(iterations >= 1, "solver.max_iterations", iterations, "at least 1")?;
         let halvings = solver.max_halvings;
         self.that(halvings <= 30, "solver.max_halvings", halvings, "at most 30")?;
-        self.positive("refinement.split_above", refinement.split_above)?;
+        if let Some(above) = refinement.split_above {
+            self.positive("refinement.split_above", above)?;
+        }
+        let target = refinement.target;
+        let in_range = target > 0.0 && target < 1.0;
+        self.that(in_range, "refinement.target", target, "more than 0 and less than 1")?;
         let fraction = refinement.merge_fraction;
         let in_range = (0.0..1.0).contains(&fraction);
         self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")

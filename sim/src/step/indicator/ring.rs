@@ -1,7 +1,10 @@
 //! What an indicator is, and the ring of tetrahedra that it measures.
 
 use nalgebra::{Matrix3, Vector3};
+use yawara_corot::PointLoad;
 use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gradient};
+
+use crate::body::BodyState;
 
 /// A tetrahedron of a ring in its current state.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +76,7 @@ impl RingMember {
 ///
 /// # fn main() -> Result<(), yawara::SimError> {
 /// let (mut scene, _) = scene_file::load("beam", &["mesh.max_level=3".into()])?;
-/// scene.refinement.split_above = 0.02;
+/// scene.refinement.split_above = Some(0.02);
 /// let mut stages = Stages::by_name(&scene.stages)?;
 /// stages.indicator = Box::new(LargestStrain);
 /// let mut simulation = Simulation::new(&scene, stages)?;
@@ -90,4 +93,27 @@ pub trait Indicator: Send {
 
     /// The indicator of a complete ring; compared with `refinement.split_above`.
     fn measure(&self, ring: &[RingMember]) -> f64;
+
+    /// The indicators of all elements, in the order of [`BodyState::elements`], for one that looks at
+    /// more than rings. A vertex then counts for the sum over the elements that it would bisect, and
+    /// may ask for others that have to come in before it; what may go out is still asked of
+    /// [`measure`](Self::measure).
+    fn elements(&self, _sight: &Sight<'_>) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// How much more energy the body has than on a mesh without end, over the sum of all indicators;
+    /// none if they are no energies. `refinement.target` and the error estimate need it.
+    fn error_over_sum(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A body in equilibrium, as an indicator sees all of it.
+pub struct Sight<'a> {
+    /// The body.
+    pub body: &'a BodyState,
+    /// What holds it and pushes it, point by point. What else acts is spread over elements: weight,
+    /// inertia, loads that tools name by vertex.
+    pub loads: &'a [PointLoad],
 }
