@@ -1,6 +1,6 @@
 //! Points of the fine material in a region, each with the volume that it stands for, m³.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use yawara_corot::WeightedPoint;
 use yawara_mesh::PlainMesh;
 use yawara_mesh::volume::LabelVolume;
@@ -11,6 +11,9 @@ use crate::scene::Region;
 /// Weight of one corner in the quadrature of four points that is exact for squares.
 const NEAR: f64 = 0.585_410_196_624_968_5;
 const FAR: f64 = (1.0 - NEAR) / 3.0;
+
+/// Barycentric coordinates that are off by no more than this are of one place.
+const SAME: f64 = 1e-9;
 
 impl Region {
     /// The axis along which it has no thickness, if it is one.
@@ -110,4 +113,44 @@ pub(crate) fn of_mesh(
         points.extend(inside.map(|rest| WeightedPoint { rest, weight }));
     }
     points
+}
+
+/// The point nearest to `x` of all voxels that are not void, as whole cubes; none without any.
+///
+/// Cost: O(voxels).
+pub(crate) fn nearest_of_volume(volume: &LabelVolume, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let voxel = volume.grid().spacing_mm * 1e-3;
+    let dims = volume.grid().dims;
+    let mut nearest = (f64::INFINITY, None);
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for at in (0..dims[0]).map(|x| [x, y, z]).filter(|&[x, y, z]| volume.get(x, y, z) != 0)
+            {
+                let inside =
+                    |i: usize, _| x[i].clamp(at[i] as f64 * voxel, (at[i] + 1) as f64 * voxel);
+                let point = Vector3::from_fn(inside);
+                let distance = (point - x).norm_squared();
+                if distance < nearest.0 {
+                    nearest = (distance, Some(point));
+                }
+            }
+        }
+    }
+    nearest.1
+}
+
+/// `x` if it lies in a tetrahedron, up to rounding, else the vertex nearest to it.
+///
+/// Cost: O(tetrahedra).
+pub(crate) fn nearest_of_mesh(mesh: &PlainMesh, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let holds = |tet: usize| {
+        let [a, b, c, d] = mesh.corners(tet);
+        let lambda = Matrix3::from_columns(&[b - a, c - a, d - a]).lu().solve(&(x - a));
+        lambda.is_some_and(|lambda| lambda.min() >= -SAME && lambda.sum() <= 1.0 + SAME)
+    };
+    if (0..mesh.tets().len()).any(holds) {
+        return Some(*x);
+    }
+    let distance = |point: &&Vector3<f64>| (*point - x).norm_squared();
+    mesh.points().iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
 }
