@@ -406,6 +406,36 @@ fn load_that_contradicts_itself() {
     bar().refused(&run_with(&["--set", &set]), &["unknown key", "did you mean `load`?"]);
 }
 
+/// Two slabs, of which the second is not held: a load on both is borne by the first alone.
+#[test]
+fn load_on_a_part_that_is_left_out() {
+    let bench = bar();
+    let mut image = Nifti::cube(1);
+    let is_gap = |i: usize| (2..6).contains(&(i % 8));
+    (0..512).filter(|&i| is_gap(i)).for_each(|i| image.voxels[i] = 0);
+    bench.write("labels.nii", image.bytes());
+    // What is left out is said before the error, so that there are two paragraphs.
+    let run = |place: &str| {
+        let load = "load = [{ time_s = 0, force_n = [0, 0, 0.01] }]";
+        let tools = format!("tools=[{{ kind = \"load\", {place}, {load} }}]");
+        let output = bench.run(&run_with(&["--set", "image.path=labels.nii", "--set", &tools]));
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let second = "region = { shape = \"box\", min = [0.8, 0, 0], max = [1, 1, 1] }";
+    for (place, key) in [(second, "tools[0].region"), ("at_mm = [47, 40, 50]", "tools[0].at_mm")] {
+        let (code, message) = run(place);
+        let words =
+            format!("error: labels.nii: {key} is in parts that are left out, want material");
+        assert!(code == Some(2) && message.contains(&words), "{message}");
+    }
+    let (code, message) = run("region = { shape = \"box\", min = [0, 0, 0], max = [1, 1, 1] }");
+    assert_eq!(code, Some(0), "{message}");
+    let steps = bench.read("results/bar/steps.csv");
+    let at = steps.lines().next().unwrap().split(',').position(|name| name == "force_z_n");
+    let last = steps.lines().last().unwrap().split(',').nth(at.unwrap()).unwrap();
+    assert!((last.parse::<f64>().unwrap() - 0.01).abs() < 1e-12, "{last} N");
+}
+
 /// A voxel's edge off the surface, which rounding of coordinates may be, is the nearest point of it;
 /// tables and the summary have a load as they have a grab.
 #[test]

@@ -154,3 +154,36 @@ pub(crate) fn nearest_of_mesh(mesh: &PlainMesh, x: &Vector3<f64>) -> Option<Vect
     let distance = |point: &&Vector3<f64>| (*point - x).norm_squared();
     mesh.points().iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
 }
+
+#[cfg(test)]
+mod tests {
+    use yawara_mesh::volume::Grid;
+
+    use super::*;
+
+    #[test]
+    fn the_nearest_of_the_material_is_a_point_of_a_voxel_or_of_a_tetrahedron() {
+        // The second of two voxels of 10 mm.
+        let grid = Grid::centred([2, 1, 1], 10.0);
+        let volume = LabelVolume::new(grid, vec![0, 1], vec![0, 1]).unwrap();
+        let cases = [
+            ([0.013, 0.002, 0.01], [0.013, 0.002, 0.01]),
+            ([0.004, 0.002, 0.005], [0.01, 0.002, 0.005]),
+            ([0.023, -0.001, 0.011], [0.02, 0.0, 0.01]),
+        ];
+        for (x, want) in cases {
+            let got = nearest_of_volume(&volume, &Vector3::from(x)).unwrap();
+            assert!((got - Vector3::from(want)).norm() < 1e-17, "{x:?}: {got}");
+        }
+        let corners = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+        let (mesh, _) = PlainMesh::new(corners.to_vec(), vec![[0, 1, 2, 3]], vec![1]).unwrap();
+        // Inside, on a face, beyond it.
+        for (x, want) in [
+            ([0.1, 0.2, 0.3], [0.1, 0.2, 0.3]),
+            ([0.5, 0.25, 0.25], [0.5, 0.25, 0.25]),
+            ([0.7, 0.3, 0.4], [1.0, 0.0, 0.0]),
+        ] {
+            assert_eq!(nearest_of_mesh(&mesh, &Vector3::from(x)), Some(Vector3::from(want)));
+        }
+    }
+}

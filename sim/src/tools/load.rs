@@ -22,7 +22,7 @@ const FLAT: f64 = 1e-4;
 /// mesh alike: Σ λ_a = 1 and Σ λ_a X_a = X_f. Forces stay as they are when the body moves, a dead
 /// load: then the torque is no longer that of rest.
 pub(super) struct Load {
-    /// Its key and the image or mesh, for messages.
+    /// The key of its place and the image or mesh, for messages.
     key: String,
     image: String,
     axes: ScannerAxes,
@@ -71,7 +71,7 @@ impl Load {
             }
         };
         Ok(Self {
-            key: key.into(),
+            key: format!("{key}.{}", if entry.region.is_some() { "region" } else { "at_mm" }),
             image: body.name().into(),
             axes: body.axes(),
             keys: entry.load.clone(),
@@ -90,7 +90,7 @@ impl Load {
     }
 
     fn refused(&self, value: &str, want: &str) -> SimError {
-        SimError::value(&self.image, &format!("{}.region", self.key), value, want)
+        SimError::value(&self.image, &self.key, value, want)
     }
 }
 

@@ -59,7 +59,7 @@ impl SurfacePoints {
 
     /// Binds all points whose tetrahedron has changed. Cost: O(points), and O(tetrahedra) if
     /// there are such points.
-    pub(crate) fn bind(&mut self, state: &BodyState) {
+    pub fn bind(&mut self, state: &BodyState) {
         let stands = |(tet, point): (TetId, ElementPoint), at: &Vector3<f64>| {
             let element = state.body.element(tet);
             element

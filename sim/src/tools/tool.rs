@@ -147,8 +147,8 @@ pub trait Tool {
     }
 
     /// The mesh of `body` is new or has changed: it carries what the tool acts on from now on. Called
-    /// before the tool is asked for loads or contact there; binds the
-    /// [`surface_points`](Self::surface_points) unless a tool does more.
+    /// before the tool is asked for loads or contact there. By default [binds](SurfacePoints::bind) the
+    /// [`surface_points`](Self::surface_points).
     ///
     /// # Errors
     /// [`SimError`] if nothing is left to act on.
