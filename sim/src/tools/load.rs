@@ -132,28 +132,34 @@ impl Spread {
     /// That of `points`, as the mesh of `body` carries them. Cost: O(points).
     fn new(points: &SurfacePoints, weights: &[f64], body: &BodyState) -> Self {
         let rest = body.rest_positions();
-        let bound = || points.order().iter().filter_map(|&i| Some((points.point(i)?, weights[i])));
-        let weight: f64 = bound().map(|(_, w)| w).sum();
-        let sum: Vector3<f64> = bound().map(|(point, w)| w * point.position(rest)).sum();
-        let centre = sum / weight;
-        let (mut inertia, mut shares) = (Matrix3::zeros(), BTreeMap::new());
+        let bound = |&i: &usize| Some((points.point(i)?, weights[i]));
+        let first = points.order().first().and_then(bound);
+        let near = first.map_or_else(Vector3::zeros, |(point, _)| point.position(rest));
+        let mut shares: BTreeMap<usize, (f64, Vector3<f64>)> = BTreeMap::new();
         for (_, range) in points.groups() {
             let (mut corners, mut of_tet) = ([0; 4], [(0.0, Vector3::zeros()); 4]);
-            for &i in &points.order()[range.clone()] {
-                let Some(point) = points.point(i) else { continue };
-                let (w, arm) = (weights[i], point.position(rest) - centre);
-                inertia += w * (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose());
+            for (point, w) in points.order()[range.clone()].iter().filter_map(bound) {
                 corners = point.vertices;
+                let arm = point.position(rest) - near;
                 for ((share, moment), lambda) in of_tet.iter_mut().zip(point.weights) {
                     *share += w * lambda;
                     *moment += w * lambda * arm;
                 }
             }
             for (v, (share, moment)) in corners.into_iter().zip(of_tet) {
-                let sum = shares.entry(v).or_insert((0.0, Vector3::zeros()));
+                let sum = shares.entry(v).or_default();
                 *sum = (sum.0 + share, sum.1 + moment);
             }
         }
+        // Sums over vertices are exact for the forces there, whatever was rounded before.
+        let weight: f64 = shares.values().map(|(share, _)| share).sum();
+        let off = shares.values().map(|(_, moment)| moment).sum::<Vector3<f64>>() / weight;
+        shares.values_mut().for_each(|(share, moment)| *moment -= *share * off);
+        let centre = near + off;
+        // Σ w r rᵀ, since Σ λ_a (X_a − c) = r.
+        let second: Matrix3<f64> =
+            shares.iter().map(|(&v, (_, moment))| (rest[v] - centre) * moment.transpose()).sum();
+        let inertia = Matrix3::identity() * second.trace() - second;
         let axes = inertia.symmetric_eigenvalues();
         let can_turn = axes.min() > FLAT * FLAT * axes.max();
         let flexibility = if can_turn { inertia.try_inverse() } else { None };
