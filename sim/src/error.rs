@@ -117,18 +117,29 @@ pub enum SimError {
     },
     /// A tool that reaches nothing.
     #[error(
-        "{key} lies outside the body of {image}: the nearest vertex that can be held is \
-         {distance_mm:.1} mm from its centre, want one inside it or within {limit_mm:.1} mm"
+        "{key} lies outside the body of {image}: the nearest that can be held or loaded is \
+         {distance_mm:.3} mm from its middle, want one inside it or within {limit_mm:.3} mm"
     )]
     ToolOutside {
-        /// The key of the region.
+        /// The key of the region or point.
         key: String,
         /// The image.
         image: String,
-        /// Distance to the nearest vertex in the organ, mm.
+        /// Distance to the nearest vertex or point of the material, mm.
         distance_mm: f64,
         /// The limit, mm.
         limit_mm: f64,
+    },
+    /// A load on a region without material.
+    #[error(
+        "{key}: no material of {image} lies in the region, want one that holds the middle of a \
+         voxel that is not void (or at_mm, a point, in its place)"
+    )]
+    NoMaterial {
+        /// The key of the region.
+        key: String,
+        /// The image or mesh.
+        image: String,
     },
     /// A patch without surface.
     #[error("{key}: no surface of {image} lies in the region, want one that reaches its outline")]

@@ -364,6 +364,99 @@ fn tool_outside_the_body() {
     bar().refused(&run_with(&["--set", far]), &["tools[0]", "outside"]);
 }
 
+/// Where a load acts and what it is, each given once.
+#[test]
+fn load_that_contradicts_itself() {
+    let near = "region = { shape = \"box\", min = [0.5, 0, 0], max = [1, 1, 1] }";
+    let line = "region = { shape = \"box\", min = [0, 0.3, 0.3], max = [1, 0.4, 0.4] }";
+    let gap = "region = { shape = \"box\", min = [0.5, 0.5, 0.5], max = [0.51, 0.51, 0.51] }";
+    let force = "force_n = [0, 0, 1]";
+    let cases: [(&str, &str, &[&str]); 14] = [
+        ("", force, &["tools[0].region is missing", "at_mm"]),
+        (&format!("{near}, at_mm = [5, 0, 0]"), force, &["tools[0].at_mm is [5.0, 0.0, 0.0]"]),
+        ("at_mm = [5, 0, nan]", force, &["tools[0].at_mm[2] is NaN"]),
+        ("at_mm = [5, 0, 17]", force, &["tools[0].at_mm lies outside", "7.000 mm", "5.000 mm"]),
+        ("at_mm = [5, 0, 0]", "torque_n_m = [0, 0, 1]", &["load[0].torque_n_m", "beside at_mm"]),
+        ("at_mm = [5, 0, 0]", "traction_pa = [0, 0, 1]", &["traction_pa", "beside at_mm"]),
+        (near, "", &["tools[0].load is", "in at least one entry"]),
+        (near, "force_n = [0, inf, 0]", &["tools[0].load[0].force_n[1] is inf", "finite"]),
+        (near, "force_n = [0, 0, 2e12]", &["force_n is [0.0, 0.0, 2000000000000.0]", "1e12"]),
+        (near, "force_n = [0, 1]", &["tools[0].load[0].force_n", "an array of 3 numbers"]),
+        (
+            near,
+            "force_n = [0, 0, 1], traction_pa = [0, 0, 1]",
+            &["load[0].traction_pa is [0.0, 0.0, 1.0]", "beside force_n"],
+        ),
+        (near, "pressure_pa = 3", &["unknown key `tools[0].load[0].pressure_pa`", "traction_pa"]),
+        (gap, force, &["tools[0].region", "no material of", "middle of a voxel"]),
+        (line, "torque_n_m = [0, 0, 1]", &["tools[0].region", "torque_n_m", "line"]),
+    ];
+    for (place, load, words) in cases {
+        let place = if place.is_empty() { String::new() } else { format!("{place}, ") };
+        let load = if load.is_empty() { String::new() } else { format!(", {load}") };
+        let set = format!("tools=[{{ kind = \"load\", {place}load = [{{ time_s = 0{load} }}] }}]");
+        bar().refused(&run_with(&["--set", &set]), words);
+    }
+    let twice = "load = [{ time_s = 1, force_n = [0, 0, 1] }, { time_s = 1 }]";
+    let set = format!("tools=[{{ kind = \"load\", {near}, {twice} }}]");
+    bar().refused(&run_with(&["--set", &set]), &["tools[0].load[1].time_s is 1.0", "more than"]);
+    let set = format!("tools=[{{ kind = \"load\", {near}, load = [] }}]");
+    bar().refused(&run_with(&["--set", &set]), &["tools[0].load is []"]);
+    let set = format!("tools=[{{ kind = \"load\", {near}, laod = [] }}]");
+    bar().refused(&run_with(&["--set", &set]), &["unknown key", "did you mean `load`?"]);
+}
+
+/// Two slabs, of which the second is not held: a load on both is borne by the first alone.
+#[test]
+fn load_on_a_part_that_is_left_out() {
+    let bench = bar();
+    let mut image = Nifti::cube(1);
+    let is_gap = |i: usize| (2..6).contains(&(i % 8));
+    (0..512).filter(|&i| is_gap(i)).for_each(|i| image.voxels[i] = 0);
+    bench.write("labels.nii", image.bytes());
+    // What is left out is said before the error, so that there are two paragraphs.
+    let run = |place: &str| {
+        let load = "load = [{ time_s = 0, force_n = [0, 0, 0.01] }]";
+        let tools = format!("tools=[{{ kind = \"load\", {place}, {load} }}]");
+        let output = bench.run(&run_with(&["--set", "image.path=labels.nii", "--set", &tools]));
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let second = "region = { shape = \"box\", min = [0.8, 0, 0], max = [1, 1, 1] }";
+    for (place, key) in [(second, "tools[0].region"), ("at_mm = [47, 40, 50]", "tools[0].at_mm")] {
+        let (code, message) = run(place);
+        let words =
+            format!("error: labels.nii: {key} is in parts that are left out, want material");
+        assert!(code == Some(2) && message.contains(&words), "{message}");
+    }
+    let (code, message) = run("region = { shape = \"box\", min = [0, 0, 0], max = [1, 1, 1] }");
+    assert_eq!(code, Some(0), "{message}");
+    let steps = bench.read("results/bar/steps.csv");
+    let at = steps.lines().next().unwrap().split(',').position(|name| name == "force_z_n");
+    let last = steps.lines().last().unwrap().split(',').nth(at.unwrap()).unwrap();
+    assert!((last.parse::<f64>().unwrap() - 0.01).abs() < 1e-12, "{last} N");
+}
+
+/// A voxel's edge off the surface, which rounding of coordinates may be, is the nearest point of it;
+/// tables and the summary have a load as they have a grab.
+#[test]
+fn a_load_is_written_down_as_every_tool_is() {
+    let bench = bar();
+    let load = "load = [{ time_s = 0 }, { time_s = 0.3, force_n = [0, 0, 0.01] }]";
+    let set = format!("tools=[{{ kind = \"load\", at_mm = [20, 0, 10.5], {load} }}]");
+    bench.succeed(&run_with(&["--set", &set]));
+    let steps = bench.read("results/bar/steps.csv");
+    let header: Vec<&str> = steps.lines().next().unwrap().split(',').collect();
+    let column = header.iter().position(|name| *name == "tool0_force_z_n").unwrap();
+    let last: Vec<&str> = steps.lines().last().unwrap().split(',').collect();
+    assert!((last[column].parse::<f64>().unwrap() - 0.01).abs() < 1e-12, "{steps}");
+    assert!(header.contains(&"tool0_torque_x_n_m"), "{steps}");
+    assert!(bench.read("results/bar/summary.json").contains("\"kind\": \"load\""));
+    assert!(bench.read("results/bar/scene.toml").contains("at_mm"));
+    // The scene as it was resolved runs again.
+    bench.succeed(&["run", "results/bar/scene.toml", "--out", "results/again"]);
+    assert_eq!(bench.read("results/again/steps.csv").lines().count(), steps.lines().count());
+}
+
 #[test]
 fn too_many_vertices_at_the_start() {
     bar().refused(&run_with(&["--set", "mesh.max_vertices=20"]), &["mesh.max_vertices", "20"]);

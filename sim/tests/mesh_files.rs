@@ -133,3 +133,36 @@ fn the_undeformed_mesh_of_an_image_is_written_as_msh_too() {
     assert!(text.starts_with("$MeshFormat\n4.1 0 8\n"), "{}", &text[..40]);
     bench.refused(&["mesh", "phantom", "--out", "liver.stl"], &["liver.stl", ".vtu or .msh"]);
 }
+
+#[test]
+fn a_load_acts_on_a_mesh_from_a_file_too() {
+    let bench = Workbench::new();
+    let scene = on_file("cube.msh").replace("label = 1", "label = 3");
+    bench.write("cube.msh", CUBE.replace("4 2 4 1", "4 2 3 1")).write("cube.toml", scene);
+    let (force, torque, traction) =
+        ("force_n = [0, 1e-6, 2e-6]", "torque_n_m = [0, 1e-9, 0]", "traction_pa = [0, 0, 2]");
+    let high = "region = { shape = \"box\", min = [0, 0, 0.9], max = [1, 1, 1] }";
+    let all = "region = { shape = \"box\", min = [0, 0, 0], max = [1, 1, 1] }";
+    for (place, load) in [
+        (all, format!("{force}, {torque}")),
+        (high, traction.into()),
+        ("at_mm = [0.9, 0.5, 1]", force.into()),
+    ] {
+        let set =
+            format!("tools=[{{ kind = \"load\", {place}, load = [{{ time_s = 0, {load} }}] }}]");
+        let path = bench.path("cube.toml");
+        let mesh = format!("mesh.path={}", bench.path("cube.msh").display());
+        let (scene, _) = scene_file::load(path.to_str().unwrap(), &[set, mesh]).unwrap();
+        let mut simulation =
+            Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+        let report = simulation.step().unwrap();
+        let [x, y, z] = report.tools[0].force_n;
+        assert!(report.converged && x.abs() < 1e-18, "{report:?}");
+        // A cube of 1 mm: its face of 1 mm² under 2 Pa.
+        assert!((z - 2e-6).abs() < 1e-18 && (y == 0.0 || (y - 1e-6).abs() < 1e-18), "{y} {z} N");
+    }
+    let load = format!("load = [{{ time_s = 0, {force} }}]");
+    let set = format!("tools=[{{ kind = \"load\", at_mm = [1.2, 1, 1], {load} }}]");
+    let run = ["run", "cube.toml", "--out", "run", "--set", &set];
+    bench.refused(&run, &["tools[0].at_mm lies outside", "cube.msh", "0.200 mm"]);
+}

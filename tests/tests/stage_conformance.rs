@@ -158,6 +158,32 @@ conformance!(
                        { time_s = 1.5, pressure_pa = 0 }] }"
     )
 );
+conformance!(
+    tool,
+    load_on_material,
+    &by_entry(
+        "{ kind = 'load', region = { shape = 'box', min = [0.6, 0, 0], max = [1, 1, 1] },
+           load = [{ time_s = 0 },
+                   { time_s = 1, force_n = [0.02, 0, 0.2], torque_n_m = [0.003, 0, 0] },
+                   { time_s = 1.5 }] }"
+    )
+);
+conformance!(
+    tool,
+    load_on_the_surface,
+    &by_entry(
+        "{ kind = 'load', region = { shape = 'box', min = [0.5, 0, 0.9], max = [1, 1, 1] },
+           load = [{ time_s = 0 }, { time_s = 1, traction_pa = [0, 50, 50] }, { time_s = 1.5 }] }"
+    )
+);
+conformance!(
+    tool,
+    load_on_a_point,
+    &by_entry(
+        "{ kind = 'load', at_mm = [78, 3, 4],
+           load = [{ time_s = 0 }, { time_s = 1, force_n = [0, 0.05, 0.1] }, { time_s = 1.5 }] }"
+    )
+);
 conformance!(tool, one_of_your_own, &|scene| {
     Simulation::builder(&scene).tool(|_| Ok::<_, SimError>(Wind)).build()
 });

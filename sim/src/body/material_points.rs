@@ -1,6 +1,6 @@
 //! Points of the fine material in a region, each with the volume that it stands for, m³.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use yawara_corot::WeightedPoint;
 use yawara_mesh::PlainMesh;
 use yawara_mesh::volume::LabelVolume;
@@ -11,6 +11,9 @@ use crate::scene::Region;
 /// Weight of one corner in the quadrature of four points that is exact for squares.
 const NEAR: f64 = 0.585_410_196_624_968_5;
 const FAR: f64 = (1.0 - NEAR) / 3.0;
+
+/// Barycentric coordinates that are off by no more than this are of one place.
+const SAME: f64 = 1e-9;
 
 impl Region {
     /// The axis along which it has no thickness, if it is one.
@@ -110,4 +113,77 @@ pub(crate) fn of_mesh(
         points.extend(inside.map(|rest| WeightedPoint { rest, weight }));
     }
     points
+}
+
+/// The point nearest to `x` of all voxels that are not void, as whole cubes; none without any.
+///
+/// Cost: O(voxels).
+pub(crate) fn nearest_of_volume(volume: &LabelVolume, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let voxel = volume.grid().spacing_mm * 1e-3;
+    let dims = volume.grid().dims;
+    let mut nearest = (f64::INFINITY, None);
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for at in (0..dims[0]).map(|x| [x, y, z]).filter(|&[x, y, z]| volume.get(x, y, z) != 0)
+            {
+                let inside =
+                    |i: usize, _| x[i].clamp(at[i] as f64 * voxel, (at[i] + 1) as f64 * voxel);
+                let point = Vector3::from_fn(inside);
+                let distance = (point - x).norm_squared();
+                if distance < nearest.0 {
+                    nearest = (distance, Some(point));
+                }
+            }
+        }
+    }
+    nearest.1
+}
+
+/// `x` if it lies in a tetrahedron, up to rounding, else the vertex nearest to it.
+///
+/// Cost: O(tetrahedra).
+pub(crate) fn nearest_of_mesh(mesh: &PlainMesh, x: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let holds = |tet: usize| {
+        let [a, b, c, d] = mesh.corners(tet);
+        let lambda = Matrix3::from_columns(&[b - a, c - a, d - a]).lu().solve(&(x - a));
+        lambda.is_some_and(|lambda| lambda.min() >= -SAME && lambda.sum() <= 1.0 + SAME)
+    };
+    if (0..mesh.tets().len()).any(holds) {
+        return Some(*x);
+    }
+    let distance = |point: &&Vector3<f64>| (*point - x).norm_squared();
+    mesh.points().iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use yawara_mesh::volume::Grid;
+
+    use super::*;
+
+    #[test]
+    fn the_nearest_of_the_material_is_a_point_of_a_voxel_or_of_a_tetrahedron() {
+        // The second of two voxels of 10 mm.
+        let grid = Grid::centred([2, 1, 1], 10.0);
+        let volume = LabelVolume::new(grid, vec![0, 1], vec![0, 1]).unwrap();
+        let cases = [
+            ([0.013, 0.002, 0.01], [0.013, 0.002, 0.01]),
+            ([0.004, 0.002, 0.005], [0.01, 0.002, 0.005]),
+            ([0.023, -0.001, 0.011], [0.02, 0.0, 0.01]),
+        ];
+        for (x, want) in cases {
+            let got = nearest_of_volume(&volume, &Vector3::from(x)).unwrap();
+            assert!((got - Vector3::from(want)).norm() < 1e-17, "{x:?}: {got}");
+        }
+        let corners = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+        let (mesh, _) = PlainMesh::new(corners.to_vec(), vec![[0, 1, 2, 3]], vec![1]).unwrap();
+        // Inside, on a face, beyond it.
+        for (x, want) in [
+            ([0.1, 0.2, 0.3], [0.1, 0.2, 0.3]),
+            ([0.5, 0.25, 0.25], [0.5, 0.25, 0.25]),
+            ([0.7, 0.3, 0.4], [1.0, 0.0, 0.0]),
+        ] {
+            assert_eq!(nearest_of_mesh(&mesh, &Vector3::from(x)), Some(Vector3::from(want)));
+        }
+    }
 }

@@ -100,6 +100,20 @@ impl Start {
         self.material_points(&Region::Box { min: [0.0; 3], max: [1.0; 3] })
     }
 
+    /// The point of the material nearest to `x`, and how far it may be for `x` to stand for it: the
+    /// edge of a voxel, of a mesh file a thousandth of an element's, m.
+    pub fn nearest_material(&self, x: &Vector3<f64>) -> (Option<Vector3<f64>>, f64) {
+        match &self.origin {
+            Origin::Image(setup) => {
+                let voxel = setup.volume.grid().spacing_mm * 1e-3;
+                (material_points::nearest_of_volume(&setup.volume, x), voxel)
+            }
+            Origin::MeshFile(mesh) => {
+                (material_points::nearest_of_mesh(&mesh.mesh, x), 1e-3 * self.edge_m)
+            }
+        }
+    }
+
     /// The κ of a support or a pad that a scene does not give: 100 E/h², E of the softest material
     /// and h the edge of a voxel (of a mesh file: a quarter of an element's), N/m⁴.
     pub fn holding_stiffness(&self, scene: &Scene) -> f64 {

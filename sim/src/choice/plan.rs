@@ -250,7 +250,7 @@ fn compliance(scene: &Scene) -> PlanRow {
     let grabs = count(|tool| matches!(tool, ToolEntry::Grab(_)));
     let probes = count(|tool| matches!(tool, ToolEntry::Probe(_)));
     match (grabs, probes) {
-        (0, 0) => row("compliance columns", "none", false, "no tool touches the body"),
+        (0, 0) => row("compliance columns", "none", false, "no tool holds or probes the body"),
         (_, 0) => row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)")),
         (0, _) => row("compliance columns", "contacts", true, format!("{probes} probe(s)")),
         _ => {

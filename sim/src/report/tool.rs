@@ -8,14 +8,15 @@ pub struct ToolReport {
     /// Its kind, as in the scene.
     pub kind: &'static str,
     /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds,
-    /// Σ λ n over what a probe pushes, the load of a pressure.
+    /// Σ λ n over what a probe pushes, the load of a pressure, a load.
     pub force_n: [f64; 3],
     /// Torque of the tool on the body about the tool's reference point, scanner axes, N m.
     pub torque_n_m: [f64; 3],
     /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has
-    /// moved, of a probe, of a pressure's region at rest.
+    /// moved, of a probe, of a pressure's region at rest, the weighted mean at rest of what a load acts on.
     pub reference_mm: [f64; 3],
-    /// Vertices or points of material held, points pushed, pieces of surface loaded.
+    /// Vertices or points of material held, points pushed, pieces of surface under a pressure,
+    /// vertices under a load.
     pub contacts: usize,
     /// How deep the deepest point of the surface is in a probe, m.
     pub penetration_m: f64,

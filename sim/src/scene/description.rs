@@ -40,7 +40,7 @@ pub struct Scene {
     /// Gravity in scanner axes (right, anterior, superior), m/s².
     #[serde(default)]
     pub gravity_m_s2: [f64; 3],
-    /// Tools that hold or move the body.
+    /// Tools that hold, move or load the body.
     #[serde(default)]
     pub tools: Vec<ToolEntry>,
     /// Steps and their length.

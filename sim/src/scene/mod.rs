@@ -20,7 +20,8 @@ pub use description::{
 };
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{
-    GrabEntry, GrabHold, Key, Normal, PressureEntry, PressureKey, ProbeEntry, Region, ToolEntry,
+    GrabEntry, GrabHold, Key, LoadEntry, LoadKey, Normal, PressureEntry, PressureKey, ProbeEntry,
+    Region, ToolEntry,
 };
 
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

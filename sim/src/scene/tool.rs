@@ -36,6 +36,8 @@ pub enum ToolEntry {
     Probe(ProbeEntry),
     /// A pressure on a part of the surface.
     Pressure(PressureEntry),
+    /// A dead load: a force and a torque on material, or a traction on a part of the surface.
+    Load(LoadEntry),
 }
 
 /// Takes hold of the body in a region and moves it along a path.
@@ -126,6 +128,37 @@ pub struct PressureKey {
     pub time_s: f64,
     /// Against the outward normal, Pa; negative is suction.
     pub pressure_pa: f64,
+}
+
+/// A load that keeps its direction and size however the body moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LoadEntry {
+    /// The material, or for a traction the part of the surface, that it acts on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<Region>,
+    /// In its place the point of the material that a force acts on, scanner RAS, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_mm: Option<[f64; 3]>,
+    /// How much over time, ascending times; linear in between, held at both ends.
+    pub load: Vec<LoadKey>,
+}
+
+/// A load at a time, in scanner axes; what is absent is zero.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LoadKey {
+    /// When, s.
+    pub time_s: f64,
+    /// Total force, spread evenly over the material's volume, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_n: Option<[f64; 3]>,
+    /// Total torque at rest beside the force, N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_n_m: Option<[f64; 3]>,
+    /// Force by area at rest on the surface, in place of both, Pa.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traction_pa: Option<[f64; 3]>,
 }
 
 /// A point of a tool's path.

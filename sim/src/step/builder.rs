@@ -154,8 +154,7 @@ impl<'a> SimulationBuilder<'a> {
         let formulation = own.map_or_else(built_in, Ok)?;
         let link = invert(formulation, &state, refiner.as_ref(), &organ, &inverse)?;
         plan.push(plan::inverse(scene, &link));
-        let points = tools.iter_mut().filter_map(|tool| tool.surface_points_mut());
-        points.for_each(|points| points.bind(&state));
+        tools.iter_mut().try_for_each(|tool| tool.follow(&state))?;
         let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
         let statistics = RunStatistics::new(begin, &state);
         Ok(Simulation {

@@ -140,8 +140,7 @@ impl Simulation {
         let remeshed = refiner.remesh(&mut round, times)?;
         if remeshed.splits + remeshed.merges > 0 {
             inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
-            let points = self.tools.iter_mut().filter_map(|tool| tool.surface_points_mut());
-            points.for_each(|points| points.bind(state));
+            self.tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
         }
         Ok(remeshed)
     }
@@ -154,7 +153,7 @@ impl Simulation {
     /// Leads a tool from where it is to `pose` over the next step, in place of its path; it stays
     /// there until it is led elsewhere. Results are those of a path with the same poses.
     /// # Errors
-    /// [`SimError::NoSuchTool`] if there is none of that number or it does not move (a pressure);
+    /// [`SimError::NoSuchTool`] if there is none of that number or it does not move (a pressure, a load);
     /// [`SimError::Pose`] for values that are not finite or farther than 1000 m. Nothing has
     /// changed then.
     pub fn set_tool_pose(&mut self, tool: usize, pose: Pose) -> Result<(), SimError> {
@@ -173,7 +172,7 @@ impl Simulation {
 
     /// How the force of a tool on the body grows with its displacement while what it holds or
     /// pushes stays the same: the inverse of the 3 × 3 compliance that it feels, rows by scanner
-    /// axis, N/m, symmetric positive semi-definite. Zero without contact, and for a pressure.
+    /// axis, N/m, symmetric positive semi-definite. Zero without contact, and for a pressure or a load.
     ///
     /// Grab: Σ_ij (C_pp⁻¹)_ij over the held vertices; probe: N (N Ĉ Nᵀ)⁻¹ Nᵀ over the points it
     /// pushes, N their normals. Ĉ = T C Tᵀ of the last equilibrium. Cost: a block of compliance at

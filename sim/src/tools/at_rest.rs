@@ -111,6 +111,42 @@ impl<'a> BodyAtRest<'a> {
         }
     }
 
+    /// The material in `region`, without the nearest one where there is none.
+    ///
+    /// # Errors
+    /// [`SimError::NoMaterial`] with `key` if there is none.
+    pub fn material_inside(
+        &self,
+        key: &str,
+        region: &Region,
+    ) -> Result<Vec<WeightedPoint>, SimError> {
+        let inside = self.start.material_points(region);
+        match inside.is_empty() {
+            false => Ok(inside),
+            true => {
+                let key = format!("{key}.region");
+                Err(SimError::NoMaterial { key, image: self.name().into() })
+            }
+        }
+    }
+
+    /// The point of the material at scanner RAS `at_mm`, or the one nearest to it within the edge of
+    /// a voxel, m.
+    ///
+    /// # Errors
+    /// [`SimError::ToolOutside`] with `key` if there is none.
+    pub fn material_at(&self, key: &str, at_mm: [f64; 3]) -> Result<Vector3<f64>, SimError> {
+        let at = self.axes().to_solver(&Vector3::from(at_mm));
+        let (nearest, limit) = self.start.nearest_material(&at);
+        let distance = nearest.map_or(f64::INFINITY, |point| (point - at).norm());
+        nearest.filter(|_| distance <= limit).ok_or_else(|| SimError::ToolOutside {
+            key: format!("{key}.at_mm"),
+            image: self.name().into(),
+            distance_mm: distance * 1e3,
+            limit_mm: limit * 1e3,
+        })
+    }
+
     /// The stiffness κ of what holds material so firmly that it hardly gives way, N/m⁴.
     pub fn holding_stiffness_n_m4(&self) -> f64 {
         self.start.holding_stiffness(self.scene)

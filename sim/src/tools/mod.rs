@@ -7,6 +7,7 @@
 
 mod at_rest;
 mod grab;
+mod load;
 mod path;
 mod path_csv;
 mod pressure;
@@ -27,6 +28,7 @@ pub use tool::{MaterialHold, Tool};
 pub(crate) use regions::Regions;
 
 use grab::Grab;
+use load::Load;
 use pressure::Pressure;
 use probe::Probe;
 
@@ -40,6 +42,7 @@ pub(crate) fn by_name(
         ToolEntry::Grab(grab) => Box::new(Grab::new(grab, key, body)?),
         ToolEntry::Probe(probe) => Box::new(Probe::new(probe, body)?),
         ToolEntry::Pressure(pressure) => Box::new(Pressure::new(pressure, key, body)?),
+        ToolEntry::Load(load) => Box::new(Load::new(load, key, body)?),
     })
 }
 

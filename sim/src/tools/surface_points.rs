@@ -1,4 +1,4 @@
-//! Points of a body's surface, carried along by the coarse mesh.
+//! Points of a body, mostly of its surface, carried along by the coarse mesh.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use yawara_mesh::TetId;
 
 use crate::body::BodyState;
 
-/// Points of the surface at rest, each bound to the coarse tetrahedron around it by its barycentric
+/// Points of the surface (for a load on material: of the voxels) at rest, each bound to the coarse tetrahedron around it by its barycentric
 /// weights.
 ///
 /// Only tetrahedra that hold some material carry points. A point just outside of all of them (the
@@ -30,6 +30,11 @@ impl SurfacePoints {
     pub(super) fn new(rest: Vec<Vector3<f64>>, areas: Vec<Vector3<f64>>, reach: f64) -> Self {
         let bound = vec![None; rest.len()];
         Self { rest, areas, reach, bound, order: Vec::new(), groups: Vec::new() }
+    }
+
+    /// How many there are, those that are not bound too.
+    pub(super) fn len(&self) -> usize {
+        self.rest.len()
     }
 
     /// A point as the mesh carries it.
@@ -54,7 +59,7 @@ impl SurfacePoints {
 
     /// Binds all points whose tetrahedron has changed. Cost: O(points), and O(tetrahedra) if
     /// there are such points.
-    pub(crate) fn bind(&mut self, state: &BodyState) {
+    pub fn bind(&mut self, state: &BodyState) {
         let stands = |(tet, point): (TetId, ElementPoint), at: &Vector3<f64>| {
             let element = state.body.element(tet);
             element

@@ -146,6 +146,19 @@ pub trait Tool {
         None
     }
 
+    /// The mesh of `body` is new or has changed: it carries what the tool acts on from now on. Called
+    /// before the tool is asked for loads or contact there. By default [binds](SurfacePoints::bind) the
+    /// [`surface_points`](Self::surface_points).
+    ///
+    /// # Errors
+    /// [`SimError`] if nothing is left to act on.
+    fn follow(&mut self, body: &BodyState) -> Result<(), SimError> {
+        if let Some(points) = self.surface_points_mut() {
+            points.bind(body);
+        }
+        Ok(())
+    }
+
     /// Adds its forces on vertices at time `t` to `loads`, by vertex number, N; `body` is where the
     /// solver has it now. Forces that follow the body (a spring, a pressure) are renewed after every
     /// solve until they come to rest, so that they hold at the step's end. That converges where they

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{GrabHold, Key, PressureKey, ToolEntry};
+use crate::scene::{GrabHold, Key, LoadEntry, PressureKey, ToolEntry};
 
 /// The farthest a path goes in each axis, m.
 pub(crate) const FARTHEST_M: f64 = 1e3;
 
 /// The largest pressure, Pa: where even the stiffest of tissues is no solid any more.
 const MOST_PA: f64 = 1e12;
+
+/// The largest force, N, and torque, N m: that pressure on a square metre.
+const MOST_N: f64 = 1e12;
 
 impl Check<'_> {
     pub fn tool(&self, tool: &ToolEntry, key: &str) -> Result<(), SimError> {
@@ -44,6 +47,7 @@ impl Check<'_> {
                 self.region(&pressure.region, &format!("{key}.region"))?;
                 self.pressure(&pressure.pressure, key)
             }
+            ToolEntry::Load(load) => self.load(load, key),
         }
     }
 
@@ -97,6 +101,46 @@ impl Check<'_> {
             let bearable = pressure_pa.abs() <= MOST_PA;
             let want = "at most 1e12 either way";
             self.that(bearable, &format!("{key}.pressure_pa"), pressure_pa, want)?;
+        }
+        Ok(())
+    }
+
+    fn load(&self, entry: &LoadEntry, key: &str) -> Result<(), SimError> {
+        let LoadEntry { region, at_mm, load } = entry;
+        if let Some(at) = at_mm {
+            let key = format!("{key}.at_mm");
+            self.vector(&key, at)?;
+            let want = "no such key beside region: a load acts in one place";
+            self.that(region.is_none(), &key, at, want)?;
+        } else {
+            let want = "where it acts, or at_mm, a point of the material, in its place";
+            let key = format!("{key}.region");
+            self.region(self.given(region.as_ref(), &key, want)?, &key)?;
+        }
+        let has_force = load.iter().any(|at| at.force_n.or(at.torque_n_m).is_some());
+        let has_any = has_force || load.iter().any(|at| at.traction_pa.is_some());
+        let want = "force_n, torque_n_m or traction_pa in at least one entry";
+        self.that(has_any, &format!("{key}.load"), load, want)?;
+        let mut last = f64::NEG_INFINITY;
+        for (i, at) in load.iter().enumerate() {
+            let key = format!("{key}.load[{i}]");
+            last = self.later(at.time_s, last, &key)?;
+            for (name, value, most) in [
+                ("force_n", at.force_n, MOST_N),
+                ("torque_n_m", at.torque_n_m, MOST_N),
+                ("traction_pa", at.traction_pa, MOST_PA),
+            ] {
+                let Some(value) = value else { continue };
+                let key = format!("{key}.{name}");
+                self.vector(&key, &value)?;
+                let bearable = value.iter().all(|x| x.abs() <= most);
+                self.that(bearable, &key, value, "at most 1e12 in each axis")?;
+                let alone = name != "traction_pa" || !has_force;
+                let want = "no such key beside force_n or torque_n_m: a load is one or the other";
+                self.that(alone, &key, value, want)?;
+                let want = "no such key beside at_mm: a point bears a force alone";
+                self.that(name == "force_n" || at_mm.is_none(), &key, value, want)?;
+            }
         }
         Ok(())
     }
