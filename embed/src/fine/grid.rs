@@ -65,6 +65,11 @@ impl FineGrid {
         self.points[vertex]
     }
 
+    /// All of them, by number.
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
     pub fn len(&self) -> usize {
         self.points.len()
     }

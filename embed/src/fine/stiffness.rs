@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::body::{FineBody, SixFields, lattice_tet};
 use super::grid::FineGrid;
+use super::multigrid::BlockRows;
 use crate::error::EmbedError;
 use crate::linear_tet::strain_operator;
 use yawara_mesh::kuhn::Point;
@@ -14,9 +15,7 @@ use yawara_mesh::kuhn::Point;
 pub(crate) struct FineStiffness {
     /// Which of the 27 places around a vertex hold a neighbour.
     masks: Vec<u32>,
-    starts: Vec<usize>,
-    pub(super) columns: Vec<u32>,
-    pub(super) blocks: Vec<Matrix3<f64>>,
+    pub(super) rows: BlockRows<3, 3>,
     /// Smallest and largest diagonal entry of the elasticity matrices, Pa, for messages.
     pub(super) moduli: [f64; 2],
 }
@@ -46,7 +45,7 @@ impl FineStiffness {
             let v = grid.vertex(p);
             let at = stiffness.at(v, place(p, p));
             for &axis in axes {
-                stiffness.blocks[at][(axis, axis)] *= 2.0;
+                stiffness.rows.blocks[at][(axis, axis)] *= 2.0;
             }
         }
         Ok(stiffness)
@@ -77,13 +76,13 @@ impl FineStiffness {
         }
         starts.push(columns.len());
         let blocks = vec![Matrix3::zeros(); columns.len()];
-        Ok(Self { masks, starts, columns, blocks, moduli })
+        Ok(Self { masks, rows: BlockRows { starts, columns, blocks }, moduli })
     }
 
     /// Index of a row's block at one of the 27 places.
     fn at(&self, row: usize, place: u32) -> usize {
         let before = self.masks[row] & ((1 << place) - 1);
-        self.starts[row] + before.count_ones() as usize
+        self.rows.starts[row] + before.count_ones() as usize
     }
 
     fn add(&mut self, grid: &FineGrid, corners: &[Point; 4], d: &Matrix6<f64>) {
@@ -94,7 +93,7 @@ impl FineStiffness {
             let row = grid.vertex(corners[i]);
             for j in 0..4 {
                 let at = self.at(row, place(corners[i], corners[j]));
-                self.blocks[at] += g[i].transpose() * stress[j];
+                self.rows.blocks[at] += g[i].transpose() * stress[j];
             }
         }
     }
@@ -103,16 +102,12 @@ impl FineStiffness {
         self.masks.len()
     }
 
-    pub(super) fn row(&self, v: usize) -> std::ops::Range<usize> {
-        self.starts[v]..self.starts[v + 1]
-    }
-
     /// K x, row by row.
     pub(super) fn apply(&self, x: &[SixFields], y: &mut [SixFields]) {
         y.par_iter_mut().with_min_len(512).enumerate().for_each(|(v, y)| {
             let mut sum = SixFields::zeros();
-            for at in self.row(v) {
-                sum += self.blocks[at] * x[self.columns[at] as usize];
+            for at in self.rows.row(v) {
+                sum += self.rows.blocks[at] * x[self.rows.columns[at] as usize];
             }
             *y = sum;
         });

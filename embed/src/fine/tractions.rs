@@ -7,8 +7,9 @@ use yawara_mesh::kuhn::Point;
 
 use super::body::{FineBody, SixFields, lattice_tet};
 use super::cholesky::DIRECT_VERTICES;
+use super::conjugate_gradients::conjugate_gradients;
 use super::grid::FineGrid;
-use super::multilevel::Multilevel;
+use super::multigrid::Multigrid;
 use super::stiffness::FineStiffness;
 use crate::error::EmbedError;
 use crate::linear_tet::{LinearTet, strain_operator};
@@ -32,8 +33,10 @@ impl FineBody<'_> {
         let stiffness = FineStiffness::new(self, cells, &grid)?;
         let loads = self.traction_loads(cells, &grid)?;
         let values = if grid.len() > DIRECT_VERTICES {
-            let multilevel = Multilevel::new(self, cells, &grid)?;
-            stiffness.conjugate_gradients(&multilevel, &loads, progress)?
+            let [softest, stiffest] = stiffness.moduli;
+            let refused = EmbedError::FineFactor { rows: 3 * grid.len(), softest, stiffest };
+            let multigrid = Multigrid::new(stiffness.rows, grid.points()).ok_or(refused)?;
+            conjugate_gradients(&multigrid, &loads, progress)?
         } else {
             let solution = stiffness.cholesky(&grid.elimination_order(), &loads)?;
             if progress(1.0).is_break() {
