@@ -103,7 +103,9 @@ mod tests {
     use super::*;
     use crate::fine::FineBody;
     use crate::fine::grid::FineGrid;
+    use crate::fine::region::Region;
     use crate::fine::stiffness::FineStiffness;
+    use crate::fine::tractions::traction_loads;
     use crate::{Material, Materials};
     use nalgebra::Vector3;
     use yawara_mesh::volume::{Grid, LabelVolume};
@@ -134,12 +136,17 @@ mod tests {
             let body = FineBody::new(&tree, &materials);
             let components = body.components();
             assert_eq!(components.len(), 1);
-            let grid = FineGrid::new(&tree, &components[0]);
-            let k = FineStiffness::new(&body, &components[0], &grid).unwrap();
+            let region = Region {
+                cubes: components[0].iter().map(|&cell| body.root_low(cell)).collect(),
+                units: tree.grid().voxels_per_cell as i32,
+                visit: &|visit| components[0].iter().try_for_each(|&c| body.visit(c, visit)),
+            };
+            let grid = FineGrid::new(&region.cubes, region.units);
+            let k = FineStiffness::new(&region, &grid).unwrap();
             Self {
                 multigrid: Multigrid::new(k.rows.clone(), grid.points()).unwrap(),
                 k,
-                loads: body.traction_loads(&components[0], &grid).unwrap(),
+                loads: traction_loads(&region, &grid).unwrap(),
                 grid,
             }
         }

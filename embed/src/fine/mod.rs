@@ -9,10 +9,12 @@ mod cholesky;
 mod conjugate_gradients;
 mod grid;
 mod multigrid;
+mod region;
 mod stiffness;
 mod tractions;
 
 pub use body::{FineBody, SixFields};
 pub(crate) use body::{lattice_tet, voxel};
 pub use cholesky::{DIRECT_VERTICES, SparseCholesky};
+pub(crate) use region::FineVoxels;
 pub use tractions::FineFields;

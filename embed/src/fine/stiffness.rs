@@ -3,14 +3,15 @@
 use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-use super::body::{FineBody, SixFields, lattice_tet};
+use super::body::{SixFields, lattice_tet};
 use super::grid::FineGrid;
 use super::multigrid::BlockRows;
+use super::region::Region;
 use crate::error::EmbedError;
 use crate::linear_tet::strain_operator;
 use yawara_mesh::kuhn::Point;
 
-/// K of a component's vertices. Neighbours lie at most one voxel away along each axis, so a row
+/// K of a region's vertices. Neighbours lie at most one voxel away along each axis, so a row
 /// has up to 27 blocks, ascending.
 pub(crate) struct FineStiffness {
     /// Which of the 27 places around a vertex hold a neighbour.
@@ -29,16 +30,13 @@ impl FineStiffness {
     /// Assembles K, N/m for voxels of edge 1 m, and ties it to the ground by six springs where its
     /// first cube has corners: they keep a free body from moving, and loads that balance do not
     /// strain them.
-    pub fn new(body: &FineBody, cells: &[usize], grid: &FineGrid) -> Result<Self, EmbedError> {
-        let mut stiffness = Self::pattern(body, cells, grid)?;
-        for &cell in cells {
-            body.visit(cell, &mut |corners, d| stiffness.add(grid, corners, d))?;
-        }
-        let units = body.tree().grid().voxels_per_cell as i32;
-        let low = body.root_low(cells[0]);
+    pub fn new(region: &Region<'_>, grid: &FineGrid) -> Result<Self, EmbedError> {
+        let mut stiffness = Self::pattern(region, grid)?;
+        (region.visit)(&mut |corners, d| stiffness.add(grid, corners, d))?;
+        let low = region.cubes[0];
         let [x, y] = [0, 1].map(|axis| {
             let mut p = low;
-            p[axis] += units;
+            p[axis] += region.units;
             p
         });
         for (p, axes) in [(low, &[0usize, 1, 2][..]), (x, &[1, 2]), (y, &[2])] {
@@ -51,19 +49,17 @@ impl FineStiffness {
         Ok(stiffness)
     }
 
-    fn pattern(body: &FineBody, cells: &[usize], grid: &FineGrid) -> Result<Self, EmbedError> {
+    fn pattern(region: &Region<'_>, grid: &FineGrid) -> Result<Self, EmbedError> {
         let mut masks = vec![0u32; grid.len()];
         let mut moduli = [f64::INFINITY, 0.0f64];
-        for &cell in cells {
-            body.visit(cell, &mut |corners, d| {
-                for p in corners {
-                    let mask = &mut masks[grid.vertex(*p)];
-                    corners.iter().for_each(|q| *mask |= 1 << place(*p, *q));
-                }
-                let diagonal = d.diagonal();
-                moduli = [moduli[0].min(diagonal.min()), moduli[1].max(diagonal.max())];
-            })?;
-        }
+        (region.visit)(&mut |corners, d| {
+            for p in corners {
+                let mask = &mut masks[grid.vertex(*p)];
+                corners.iter().for_each(|q| *mask |= 1 << place(*p, *q));
+            }
+            let diagonal = d.diagonal();
+            moduli = [moduli[0].min(diagonal.min()), moduli[1].max(diagonal.max())];
+        })?;
         let mut starts = Vec::with_capacity(masks.len() + 1);
         let mut columns = Vec::new();
         for (v, &mask) in masks.iter().enumerate() {
