@@ -297,7 +297,10 @@ fn fibres_keep_their_direction() {
             // Of fibres along z there are none. A tetrahedron that does not span its layer slips
             // past the fibres by a global rule: no lower bound holds there.
             assert!(d[(2, 2)] < 2.0, "{choice}: {d}");
-            assert!(d[(0, 0)] + d[(1, 1)] > 3.0 || by_name(choice).unwrap().global().is_some(), "{choice}: {d}");
+            assert!(
+                d[(0, 0)] + d[(1, 1)] > 3.0 || by_name(choice).unwrap().global().is_some(),
+                "{choice}: {d}"
+            );
         }
     }
 }
