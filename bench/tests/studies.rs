@@ -202,7 +202,7 @@ fn homogenisation_holds_what_is_claimed() {
     let out = &common.out;
     let text = homogenisation::run(&common).unwrap();
     let value = files(out, "homogenisation", &text);
-    assert_eq!(rows(&value).len(), 8 * yawara_embed::CHOICES.len());
+    assert_eq!(rows(&value).len(), (8 + 7) * yawara_embed::CHOICES.len());
     let keys = [
         "case",
         "ratio",
@@ -222,12 +222,17 @@ fn homogenisation_holds_what_is_claimed() {
     }
     let mean = |choice: &str, key: &str| {
         let of = |row: &&Value| row["choice"] == choice && row["case"] != "homogeneous";
-        rows(&value).iter().filter(of).map(|row| number(row, key)).sum::<f64>() / 7.0
+        rows(&value).iter().filter(of).take(7).map(|row| number(row, key)).sum::<f64>() / 7.0
     };
     let [laminate, linear, kharevych, paper] =
         ["laminate", "linear", "kharevych", "paper"].map(|c| mean(c, "error_coarse"));
     assert!(laminate < 0.17 && kharevych < 0.09, "{laminate} {kharevych}");
     assert!(kharevych < laminate && laminate < linear && linear < paper && paper > 1.0);
+    let media = |choice: &str| {
+        let means = value["mean_of_media"].as_array().unwrap();
+        number(means.iter().find(|mean| mean["choice"] == choice).unwrap(), "error_coarse")
+    };
+    assert!(media("hierarchical") < 0.75 * media("laminate"), "{text}");
     assert!(mean("kharevych", "error_fine") < kharevych);
     assert!(mean("laminate", "error_fine") < 1.001 * laminate);
     let svg = std::fs::read_to_string(out.join("homogenisation.svg")).unwrap();

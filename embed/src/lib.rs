@@ -33,8 +33,8 @@ pub use error::EmbedError;
 pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
 pub use hand_over::{ContentStiffness, Halved, RingPart, RingStiffness, clamp};
 pub use homogenisation::{
-    CHOICES, ChildPair, Excess, GlobalHomogenisation, Homogenisation, Kharevych, Laminate, Linear,
-    Paper, ParentMaterial, by_name,
+    CHOICES, ChildPair, Excess, GlobalHomogenisation, Hierarchical, Homogenisation, Kharevych,
+    Laminate, Linear, Paper, ParentMaterial, by_name,
 };
 pub use linear_tet::{LinearTet, Strain, strain_from_gradient, strain_operator};
 pub use material::{

@@ -29,7 +29,7 @@ fn a_global_choice_sets_up_and_the_plan_counts() {
         let rest = text.split_once(after).map_or(&text[..], |(_, rest)| rest).trim_start();
         rest.split(' ').next().unwrap().parse().unwrap()
     };
-    let (all, left) = (number(""), number("whole fine body,"));
+    let (all, left) = (number(""), number("fine body,"));
     assert!(text.contains(&format!("; {} of them from solutions", all - left)), "{text}");
     assert!(left * 100 < all, "{text}");
 }

@@ -26,6 +26,13 @@ conformance!(
 );
 conformance!(
     homogenisation,
+    hierarchical,
+    "hierarchical",
+    one_material_stays_itself,
+    parents_are_no_stiffer_than_the_voigt_mean
+);
+conformance!(
+    homogenisation,
     kharevych,
     "kharevych",
     one_material_stays_itself,
@@ -214,7 +221,7 @@ impl Tool for Wind {
 
 #[test]
 fn every_choice_has_its_line() {
-    assert_eq!(CHOICES, ["laminate", "linear", "kharevych", "paper"]);
+    assert_eq!(CHOICES, ["laminate", "linear", "hierarchical", "kharevych", "paper"]);
     assert_eq!(FORMULATIONS, ["p1", "p1p1"]);
     assert_eq!(
         EQUILIBRIA,

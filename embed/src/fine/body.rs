@@ -109,7 +109,8 @@ impl<'a> FineBody<'a> {
         self.fold_at(self.tree.root(cell, order), &self.root_corners(cell, order), 0, node)
     }
 
-    fn fold_at<T>(
+    /// [`fold`](Self::fold) from a tetrahedron of any level.
+    pub(crate) fn fold_at<T>(
         &self,
         of: NodeRef,
         corners: &[Point; 4],

@@ -55,11 +55,11 @@ impl FineStiffness {
         let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         for column in 0..n {
             // K is symmetric: the row of blocks is the column.
-            for at in self.row(column / 3) {
-                let other = self.columns[at] as usize;
+            for at in self.rows.row(column / 3) {
+                let other = self.rows.columns[at] as usize;
                 for a in (0..3).filter(|a| 3 * other + a >= column) {
                     rows.push(3 * other + a);
-                    values.push(self.blocks[at][(column % 3, a)]);
+                    values.push(self.rows.blocks[at][(column % 3, a)]);
                 }
             }
             starts.push(rows.len());

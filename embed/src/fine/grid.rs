@@ -1,12 +1,11 @@
-//! Numbers of the finest vertices of a group of root cubes.
+//! Numbers of the finest vertices of a group of cubes.
 
-use yawara_mesh::LabelTree;
 use yawara_mesh::kuhn::Point;
 
 /// Not a vertex of the group.
 const NONE: u32 = u32::MAX;
 
-/// The voxel corners of some root cubes, numbered x fastest, then y, then z.
+/// The voxel corners of some cubes, numbered x fastest, then y, then z.
 pub(crate) struct FineGrid {
     low: Point,
     dims: [usize; 3],
@@ -15,12 +14,10 @@ pub(crate) struct FineGrid {
 }
 
 impl FineGrid {
-    pub fn new(tree: &LabelTree, cells: &[usize]) -> Self {
-        let ([nx, ny, _], units) = (tree.grid().cells, tree.grid().voxels_per_cell as i32);
-        let corner =
-            |cell: usize| [cell % nx, cell / nx % ny, cell / (nx * ny)].map(|c| c as i32 * units);
+    /// The vertices of some cubes of edge `units`, given by their corners of smallest coordinates.
+    pub fn new(cubes: &[Point], units: i32) -> Self {
         let (mut low, mut high) = ([i32::MAX; 3], [0; 3]);
-        for p in cells.iter().map(|&cell| corner(cell)) {
+        for p in cubes {
             for axis in 0..3 {
                 low[axis] = low[axis].min(p[axis]);
                 high[axis] = high[axis].max(p[axis] + units);
@@ -29,8 +26,7 @@ impl FineGrid {
         let dims: [usize; 3] = std::array::from_fn(|i| (high[i] - low[i] + 1).max(0) as usize);
         let mut grid =
             Self { low, dims, number: vec![NONE; dims.iter().product()], points: Vec::new() };
-        for &cell in cells {
-            let p = corner(cell);
+        for p in cubes {
             for z in p[2]..=p[2] + units {
                 for y in p[1]..=p[1] + units {
                     let first = grid.place([p[0], y, z]);
@@ -63,6 +59,11 @@ impl FineGrid {
 
     pub fn point(&self, vertex: usize) -> Point {
         self.points[vertex]
+    }
+
+    /// All of them, by number.
+    pub fn points(&self) -> &[Point] {
+        &self.points
     }
 
     pub fn len(&self) -> usize {

@@ -3,20 +3,20 @@
 use nalgebra::{Matrix3, Matrix6};
 use rayon::prelude::*;
 
-use super::body::{FineBody, SixFields, lattice_tet};
+use super::body::{SixFields, lattice_tet};
 use super::grid::FineGrid;
+use super::multigrid::BlockRows;
+use super::region::Region;
 use crate::error::EmbedError;
 use crate::linear_tet::strain_operator;
 use yawara_mesh::kuhn::Point;
 
-/// K of a component's vertices. Neighbours lie at most one voxel away along each axis, so a row
+/// K of a region's vertices. Neighbours lie at most one voxel away along each axis, so a row
 /// has up to 27 blocks, ascending.
 pub(crate) struct FineStiffness {
     /// Which of the 27 places around a vertex hold a neighbour.
     masks: Vec<u32>,
-    starts: Vec<usize>,
-    pub(super) columns: Vec<u32>,
-    pub(super) blocks: Vec<Matrix3<f64>>,
+    pub(super) rows: BlockRows<3, 3>,
     /// Smallest and largest diagonal entry of the elasticity matrices, Pa, for messages.
     pub(super) moduli: [f64; 2],
 }
@@ -30,41 +30,36 @@ impl FineStiffness {
     /// Assembles K, N/m for voxels of edge 1 m, and ties it to the ground by six springs where its
     /// first cube has corners: they keep a free body from moving, and loads that balance do not
     /// strain them.
-    pub fn new(body: &FineBody, cells: &[usize], grid: &FineGrid) -> Result<Self, EmbedError> {
-        let mut stiffness = Self::pattern(body, cells, grid)?;
-        for &cell in cells {
-            body.visit(cell, &mut |corners, d| stiffness.add(grid, corners, d))?;
-        }
-        let units = body.tree().grid().voxels_per_cell as i32;
-        let low = body.root_low(cells[0]);
+    pub fn new(region: &Region<'_>, grid: &FineGrid) -> Result<Self, EmbedError> {
+        let mut stiffness = Self::pattern(region, grid)?;
+        (region.visit)(&mut |corners, d| stiffness.add(grid, corners, d))?;
+        let low = region.cubes[0];
         let [x, y] = [0, 1].map(|axis| {
             let mut p = low;
-            p[axis] += units;
+            p[axis] += region.units;
             p
         });
         for (p, axes) in [(low, &[0usize, 1, 2][..]), (x, &[1, 2]), (y, &[2])] {
             let v = grid.vertex(p);
             let at = stiffness.at(v, place(p, p));
             for &axis in axes {
-                stiffness.blocks[at][(axis, axis)] *= 2.0;
+                stiffness.rows.blocks[at][(axis, axis)] *= 2.0;
             }
         }
         Ok(stiffness)
     }
 
-    fn pattern(body: &FineBody, cells: &[usize], grid: &FineGrid) -> Result<Self, EmbedError> {
+    fn pattern(region: &Region<'_>, grid: &FineGrid) -> Result<Self, EmbedError> {
         let mut masks = vec![0u32; grid.len()];
         let mut moduli = [f64::INFINITY, 0.0f64];
-        for &cell in cells {
-            body.visit(cell, &mut |corners, d| {
-                for p in corners {
-                    let mask = &mut masks[grid.vertex(*p)];
-                    corners.iter().for_each(|q| *mask |= 1 << place(*p, *q));
-                }
-                let diagonal = d.diagonal();
-                moduli = [moduli[0].min(diagonal.min()), moduli[1].max(diagonal.max())];
-            })?;
-        }
+        (region.visit)(&mut |corners, d| {
+            for p in corners {
+                let mask = &mut masks[grid.vertex(*p)];
+                corners.iter().for_each(|q| *mask |= 1 << place(*p, *q));
+            }
+            let diagonal = d.diagonal();
+            moduli = [moduli[0].min(diagonal.min()), moduli[1].max(diagonal.max())];
+        })?;
         let mut starts = Vec::with_capacity(masks.len() + 1);
         let mut columns = Vec::new();
         for (v, &mask) in masks.iter().enumerate() {
@@ -77,13 +72,13 @@ impl FineStiffness {
         }
         starts.push(columns.len());
         let blocks = vec![Matrix3::zeros(); columns.len()];
-        Ok(Self { masks, starts, columns, blocks, moduli })
+        Ok(Self { masks, rows: BlockRows { starts, columns, blocks }, moduli })
     }
 
     /// Index of a row's block at one of the 27 places.
     fn at(&self, row: usize, place: u32) -> usize {
         let before = self.masks[row] & ((1 << place) - 1);
-        self.starts[row] + before.count_ones() as usize
+        self.rows.starts[row] + before.count_ones() as usize
     }
 
     fn add(&mut self, grid: &FineGrid, corners: &[Point; 4], d: &Matrix6<f64>) {
@@ -94,7 +89,7 @@ impl FineStiffness {
             let row = grid.vertex(corners[i]);
             for j in 0..4 {
                 let at = self.at(row, place(corners[i], corners[j]));
-                self.blocks[at] += g[i].transpose() * stress[j];
+                self.rows.blocks[at] += g[i].transpose() * stress[j];
             }
         }
     }
@@ -103,16 +98,12 @@ impl FineStiffness {
         self.masks.len()
     }
 
-    pub(super) fn row(&self, v: usize) -> std::ops::Range<usize> {
-        self.starts[v]..self.starts[v + 1]
-    }
-
     /// K x, row by row.
     pub(super) fn apply(&self, x: &[SixFields], y: &mut [SixFields]) {
         y.par_iter_mut().with_min_len(512).enumerate().for_each(|(v, y)| {
             let mut sum = SixFields::zeros();
-            for at in self.row(v) {
-                sum += self.blocks[at] * x[self.columns[at] as usize];
+            for at in self.rows.row(v) {
+                sum += self.rows.blocks[at] * x[self.rows.columns[at] as usize];
             }
             *y = sum;
         });

@@ -7,8 +7,10 @@ use yawara_mesh::kuhn::Point;
 
 use super::body::{FineBody, SixFields, lattice_tet};
 use super::cholesky::DIRECT_VERTICES;
+use super::conjugate_gradients::conjugate_gradients;
 use super::grid::FineGrid;
-use super::multilevel::Multilevel;
+use super::multigrid::Multigrid;
+use super::region::{FineVoxels, Region};
 use super::stiffness::FineStiffness;
 use crate::error::EmbedError;
 use crate::linear_tet::{LinearTet, strain_operator};
@@ -28,12 +30,64 @@ impl FineBody<'_> {
         cells: &[usize],
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<FineFields, EmbedError> {
-        let grid = FineGrid::new(self.tree(), cells);
-        let stiffness = FineStiffness::new(self, cells, &grid)?;
-        let loads = self.traction_loads(cells, &grid)?;
+        FineFields::new(
+            &Region {
+                cubes: cells.iter().map(|&cell| self.root_low(cell)).collect(),
+                units: self.tree().grid().voxels_per_cell as i32,
+                visit: &|visit| cells.iter().try_for_each(|&cell| self.visit(cell, visit)),
+            },
+            progress,
+        )
+    }
+
+    /// As [`unit_tractions`](Self::unit_tractions), of a cube of `size` voxels and one layer of
+    /// voxels around it, cut off where the body ends: what hangs together with the cube by faces.
+    pub(crate) fn patch_tractions(
+        &self,
+        voxels: &FineVoxels,
+        low: Point,
+        size: i32,
+    ) -> Result<FineFields, EmbedError> {
+        voxels.patch(self, low, size, |region| {
+            FineFields::new(region, &mut |_| ControlFlow::Continue(()))
+        })
+    }
+}
+
+/// ∮ N_i σ_k n dA = Σ_tets V G(∇λ_i)ᵀ σ_k, for the σ_k are the same everywhere.
+pub(super) fn traction_loads(
+    region: &Region<'_>,
+    grid: &FineGrid,
+) -> Result<Vec<SixFields>, EmbedError> {
+    let mut loads = vec![SixFields::zeros(); grid.len()];
+    (region.visit)(&mut |corners, _| {
+        let geometry = lattice_tet(corners);
+        for (p, g) in corners.iter().zip(&geometry.gradients) {
+            loads[grid.vertex(*p)] += geometry.volume * strain_operator(g).transpose();
+        }
+    })?;
+    Ok(loads)
+}
+
+/// Displacements of all finest vertices of a region under six loads.
+pub struct FineFields {
+    grid: FineGrid,
+    values: Vec<SixFields>,
+}
+
+impl FineFields {
+    fn new(
+        region: &Region<'_>,
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Self, EmbedError> {
+        let grid = FineGrid::new(&region.cubes, region.units);
+        let stiffness = FineStiffness::new(region, &grid)?;
+        let loads = traction_loads(region, &grid)?;
         let values = if grid.len() > DIRECT_VERTICES {
-            let multilevel = Multilevel::new(self, cells, &grid)?;
-            stiffness.conjugate_gradients(&multilevel, &loads, progress)?
+            let [softest, stiffest] = stiffness.moduli;
+            let refused = EmbedError::FineFactor { rows: 3 * grid.len(), softest, stiffest };
+            let multigrid = Multigrid::new(stiffness.rows, grid.points()).ok_or(refused)?;
+            conjugate_gradients(&multigrid, &loads, progress)?
         } else {
             let solution = stiffness.cholesky(&grid.elimination_order(), &loads)?;
             if progress(1.0).is_break() {
@@ -41,36 +95,10 @@ impl FineBody<'_> {
             }
             solution
         };
-        Ok(FineFields { grid, values })
+        Ok(Self { grid, values })
     }
 
-    /// ∮ N_i σ_k n dA = Σ_tets V G(∇λ_i)ᵀ σ_k, for the σ_k are the same everywhere.
-    pub(super) fn traction_loads(
-        &self,
-        cells: &[usize],
-        grid: &FineGrid,
-    ) -> Result<Vec<SixFields>, EmbedError> {
-        let mut loads = vec![SixFields::zeros(); grid.len()];
-        for &cell in cells {
-            self.visit(cell, &mut |corners, _| {
-                let geometry = lattice_tet(corners);
-                for (p, g) in corners.iter().zip(&geometry.gradients) {
-                    loads[grid.vertex(*p)] += geometry.volume * strain_operator(g).transpose();
-                }
-            })?;
-        }
-        Ok(loads)
-    }
-}
-
-/// Displacements of all finest vertices of a component under six loads.
-pub struct FineFields {
-    grid: FineGrid,
-    values: Vec<SixFields>,
-}
-
-impl FineFields {
-    /// The displacements of the vertex at a lattice point of the component, in voxels.
+    /// The displacements of the vertex at a lattice point of the region, in voxels.
     pub fn at(&self, p: Point) -> &SixFields {
         &self.values[self.grid.vertex(p)]
     }

@@ -2,16 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use nalgebra::Matrix6;
 use rayon::prelude::*;
-use yawara_mesh::Content;
-use yawara_mesh::kuhn::ROOTS_PER_CELL;
 
 use super::halves::{ChildPair, ParentMaterial};
 use super::laminate::Laminate;
+use super::response::{Place, responses};
 use super::rule::{GlobalHomogenisation, Homogenisation};
 use crate::error::EmbedError;
-use crate::fine::{FineBody, FineFields, lattice_tet};
+use crate::fine::{FineBody, FineFields};
 use crate::material::Packed6;
 
 /// The energy of the fine body under six uniform boundary tractions, handed to each coarse
@@ -21,17 +19,12 @@ use crate::material::Packed6;
 ///
 /// One set of solves serves all levels. New vertices are placed where `laminate` by itself has
 /// them (the h_k would scatter them wildly), and a tetrahedron whose E_t has a condition number
-/// above [`Self::MOST_CONDITION`] keeps its laminate's matrix. D_t may exceed the Voigt mean of
+/// above 10⁸ keeps its laminate's matrix. D_t may exceed the Voigt mean of
 /// the halves. Near a place where a stiff fibre is held or loaded the body answers unlike under a
 /// uniform traction, and D_t is much too soft there.
 /// Source: Kharevych, Mullen, Owhadi, Desbrun, ACM Transactions on Graphics 28(3), 2009.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Kharevych;
-
-impl Kharevych {
-    /// The largest cond₂(E_t) at which D_t is taken.
-    pub const MOST_CONDITION: f64 = 1e8;
-}
 
 impl Homogenisation for Kharevych {
     fn name(&self) -> &str {
@@ -64,7 +57,7 @@ impl GlobalHomogenisation for Kharevych {
                 let fields = body.unit_tractions(cells, &mut |part| progress(share(part)))?;
                 let found: Vec<Vec<(usize, Packed6)>> = cells
                     .par_iter()
-                    .map(|&cell| responses(body, &fields, cell))
+                    .map(|&cell| of_root_cube(body, &fields, cell))
                     .collect::<Result<_, _>>()?;
                 for (node, elasticity) in found.into_iter().flatten() {
                     result[node] = Some(elasticity);
@@ -77,52 +70,26 @@ impl GlobalHomogenisation for Kharevych {
 }
 
 /// D_t of the nodes of one root cube, by their numbers, where there is one.
-fn responses(
+fn of_root_cube(
     body: &FineBody<'_>,
     fields: &FineFields,
     cell: usize,
 ) -> Result<Vec<(usize, Packed6)>, EmbedError> {
     let mut found = Vec::new();
-    // Below a label there is no node that asks.
-    let asks = |order: &usize| matches!(body.tree().root(cell, *order).open(), Content::Node(_));
-    for order in (0..ROOTS_PER_CELL).filter(asks) {
-        // Σ V εᵀDε over the finest tetrahedra inside.
-        body.fold(cell, order, &mut |of, corners, _, halves: Option<[Matrix6<f64>; 2]>| {
-            let geometry = lattice_tet(corners);
-            let strains = || fields.strains(corners, &geometry);
-            let Some([first, second]) = halves else {
-                let (d, strains) = (body.elasticity(of, corners)?, strains());
-                return Ok(geometry.volume * strains.transpose() * d * strains);
-            };
-            let energy = first + second;
-            if let Content::Node(index) = of.open() {
-                let answer = response(&energy, &strains(), geometry.volume);
-                found.extend(answer.map(|d| (index, Packed6::new(&d))));
-            }
-            Ok(energy)
-        })?;
+    for place in Place::roots(body, cell) {
+        found.extend(responses(body, fields, &place, u8::MAX)?);
     }
     Ok(found)
-}
-
-/// D_t, if E_t can be inverted safely.
-fn response(energy: &Matrix6<f64>, strains: &Matrix6<f64>, volume: f64) -> Option<Matrix6<f64>> {
-    let singular = strains.singular_values();
-    // Negated, so that a NaN is refused too.
-    if !(singular.max() <= Kharevych::MOST_CONDITION * singular.min()) {
-        return None;
-    }
-    let transposed = strains.transpose().lu();
-    let half = transposed.solve(energy)?;
-    let whole = transposed.solve(&half.transpose())? / volume;
-    let elasticity = 0.5 * (whole + whole.transpose());
-    elasticity.cholesky().map(|_| elasticity)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fine::lattice_tet;
     use crate::{Material, Materials};
+    use nalgebra::Matrix6;
+    use yawara_mesh::Content;
+    use yawara_mesh::kuhn::ROOTS_PER_CELL;
     use yawara_mesh::volume::{Grid, LabelVolume};
     use yawara_mesh::{CellGrid, LabelTree};
 

@@ -170,7 +170,7 @@ pub(crate) fn homogenised(rows: &mut [PlanRow], embedding: &Embedding) {
     let (nodes, left) = (embedding.tree().node_count(), embedding.left_to_local_rule());
     if let Some(row) = rows.iter_mut().find(|row| row.stage == "homogenisation" && row.runs) {
         row.why += &format!(
-            "; {} of them from solutions of the whole fine body, {left} left to laminate; \
+            "; {} of them from solutions of the fine body, {left} left to laminate; \
              new vertices are placed by laminate",
             nodes - left
         );

@@ -34,6 +34,12 @@ pub(crate) enum Inside {
     LogNormal(f64),
     /// Every second layer of 1/8 across z.
     Layers(f64),
+    /// ln E a Gaussian random field, correlated over a voxel and a half, between these ratios.
+    Field(f64),
+    /// Twelve balls of random places and radii.
+    Balls(f64),
+    /// Half the voxels, drawn one by one.
+    Noise(f64),
 }
 
 /// All of them, in the order of the tables.
@@ -52,6 +58,18 @@ pub(crate) const CASES: [Inside; 12] = [
     Inside::Strut(1e3),
 ];
 
+/// Further media with their Poisson's ratio, which count for a mean of their own: fields, voxels
+/// without correlation, stiff balls and hollows.
+pub(crate) const MEDIA: [(Inside, f64); 7] = [
+    (Inside::Field(1e2), 0.3),
+    (Inside::Field(1e3), 0.3),
+    (Inside::Field(1e2), 0.45),
+    (Inside::LogNormal(1.5), 0.3),
+    (Inside::Balls(1e4), 0.3),
+    (Inside::Balls(1e-3), 0.3),
+    (Inside::Noise(1e2), 0.3),
+];
+
 /// A case with its label tree and one Young's modulus per voxel, x fastest.
 pub(crate) struct Block {
     pub inside: Inside,
@@ -66,9 +84,14 @@ impl Inside {
             Self::Sphere(_) => "sphere",
             Self::Vessel(_) => "vessel",
             Self::Strut(_) => "strut",
-            Self::LogNormal(sigma) if sigma < 1.5 => "lognormal1",
+            Self::LogNormal(1.0) => "lognormal1",
+            Self::LogNormal(1.5) => "lognormal1.5",
             Self::LogNormal(_) => "lognormal2",
             Self::Layers(_) => "layers",
+            Self::Field(_) => "field",
+            Self::Balls(ratio) if ratio < 1.0 => "hollows",
+            Self::Balls(_) => "balls",
+            Self::Noise(_) => "noise",
         }
     }
 
@@ -77,14 +100,18 @@ impl Inside {
     pub fn counts(self, levels: u8) -> bool {
         match self {
             Self::Homogeneous | Self::Strut(_) => false,
+            Self::Field(_) | Self::Balls(_) | Self::Noise(_) => false,
             Self::Vessel(ratio) => ratio < 1e6,
             Self::Layers(_) => levels > 3,
-            Self::Sphere(_) | Self::LogNormal(_) => true,
+            Self::Sphere(_) => true,
+            Self::LogNormal(sigma) => sigma != 1.5,
         }
     }
 
     fn young_moduli(self) -> Vec<f64> {
         let mut random = SplitMix64(7);
+        let field = field(&mut SplitMix64(23));
+        let balls = balls(&mut SplitMix64(17));
         let stiffer = |is: bool, ratio: f64| if is { ratio } else { 1.0 };
         let mut modulus = |voxel: [usize; 3]| {
             let x = Vector3::from(voxel.map(|c| (c as f64 + 0.5) / VOXELS as f64));
@@ -96,11 +123,45 @@ impl Inside {
                 Self::Vessel(ratio) => stiffer(in_rod(&x, [0.5; 3], [1.0, 0.6, 0.8]), ratio),
                 Self::Strut(ratio) => stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio),
                 Self::LogNormal(sigma) => (sigma * normal(&mut random)).exp(),
+                Self::Field(ratio) => {
+                    let [x, y, z] = voxel;
+                    ratio.powf(field[x + VOXELS * (y + VOXELS * z)])
+                }
+                Self::Balls(ratio) => stiffer(
+                    balls.iter().any(|(centre, radius)| (x - centre).norm() < *radius),
+                    ratio,
+                ),
+                Self::Noise(ratio) => stiffer(random.symmetric() > 0.0, ratio),
                 Self::Layers(ratio) => stiffer(voxel[2] / (VOXELS / 8) % 2 == 1, ratio),
             }
         };
         places([VOXELS; 3]).map(&mut modulus).collect()
     }
+}
+
+/// A Gaussian random field on the voxels, from 0 to 1: normal numbers, smoothed along each axis by a
+/// bell of deviation 1.5 that goes round the sides.
+fn field(random: &mut SplitMix64) -> Vec<f64> {
+    let mut values: Vec<f64> = places([VOXELS; 3]).map(|_| normal(random)).collect();
+    for stride in [1, VOXELS, VOXELS * VOXELS] {
+        let smooth = |i: usize| -> f64 {
+            let at = i / stride % VOXELS;
+            let value = |j: usize| values[i - at * stride + j % VOXELS * stride];
+            (0..9)
+                .map(|k| (-(k as f64 - 4.0).powi(2) / 4.5).exp() * value(at + VOXELS + k - 4))
+                .sum()
+        };
+        values = (0..values.len()).map(smooth).collect();
+    }
+    let [low, high] = [f64::min, f64::max]
+        .map(|pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap_or(0.0));
+    values.iter().map(|value| (value - low) / (high - low)).collect()
+}
+
+/// Centres and radii.
+fn balls(random: &mut SplitMix64) -> Vec<(Vector3<f64>, f64)> {
+    let mut place = || 0.5 * (random.symmetric() + 1.0);
+    (0..12).map(|_| (Vector3::new(place(), place(), place()), 0.08 + 0.1 * place())).collect()
 }
 
 /// Within 0.12 of the line through `foot`.
@@ -117,8 +178,9 @@ fn normal(random: &mut SplitMix64) -> f64 {
 impl Block {
     pub fn new(inside: Inside) -> Result<Self> {
         let young_moduli = inside.young_moduli();
-        let two = !matches!(inside, Inside::Homogeneous | Inside::LogNormal(_));
-        let labels = young_moduli.iter().map(|&e| 1 + u16::from(two && e > 1.0)).collect();
+        let many = |i: &Inside| matches!(i, Inside::LogNormal(_) | Inside::Field(_));
+        let two = inside != Inside::Homogeneous && !many(&inside);
+        let labels = young_moduli.iter().map(|&e| 1 + u16::from(two && e != 1.0)).collect();
         let values = (0..=1 + i64::from(two)).collect();
         let grid = Grid::centred([VOXELS; 3], 1e3 / VOXELS as f64);
         let volume = LabelVolume::new(grid, labels, values)?;
@@ -142,7 +204,8 @@ impl Block {
     pub fn materials(&self, poisson_ratio: f64) -> Result<Materials> {
         let material = move |e: f64| Material::new(e, poisson_ratio, 0.0).map(FineMaterial::from);
         // Void does not occur.
-        let by_label = [1.0, 1.0, self.ratio()].map(material);
+        let other = self.young_moduli.iter().copied().find(|&e| e != 1.0).unwrap_or(1.0);
+        let by_label = [1.0, 1.0, other].map(material);
         let by_label = by_label.into_iter().collect::<Result<Vec<_>, _>>()?;
         let moduli = Arc::clone(&self.young_moduli);
         Ok(Materials::new(by_label).with_voxels(move |voxel, _| {

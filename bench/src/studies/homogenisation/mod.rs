@@ -17,7 +17,7 @@ use crate::bodies::{CubeMesh, organ_materials};
 use crate::error::Result;
 use crate::harness::report::{Summary, write};
 use crate::harness::{Common, Progress};
-use mixture::{Block, CASES, Inside};
+use mixture::{Block, CASES, Inside, MEDIA};
 use report::{PhantomCost, Row};
 
 /// Runs the study.
@@ -29,17 +29,26 @@ pub fn run(arguments: &Common) -> Result<String> {
     let is_asked =
         |inside: &Inside| !quick || *inside == Inside::Homogeneous || inside.counts(levels[0]);
     let cases: Vec<Inside> = CASES.into_iter().filter(is_asked).collect();
-    let mut progress = Progress::new((cases.len() * ratios.len() * CHOICES.len()) as f64);
-    let mut rows = Vec::new();
+    let blocks = cases.len() * ratios.len() + MEDIA.len();
+    let mut progress = Progress::new((blocks * CHOICES.len()) as f64);
+    let (mut rows, mut media) = (Vec::new(), Vec::new());
     for inside in cases {
         let block = Block::new(inside)?;
         for &nu in ratios {
             rows.extend(case_rows(&block, nu, levels, &mut progress)?);
         }
     }
+    for (inside, nu) in MEDIA {
+        media.extend(case_rows(&Block::new(inside)?, nu, levels, &mut progress)?);
+    }
     drop(progress);
-    let text = report::tables(&rows) + &report::costs(&phantom_costs()?);
-    let summary = Summary::new(text).with_file("homogenisation.svg", report::plot(&rows));
+    let means = report::means(&media);
+    let text =
+        report::tables(&rows) + &report::media(&media, &means) + &report::costs(&phantom_costs()?);
+    let plot = report::plot(&rows);
+    rows.extend(media);
+    let summary =
+        Summary::new(text).with("mean_of_media", means).with_file("homogenisation.svg", plot);
     write(&folder, "homogenisation", &rows, summary)
 }
 

@@ -38,6 +38,17 @@ pub(super) struct Row {
     pub counts: bool,
 }
 
+/// The error of one choice, mean over the further media.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct MediaMean {
+    pub choice: &'static str,
+    pub levels: u8,
+    /// As in [`Row`].
+    pub error_coarse: f64,
+    /// As in [`Row`].
+    pub error_fine: f64,
+}
+
 /// What it costs to homogenise an organ of 128 voxels' length.
 pub(super) struct PhantomCost {
     pub choice: &'static str,
@@ -106,6 +117,39 @@ pub(super) fn tables(rows: &[Row]) -> String {
     };
     let costs: Vec<Line> = CHOICES.iter().map(cost).collect();
     text + &table("precompute", &["ms, mean", "kB, most"].map(str::to_owned), &costs)
+}
+
+/// Means over the further media, by choice and levels.
+pub(super) fn means(media: &[Row]) -> Vec<MediaMean> {
+    let mut means = Vec::new();
+    for (&choice, levels) in CHOICES
+        .iter()
+        .flat_map(|c| each_once(media.iter().map(|r| r.levels)).into_iter().map(move |l| (c, l)))
+    {
+        let of = |r: &&Row| r.choice == choice && r.levels == levels;
+        let found: Vec<&Row> = media.iter().filter(of).collect();
+        let mean = |figure: fn(&Row) -> f64| {
+            found.iter().map(|&r| figure(r)).sum::<f64>() / found.len() as f64
+        };
+        let (error_coarse, error_fine) = (mean(|r| r.error_coarse), mean(|r| r.error_fine));
+        means.push(MediaMean { choice, levels, error_coarse, error_fine });
+    }
+    means
+}
+
+/// The further media: every one of them, coarse error, and their mean.
+pub(super) fn media(media: &[Row], means: &[MediaMean]) -> String {
+    let column = |choice: &str, levels: u8| format!("{choice}, {levels}");
+    let heads = each_once(media.iter().map(|r| column(r.choice, r.levels)));
+    let place =
+        |r: &&Row| (format!("{} {:.0e}, ν {}", r.case, r.ratio, r.nu), column(r.choice, r.levels));
+    let mut lines = spread(&heads, media, place, |row| percent(row.error_coarse));
+    let mean = |head: &String| {
+        let found = means.iter().find(|m| column(m.choice, m.levels) == *head);
+        found.map_or(String::new(), |m| percent(m.error_coarse))
+    };
+    lines.push(("mean".to_owned(), heads.iter().map(mean).collect()));
+    table("media: L2 error, % (choice, levels)", &heads, &lines)
 }
 
 /// What the organ took.
