@@ -21,7 +21,7 @@ mod time;
 
 pub use body::{Body, LawState};
 pub use contact::{Contact, ContactOutcome, Obstacle, Sphere, solve_with_contact};
-pub use element::{Element, ElementPoint, locate, rotation};
+pub use element::{EDGES, Element, ElementPoint, locate, rotation};
 pub use equilibrium::{
     Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Iterate, Iteration, Lbfgs, Newton,
     Outcome, Problem, Tolerance, check_mixed, check_pair, equilibrium_by_name,
@@ -32,7 +32,7 @@ pub use forces::{
     ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
     PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
 };
-pub use grip::{Constraints, Grip, PointLoad, Responses, WeightedPoint};
+pub use grip::{Constraints, EdgeLoad, Grip, Loads, Responses, WeightedPoint};
 pub use kernels::element::StiffnessPacket;
 pub use law::{
     ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, Rayleigh, law_by_name,

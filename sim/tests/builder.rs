@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use faer::Mat;
 use nalgebra::{Matrix6, Vector3};
-use yawara::scene::{Image, Scene};
+use yawara::scene::{GrabHold, Image, Scene, ToolEntry};
 use yawara::{BodyAtRest, Simulation, Stages, Tool, scene_file};
 use yawara_embed::{ElementFormulation, Halved, LinearTet, P1, RingPart};
 use yawara_mesh::VertexId;
@@ -87,6 +87,8 @@ impl Tool for Lift {
 #[test]
 fn a_tool_of_ones_own_holds_vertices_as_a_built_in_one_does() {
     let mut scene = beam();
+    let ToolEntry::Grab(grab) = &mut scene.tools[0] else { panic!() };
+    grab.hold = GrabHold::Vertices;
     let mut built_in = Simulation::builder(&scene).build().unwrap();
     scene.tools.clear();
     let lift = |body: &mut BodyAtRest<'_>| Ok(Lift { end_m: body.at([1.0; 3]).x, rise_m_s: 0.02 });

@@ -98,6 +98,7 @@ fn free_flight_keeps_momentum_through_splits_and_merges() {
         "time.step_s=0.004",
         "time.steps=100",
         "refinement={ split_above = 3e-9, merge_fraction = 0.8 }",
+        "stages.indicator=energy",
     ];
     let organ = [
         "image.voxel_mm=4.0",
@@ -105,7 +106,8 @@ fn free_flight_keeps_momentum_through_splits_and_merges() {
         "materials.1.density_kg_m3=2500.0",
         "time.step_s=0.01",
         "time.steps=30",
-        "refinement={ split_above = 2e-6, merge_fraction = 0.3 }",
+        "refinement={ split_above = 1e-6, merge_fraction = 0.4 }",
+        "stages.indicator=energy",
         "stages.element=p1",
     ];
     for (name, more) in [("beam", &bar[..]), ("liver", &organ[..])] {

@@ -47,7 +47,8 @@ fn endure(steps: usize, dynamic: bool) {
         "image.voxel_mm=4.0".to_string(),
         "mesh={ base_mm = 32.0, start_level = 0, max_level = 3, max_vertices = 260 }".into(),
         "stages.element=p1".into(),
-        "refinement={ split_above = 5e-6, merge_fraction = 0.05 }".into(),
+        "stages.indicator=energy".into(),
+        "refinement={ split_above = 3e-6, merge_fraction = 0.1 }".into(),
         "tools.0.region.radius_m=0.03".into(),
         format!("time.steps={steps}"),
     ];

@@ -347,7 +347,9 @@ fn the_start_mesh_refined_to_labels_stays() {
     let bench = blocks(OTHERS);
     // Base cells of 20 mm, the last two with two labels.
     let set = |more: &[&'static str]| {
-        let all = [WHOLE_FIXED, "tools=[]", "mesh.base_mm=20", "mesh.max_level=6"];
+        let held = "support.hold=vertices";
+        let asked = "refinement.split_above=1e-6";
+        let all = [WHOLE_FIXED, held, asked, "tools=[]", "mesh.base_mm=20", "mesh.max_level=6"];
         let mut arguments = vec!["run", "bar.toml"];
         arguments.extend(all.iter().chain(more).flat_map(|set| ["--set", *set]));
         arguments
@@ -466,7 +468,7 @@ fn fields_lie_on_the_grid_of_the_image_at_rest() {
             (0..mesh.tets.len()).filter(|&t| around(t, 1e-3)).map(|t| mesh.von_mises[t]);
         assert!(stresses.any(|want| (want - f64::from(s)).abs() <= 1e-6 * want), "{s}");
     }
-    assert!(largest > 0.5 && largest < 1.1, "{largest}: the tool moves by 1 mm");
+    assert!(largest > 0.5 && largest < 1.2, "{largest}: the tool moves a mean by 1 mm");
 
     // Without fields an earlier run's go, and nothing else.
     bench.write("runs/ct/fields/mine.nii.gz", "");

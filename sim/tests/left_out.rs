@@ -59,6 +59,10 @@ impl Indicator for CountedIndicator {
         Calls::add(&self.0.indicator, 1);
         Energy.measure(ring)
     }
+
+    fn error_over_sum(&self) -> Option<f64> {
+        Energy.error_over_sum()
+    }
 }
 
 struct CountedInverse(Arc<Calls>, Box<dyn InverseMaintainer>);
@@ -157,6 +161,7 @@ fn a_scene_that_needs_everything_calls_everything() {
         "fixed=[{ shape = 'box', min = [0.6, 0.0, 0.0], max = [1.0, 1.0, 1.0] }]",
         "tools.0.region={ shape = 'sphere', centre = [0.1, 0.7, 0.7], radius_m = 0.03 }",
         "refinement.split_above=1e-9",
+        "tools.0.hold=vertices",
     ]);
     for stage in ["homogenisation", "refinement", "inverse update", "compliance columns"] {
         assert!(runs(&plan, stage), "{stage}");

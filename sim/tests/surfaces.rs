@@ -6,12 +6,16 @@ use std::fs;
 
 use workbench::{BAR, Workbench};
 use yawara::report::SurfaceFrame;
-use yawara::scene::{Scene, SurfaceEntry};
+use yawara::scene::{GrabHold, Scene, SupportHold, SurfaceEntry, ToolEntry};
 use yawara::{Simulation, Stages};
 
 fn bar_with_surface() -> Scene {
     let mut scene: Scene = toml::from_str(BAR).unwrap();
     scene.image.voxel_mm = Some(1.25);
+    scene.support.hold = SupportHold::Vertices;
+    let ToolEntry::Grab(grab) = &mut scene.tools[0] else { panic!() };
+    grab.hold = GrabHold::Vertices;
+    scene.refinement.target = 1e-3;
     scene.output.surfaces = vec![SurfaceEntry { label: 1, sigma_voxels: 0.0 }];
     scene
 }

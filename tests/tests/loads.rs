@@ -21,6 +21,8 @@ fn beam(load: &str, set: &[&str]) -> Simulation {
         format!("tools=[{{ kind = 'load', {load} }}]"),
         "gravity_m_s2=[0.0, 0.0, 0.0]".into(),
         "stages.element=p1".into(),
+        // What is fixed stays where it is.
+        "support.hold=vertices".into(),
         "mesh.max_vertices=20000".into(),
         "solver.residual=1e-8".into(),
     ];
@@ -40,12 +42,16 @@ fn step(simulation: &mut Simulation) -> StepReport {
     report
 }
 
-/// The reference: middles of the voxels in the part, and the force on each, N.
+/// The reference: two points along each axis of the voxels, those in the part, and the force on each, N.
 fn by_hand(force: [f64; 3], torque: [f64; 3]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     let size = Vector3::new(0.16, 0.04, 0.04);
     let mut middles = Vec::new();
-    for i in 0..32 * 8 * 8 {
-        let at = [i % 32, i / 32 % 8, i / 256].map(|i| (f64::from(i) + 0.5) * VOXEL);
+    for i in 0..64 * 16 * 16 {
+        // Gauss points of a voxel's halves lie off its middle by 1/(2√3) of its edge.
+        let at = [i % 64, i / 64 % 16, i / 1024].map(|i| {
+            let side = f64::from(2 * (i % 2) - 1) / 12.0f64.sqrt();
+            (f64::from(i / 2) + 0.5 + side) * VOXEL
+        });
         let x = Vector3::from(at);
         let is_inside = |k| PART.0[k] * size[k] < x[k] && x[k] < PART.1[k] * size[k];
         middles.extend((0..3).all(is_inside).then_some(x));

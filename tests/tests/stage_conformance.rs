@@ -227,7 +227,7 @@ fn every_choice_has_its_line() {
         EQUILIBRIA,
         ["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"]
     );
-    assert_eq!(indicator::CHOICES, ["energy", "volume", "rotation"]);
+    assert_eq!(indicator::CHOICES, ["energy", "residual", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh"]);
     assert_eq!(INTEGRATORS, ["implicit_euler", "quasi_static"]);

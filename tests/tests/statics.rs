@@ -158,6 +158,7 @@ fn sag(level: u8, gravity: f64) -> f64 {
         "tools=[]".into(),
         "image.size_mm=[100.0, 20.0, 20.0]".into(),
         "image.voxel_mm=20.0".into(),
+        "support.hold=vertices".into(),
         "mesh.base_mm=20.0".into(),
         "materials.0.young_modulus_pa=1e5".into(),
         "materials.0.poisson_ratio=0.0".into(),

@@ -9,5 +9,5 @@ pub(crate) mod pressures;
 pub mod rotation;
 pub(crate) mod tetrahedron;
 
-pub use point::{ElementPoint, locate};
+pub use point::{EDGES, ElementPoint, locate};
 pub use tetrahedron::Element;

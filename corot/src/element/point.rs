@@ -9,6 +9,9 @@ use crate::field::Field;
 /// Barycentric coordinates that differ by no more than this are of one place.
 const SAME: f64 = 1e-9;
 
+/// Corners of a tetrahedron's edges.
+pub const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
 /// A point of the material: x = Σ λ_i x_i over the corners of its coarse tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementPoint {

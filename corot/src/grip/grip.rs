@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
-use crate::element::{Element, ElementPoint, locate};
+use super::loads::Loads;
+use crate::element::{EDGES, Element, locate};
 
 /// The least radius of gyration of points that can feel a torque, as a part of the largest.
 const FLAT: f64 = 1e-4;
@@ -42,17 +43,6 @@ pub struct Grip {
     gyration: Option<f64>,
 }
 
-/// What acts on a point of the body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointLoad {
-    /// Where.
-    pub point: ElementPoint,
-    /// The force on the body, N.
-    pub force: Vector3<f64>,
-    /// How the force falls with a displacement of the point, N/m.
-    pub stiffness: f64,
-}
-
 /// What an element has of a grip.
 #[derive(Clone, Debug)]
 struct Share {
@@ -65,6 +55,8 @@ struct Share {
     first: Vector4<f64>,
     /// Σ w λ_a λ_b.
     second: Matrix4<f64>,
+    /// Of the bump φ of each edge Σ w φ λ_a and Σ w φ².
+    bumps: [(Vector4<f64>, f64); 6],
 }
 
 impl Share {
@@ -76,12 +68,18 @@ impl Share {
     ) -> Self {
         points.sort_by_key(|point| point.0);
         let (mut first, mut second) = (Vector4::zeros(), Matrix4::zeros());
+        let mut bumps = [(Vector4::zeros(), 0.0); 6];
         for (number, lambda) in &points {
             let weight = all[*number as usize].weight;
             first += weight * lambda;
             second += weight * lambda * lambda.transpose();
+            for ([a, b], (moment, square)) in EDGES.into_iter().zip(&mut bumps) {
+                let height = 4.0 * lambda[a] * lambda[b];
+                *moment += weight * height * lambda;
+                *square += weight * height * height;
+            }
         }
-        Self { vertices, corners, points, first, second }
+        Self { vertices, corners, points, first, second, bumps }
     }
 
     /// Σ w λ_a X_f = Σ w λ_a Σ λ_b X_b of a corner.
@@ -195,6 +193,12 @@ impl Grip {
         self.shares.values().map(|share| (share.vertices, share.second * stiffness)).collect()
     }
 
+    /// How far an element's corners are from where their material is to be, m: nothing but zero at rest.
+    fn offsets(&self, share: &Share, positions: &[Vector3<f64>]) -> [Vector3<f64>; 4] {
+        let target = |b: usize| (self.pose * Point3::from(share.corners[b])).coords;
+        std::array::from_fn(|b| positions[share.vertices[b]] - target(b))
+    }
+
     /// κ Σ w λ_a (x_f − y_f) of an element's corners at `positions` (by vertex number, m), N: what
     /// the body's internal forces have of it, the opposite of its force on the body.
     fn corner_forces(
@@ -203,10 +207,7 @@ impl Grip {
         stiffness: f64,
         positions: &[Vector3<f64>],
     ) -> [Vector3<f64>; 4] {
-        // Nothing but zero at rest: what is subtracted first are positions.
-        let off: [Vector3<f64>; 4] = std::array::from_fn(|b| {
-            positions[share.vertices[b]] - (self.pose * Point3::from(share.corners[b])).coords
-        });
+        let off = self.offsets(share, positions);
         [0, 1, 2, 3].map(|a| {
             let sum: Vector3<f64> = (0..4).map(|b| share.second[(a, b)] * off[b]).sum();
             stiffness * sum
@@ -239,52 +240,45 @@ impl Grip {
 
     /// ½ Σ κ w |x_f − y_f|² of an elastic grip, J.
     pub fn energy(&self, positions: &[Vector3<f64>]) -> f64 {
-        let squares = self.shares.values().flat_map(|share| {
-            let x = share.vertices.map(|v| positions[v]);
-            share.points.iter().map(move |(number, lambda)| {
-                let WeightedPoint { rest, weight } = &self.points[*number as usize];
-                let here: Vector3<f64> = (0..4).map(|a| lambda[a] * x[a]).sum();
-                weight * (here - (self.pose * Point3::from(*rest)).coords).norm_squared()
-            })
+        let squares = self.shares.values().map(|share| {
+            let off = self.offsets(share, positions);
+            let product = |(a, b): (usize, usize)| share.second[(a, b)] * off[a].dot(&off[b]);
+            (0..16).map(|i| product((i / 4, i % 4))).sum::<f64>()
         });
         0.5 * self.stiffness.unwrap_or(0.0) * squares.sum::<f64>()
     }
 
-    /// Calls `visit` with what an elastic grip does to each of its points.
-    pub fn each_point(&self, positions: &[Vector3<f64>], mut visit: impl FnMut(PointLoad)) {
+    /// Adds to `loads` what an elastic grip does to the body.
+    pub fn add_loads(&self, positions: &[Vector3<f64>], loads: &mut Loads) {
         let Some(stiffness) = self.stiffness else { return };
-        self.points_in_elements(|point, WeightedPoint { rest, weight }| {
-            let off = point.position(positions) - (self.pose * Point3::from(*rest)).coords;
-            let stiffness = stiffness * weight;
-            visit(PointLoad { point, force: -stiffness * off, stiffness });
-        });
+        self.each_force(positions, |v, force| loads.add_vertex(v, force));
+        for share in self.shares.values() {
+            let off = self.offsets(share, positions);
+            for (edge, (moment, square)) in EDGES.into_iter().zip(&share.bumps) {
+                let sum: Vector3<f64> = (0..4).map(|a| moment[a] * off[a]).sum();
+                loads.add_edge(&share.vertices, edge, -stiffness * sum, stiffness * square);
+            }
+        }
     }
 
-    /// Calls `visit` with the share of each point in a force (N) and a torque about the mean (N m):
+    /// Adds a force (N) and a torque about the mean (N m) shared among the points to `loads`:
     /// w/Σw (F + (J⁻¹τ) × R r), J the inertia of the points at their pose, r their arms at rest. A torque
     /// that they can't feel is left out.
-    pub fn each_share(
-        &self,
-        force: &Vector3<f64>,
-        torque: &Vector3<f64>,
-        mut visit: impl FnMut(PointLoad),
-    ) {
+    pub fn add_shares(&self, force: &Vector3<f64>, torque: &Vector3<f64>, loads: &mut Loads) {
         let turn = self.pose.rotation;
         let local = turn.inverse() * torque;
         let inverse = self.gyration.and_then(|_| self.inertia.try_inverse());
         let spin = inverse.map_or_else(Vector3::zeros, |inverse| turn * (inverse * local));
-        self.points_in_elements(|point, WeightedPoint { rest, weight }| {
-            let arm = turn * (rest - self.centre);
-            let force = *weight / self.weight * (force + spin.cross(&arm));
-            visit(PointLoad { point, force, stiffness: 0.0 });
-        });
-    }
-
-    fn points_in_elements(&self, mut visit: impl FnMut(ElementPoint, &WeightedPoint)) {
         for share in self.shares.values() {
-            for (number, lambda) in &share.points {
-                let point = ElementPoint { vertices: share.vertices, weights: (*lambda).into() };
-                visit(point, &self.points[*number as usize]);
+            // Linear in an element: what acts on a unit of weight at each corner.
+            let at = share.corners.map(|x| force + spin.cross(&(turn * (x - self.centre))));
+            for (a, &v) in share.vertices.iter().enumerate() {
+                let sum: Vector3<f64> = (0..4).map(|b| share.second[(a, b)] * at[b]).sum();
+                loads.add_vertex(v, sum / self.weight);
+            }
+            for (edge, (moment, _)) in EDGES.into_iter().zip(&share.bumps) {
+                let sum: Vector3<f64> = (0..4).map(|a| moment[a] * at[a]).sum();
+                loads.add_edge(&share.vertices, edge, sum / self.weight, 0.0);
             }
         }
     }

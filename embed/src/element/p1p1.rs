@@ -48,6 +48,12 @@ impl MixedModuli {
         Err(EmbedError::MixedModuli { eigenvalue })
     }
 
+    /// D with its κ cut to at most `factor` times μ, Pa.
+    pub fn with_bulk_at_most(&self, factor: f64) -> Matrix6<f64> {
+        let dilation = Vector6::from(DILATION);
+        self.deviatoric + self.bulk.min(factor * self.shear) * dilation * dilation.transpose()
+    }
+
     /// The same of any matrix: NaN where it has no Cholesky factor.
     pub fn split(elasticity: &Matrix6<f64>) -> Self {
         let dilation = Vector6::from(DILATION);

@@ -12,21 +12,27 @@ use crate::scene::Region;
 const NEAR: f64 = 0.585_410_196_624_968_5;
 const FAR: f64 = (1.0 - NEAR) / 3.0;
 
+/// How far the two points of a quadrature along an edge of 1 are from its middle: 1/(2√3).
+const OFF: f64 = 0.288_675_134_594_812_9;
+
 /// Barycentric coordinates that are off by no more than this are of one place.
 const SAME: f64 = 1e-9;
 
 impl Region {
-    /// The axis along which it has no thickness, if it is one.
+    /// The axis along which it has no thickness within the organ's box, if it is one.
     fn flat_axis(&self) -> Option<usize> {
         let Self::Box { min, max } = self else { return None };
-        let mut flat = (0..3).filter(|&axis| min[axis] == max[axis]);
+        let is_flat = |axis: usize| min[axis].max(0.0) == max[axis].min(1.0);
+        let mut flat = (0..3).filter(|&axis| is_flat(axis));
         flat.next().filter(|_| flat.next().is_none())
     }
 
     /// The box around it, solver axes, m.
     fn bounds(&self, organ: &OrganBox) -> [Vector3<f64>; 2] {
         match self {
-            Self::Box { min, max } => [organ.at(*min), organ.at(*max)],
+            Self::Box { min, max } => {
+                [organ.at(min.map(|x| x.max(0.0))), organ.at(max.map(|x| x.min(1.0)))]
+            }
             Self::Sphere { centre, radius_m } => {
                 [-1.0, 1.0].map(|side| organ.at(*centre).add_scalar(side * radius_m))
             }
@@ -34,8 +40,9 @@ impl Region {
     }
 }
 
-/// The middles of all voxels in `region` that are not void. In a flat region the middles of voxels'
-/// faces in its plane, which stand for a layer of one voxel.
+/// Points of all voxels in `region` that are not void, two along each axis (Gauss). In a flat region
+/// those of voxels' faces in its plane, which stand for a layer of one voxel. What is quadratic over a
+/// voxel is summed exactly.
 ///
 /// Cost: O(voxels in the box around the region).
 pub(crate) fn of_volume(
@@ -53,7 +60,9 @@ pub(crate) fn of_volume(
         let behind = (high[axis] + 1e-6).floor().max(-1.0) + 1.0;
         first..(behind as usize).min(dims[axis])
     };
-    let weight = voxel.powi(3);
+    let count = if flat.is_some() { 4 } else { 8 };
+    let weight = voxel.powi(3) / count as f64;
+    let side = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -OFF } else { OFF };
     let mut points = Vec::new();
     for z in range(2) {
         for y in range(1) {
@@ -72,8 +81,16 @@ pub(crate) fn of_volume(
                         continue;
                     }
                 }
-                if region.contains(organ, &middle) {
-                    points.push(WeightedPoint { rest: middle, weight });
+                for corner in
+                    (0..8).filter(|corner| flat.is_none_or(|axis| corner >> axis & 1 == 0))
+                {
+                    let mut rest = middle;
+                    for axis in (0..3).filter(|&axis| flat != Some(axis)) {
+                        rest[axis] += side(corner, axis) * voxel;
+                    }
+                    if region.contains(organ, &rest) {
+                        points.push(WeightedPoint { rest, weight });
+                    }
                 }
             }
         }

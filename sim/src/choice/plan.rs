@@ -7,7 +7,7 @@ use super::stages::Stages;
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::PlanRow;
-use crate::scene::{AUTO, MassModel, Scene, ToolEntry};
+use crate::scene::{AUTO, GrabHold, MassModel, Scene, SupportHold, ToolEntry};
 
 /// Why a body with inertia keeps all of its parts.
 const FREE: &str = "with inertia no part need be held";
@@ -33,6 +33,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
         dynamics(scene),
         refinement(scene, stages),
         budget(scene),
+        holds(scene),
         compliance(scene),
         surface(scene, start),
     ]);
@@ -245,19 +246,43 @@ fn budget(scene: &Scene) -> PlanRow {
     row("budget", "splits", refines, why)
 }
 
-fn compliance(scene: &Scene) -> PlanRow {
-    let count = |is: fn(&ToolEntry) -> bool| scene.tools.iter().filter(|tool| is(tool)).count();
-    let grabs = count(|tool| matches!(tool, ToolEntry::Grab(_)));
-    let probes = count(|tool| matches!(tool, ToolEntry::Probe(_)));
-    match (grabs, probes) {
-        (0, 0) => row("compliance columns", "none", false, "no tool holds or probes the body"),
-        (_, 0) => row("compliance columns", "held vertices", true, format!("{grabs} grab tool(s)")),
-        (0, _) => row("compliance columns", "contacts", true, format!("{probes} probe(s)")),
-        _ => {
-            let why = format!("{grabs} grab tool(s), {probes} probe(s)");
-            row("compliance columns", "held vertices and contacts", true, why)
+/// What is held: the same on every mesh, or not.
+fn holds(scene: &Scene) -> PlanRow {
+    let is_grab = |hold| {
+        let mut tools = scene.tools.iter();
+        tools.any(|tool| matches!(tool, ToolEntry::Grab(grab) if grab.hold == hold))
+    };
+    let fixed = |hold| !scene.fixed.is_empty() && scene.support.hold == hold;
+    let material = fixed(SupportHold::Elastic) || is_grab(GrabHold::Mean) || is_grab(GrabHold::Pad);
+    match (fixed(SupportHold::Vertices) || is_grab(GrabHold::Vertices), material) {
+        (false, false) => row("holds", "none", false, "nothing is fixed or grabbed"),
+        (false, true) => row("holds", "material", true, "the same problem on every mesh"),
+        (true, _) => {
+            let why = "WARNING: a finer mesh has more vertices to hold, and is another problem";
+            row("holds", "vertices", true, why)
         }
     }
+}
+
+fn compliance(scene: &Scene) -> PlanRow {
+    let probes = scene.tools.iter().filter(|tool| matches!(tool, ToolEntry::Probe(_))).count();
+    let held = |hold| {
+        let is_held =
+            |tool: &&ToolEntry| matches!(tool, ToolEntry::Grab(grab) if grab.hold == hold);
+        scene.tools.iter().filter(is_held).count()
+    };
+    let found = [
+        (held(GrabHold::Vertices), "held vertices", "grab(s) of vertices"),
+        (held(GrabHold::Mean), "held means", "grab(s) of a mean"),
+        (probes, "contacts", "probe(s)"),
+    ];
+    let runs: Vec<_> = found.iter().filter(|found| found.0 > 0).collect();
+    if runs.is_empty() {
+        return row("compliance columns", "none", false, "no tool holds or probes the body");
+    }
+    let choices: Vec<&str> = runs.iter().map(|found| found.1).collect();
+    let why: Vec<String> = runs.iter().map(|(n, _, what)| format!("{n} {what}")).collect();
+    row("compliance columns", &choices.join(" and "), true, why.join(", "))
 }
 
 fn surface(scene: &Scene, start: &Start) -> PlanRow {

@@ -91,6 +91,7 @@ mod tests {
             fallbacks: 3,
             residual: 1e-7,
             converged: true,
+            error_estimate: Some(0.0625),
             force_n: [-1.5, 0.0, 1e300],
             tools: vec![ToolReport::default(), felt],
             times: StageTimes {
@@ -105,10 +106,10 @@ mod tests {
                     toolN_torque_y_n_m,toolN_torque_z_n_m,toolN_contacts,toolN_penetration_m";
         let [first, second] = ["0", "1"].map(|number| tool.replace('N', number));
         let names = "step,time_s,vertices,tets,splits,merges,waiting,iterations,substeps,fallbacks,\
-                     residual,converged,force_x_n,force_y_n,force_z_n,\
+                     residual,converged,error_estimate,force_x_n,force_y_n,force_z_n,\
                      tool_ms,solve_ms,indicator_ms,remesh_ms,inverse_ms";
         assert_eq!(header(&step), format!("{names},{first},{second}\n"));
-        let values = "7,0.30000000000000004,728,3000,4,5,11,6,2,3,1e-7,true,-1.5,0.0,1e300,\
+        let values = "7,0.30000000000000004,728,3000,4,5,11,6,2,3,1e-7,true,0.0625,-1.5,0.0,1e300,\
                       1.0,2.0,3.0,4.0,5.0,0.0,0.0,0.0,0.0,0.0,0.0,0,0.0,\
                       0.5,0.0,0.0,0.0,0.0,-0.25,9,1e-8\n";
         assert_eq!(line(&step), values);

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn a_held_end_moves_with_its_tool_on_every_mesh() {
         for level in ["mesh.start_level=0", "mesh.start_level=3"] {
-            let mut body = beam(&[level, "time.steps=3"]);
+            let mut body = beam(&[level, "time.steps=3", "tools.0.hold=vertices"]);
             let mut probe = body.probe(6).unwrap();
             while body.steps_left() > 0 {
                 body.step().unwrap();

@@ -134,6 +134,13 @@ impl<'a> SimulationBuilder<'a> {
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
                 let content = Content { forest, embedding, placement, label_values };
+                let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
+                if !is_asked && indicator.error_over_sum().is_none() {
+                    let want =
+                        format!("a number, for the indicator {} is no energy", indicator.name());
+                    let key = "refinement.split_above";
+                    return Err(SimError::value(&scene.name, key, "missing", want));
+                }
                 let rules = Rules {
                     refinement: scene.refinement.clone(),
                     max_vertices: scene.mesh.max_vertices,

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use yawara_corot::{
-    Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Obstacle, Outcome, PointLoad,
+    Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Loads, Obstacle, Outcome,
     Problem, Sphere, Tolerance, solve_with_contact,
 };
 
@@ -264,13 +264,9 @@ impl ContactState {
         }
     }
 
-    /// The forces of all contacts.
-    pub fn point_loads(&self) -> impl Iterator<Item = PointLoad> + '_ {
-        self.pushes.iter().map(|push| PointLoad {
-            point: push.point,
-            force: push.force * push.normal,
-            stiffness: 0.0,
-        })
+    /// Adds the forces of all contacts to `loads`.
+    pub fn add_to(&self, loads: &mut Loads) {
+        self.pushes.iter().for_each(|push| loads.add_point(&push.point, push.force * push.normal));
     }
 
     /// Force and torque about `reference` of a tool on the body, N and N m, the number of points it

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
-use yawara_corot::{Constraints, PointLoad, Responses};
+use nalgebra::{Matrix3, Point3, Vector3};
+use yawara_corot::{Constraints, Loads, Responses};
 use yawara_mesh::VertexId;
 
 use crate::body::BodyState;
@@ -119,19 +119,19 @@ impl Grips {
         forces
     }
 
-    /// What grips do to each point of the body at the last equilibrium.
-    pub fn point_loads(&self, state: &BodyState) -> Vec<PointLoad> {
-        let mut loads = Vec::new();
+    /// What grips do to the body at the last equilibrium.
+    pub fn loads(&self, state: &BodyState) -> Loads {
+        let mut loads = Loads::default();
         for grip in state.body.grips() {
-            grip.each_point(&state.positions, |load| loads.push(load));
+            grip.add_loads(&state.positions, &mut loads);
         }
         for ((number, _), forces) in self.held.iter().zip(&self.forces) {
             let grip = &state.body.grips()[*number];
-            let centre = grip.pose() * nalgebra::Point3::from(grip.centre());
+            let centre = grip.pose() * Point3::from(grip.centre());
             let force: Vector3<f64> = forces.iter().map(|(_, f)| f).sum();
             let arm = |v: &VertexId| state.positions[v.index()] - centre.coords;
             let torque: Vector3<f64> = forces.iter().map(|(v, f)| arm(v).cross(f)).sum();
-            grip.each_share(&force, &torque, |load| loads.push(load));
+            grip.add_shares(&force, &torque, &mut loads);
         }
         loads
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
-use yawara_corot::PointLoad;
+use yawara_corot::Loads;
 use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
 use super::content::Content;
@@ -57,8 +57,8 @@ pub(crate) struct Round<'a> {
     pub step: usize,
     /// When the time for splits is over.
     pub deadline: Option<Instant>,
-    /// What holds the body and pushes it, point by point.
-    pub loads: &'a [PointLoad],
+    /// What holds the body and pushes it.
+    pub loads: &'a Loads,
 }
 
 /// What one round of remeshing did.
@@ -143,7 +143,7 @@ impl Refiner {
     }
 
     /// The estimate on a mesh that stays as it is, if the indicator has one.
-    pub fn measure(&mut self, state: &BodyState, loads: &[PointLoad], times: &mut StageTimes) {
+    pub fn measure(&mut self, state: &BodyState, loads: &Loads, times: &mut StageTimes) {
         let begin = Instant::now();
         if let Some(values) = self.rules.indicator.elements(&Sight { body: state, loads }) {
             let energy = state.energy_j();
@@ -162,7 +162,7 @@ impl Refiner {
     /// Queues all splits that are wanted now, the largest indicator first. What waited before is
     /// measured again with all others: a split is wanted only while its cause lasts, and it keeps
     /// its place.
-    fn rank_splits(&mut self, state: &BodyState, loads: &[PointLoad]) -> Result<Limits, SimError> {
+    fn rank_splits(&mut self, state: &BodyState, loads: &Loads) -> Result<Limits, SimError> {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();

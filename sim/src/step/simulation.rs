@@ -126,8 +126,8 @@ impl Simulation {
         if !refines && !is_written && self.scene.time.steps != step {
             return Ok(Remeshed::default());
         }
-        let mut loads = self.solver.grips.point_loads(state);
-        loads.extend(self.contact.point_loads());
+        let mut loads = self.solver.grips.loads(state);
+        self.contact.add_to(&mut loads);
         if !refines {
             refiner.measure(state, &loads, times);
             return Ok(Remeshed::default());

@@ -1,7 +1,7 @@
 //! What an indicator is, and the ring of tetrahedra that it measures.
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::PointLoad;
+use yawara_corot::Loads;
 use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gradient};
 
 use crate::body::BodyState;
@@ -113,7 +113,7 @@ pub trait Indicator: Send {
 pub struct Sight<'a> {
     /// The body.
     pub body: &'a BodyState,
-    /// What holds it and pushes it, point by point. What else acts is spread over elements: weight,
+    /// What holds it and pushes it. What else acts is spread over elements: weight,
     /// inertia, loads that tools name by vertex.
-    pub loads: &'a [PointLoad],
+    pub loads: &'a Loads,
 }
