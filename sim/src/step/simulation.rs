@@ -122,7 +122,7 @@ impl Simulation {
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
         let refines = self.scene.mesh.refines();
-        let is_written = step % self.scene.output.frames_every.max(1) == 0;
+        let is_written = step.is_multiple_of(self.scene.output.frames_every.max(1));
         if !refines && !is_written && self.scene.time.steps != step {
             return Ok(Remeshed::default());
         }
