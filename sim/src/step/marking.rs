@@ -4,9 +4,6 @@ use yawara_mesh::Point;
 
 use crate::scene::Refinement;
 
-/// The part of the error that one step goes after (Dörfler, SIAM J. Numer. Anal. 33(3), 1996).
-const BULK: f64 = 0.7;
-
 /// A vertex that may come in and its indicator.
 pub(crate) struct Wish {
     pub point: Point,
@@ -24,7 +21,7 @@ pub(crate) struct Limits {
 
 impl Refinement {
     /// The limits for `wishes`. With a target τ the largest are taken until the rest of them has the
-    /// error τE, or most of the error is taken; a vertex goes out that has less than a fraction of the
+    /// error τE (bulk marking: Dörfler, SIAM J. Numer. Anal. 33(3), 1996); a vertex goes out that has less than a fraction of the
     /// mean share of it. `whole` is what indicators of an error of E add up to, where they are energies.
     pub(crate) fn limits(&self, wishes: &[Wish], whole: Option<f64>) -> Limits {
         let (None, Some(whole)) = (self.split_above, whole) else {
@@ -34,11 +31,10 @@ impl Refinement {
         let mut values: Vec<f64> = wishes.iter().map(|wish| wish.value).collect();
         values.sort_unstable_by(f64::total_cmp);
         let allowed = self.target * whole;
-        let rest = allowed.max((1.0 - BULK) * values.iter().sum::<f64>());
         let mut below = 0.0;
         let left = values.iter().take_while(|&&value| {
             below += value;
-            below <= rest
+            below <= allowed
         });
         let split_above = left.last().copied().unwrap_or(0.0);
         let merge_below = self.merge_fraction * allowed / values.len().max(1) as f64;
@@ -65,8 +61,8 @@ mod tests {
         assert_eq!(found, Limits { split_above: 4.0, merge_below: 0.5 * 7.5 / 4.0 });
         // All of it is little enough.
         assert_eq!(limits(&values, asked(0.5), Some(30.0)).split_above, 8.0);
-        // 7 parts in 10 of the error at once, and no more: 8 and 4, where all but 1.5 is too much.
-        assert_eq!(limits(&values, asked(0.1), Some(15.0)).split_above, 2.0);
+        // Nothing is.
+        assert_eq!(limits(&values, asked(0.01), Some(15.0)).split_above, 0.0);
         assert_eq!(limits(&[], asked(0.1), Some(0.0)).merge_below, 0.0);
     }
 
