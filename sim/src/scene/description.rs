@@ -340,7 +340,7 @@ impl Default for Void {
 impl Default for Refinement {
     fn default() -> Self {
         Self {
-            target: 0.05,
+            target: 0.03,
             split_above: None,
             merge_fraction: 0.02,
             dwell_steps: 2,
