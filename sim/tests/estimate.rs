@@ -68,6 +68,24 @@ fn a_mesh_is_refined_until_the_estimate_is_the_target() {
     }
 }
 
+/// On a mesh that stays the estimate costs something in steps with a frame alone, and is none of the others.
+#[test]
+fn a_fixed_mesh_is_measured_where_a_frame_is_written() {
+    for (every, want) in [(3, vec![3, 6, 7]), (0, vec![7])] {
+        let set = ["mesh.max_level=0".into(), "time.steps=7".into()];
+        let set = [&set[..], &[format!("output.frames_every={every}")]].concat();
+        let (scene, _) = scene_file::load("beam", &set).unwrap();
+        let stages = Stages::by_name(&scene.stages).unwrap();
+        let mut simulation = Simulation::new(&scene, stages).unwrap();
+        let mut measured = Vec::new();
+        while simulation.steps_left() > 0 {
+            let report = simulation.step().unwrap();
+            measured.extend(report.error_estimate.map(|_| report.step));
+        }
+        assert_eq!(measured, want, "frames every {every}");
+    }
+}
+
 #[test]
 fn an_indicator_that_is_no_energy_asks_for_a_threshold() {
     let (scene, _) = scene_file::load("beam", &["stages.indicator=volume".into()]).unwrap();

@@ -116,6 +116,15 @@ fn a_nearly_incompressible_beam_is_pulled_let_go_and_sags_without_locking() {
     assert!((sag / of_compressible - 1.0).abs() < 0.05, "{sag} mm, {of_compressible} mm");
 }
 
+#[test]
+fn a_region_that_only_touches_the_body_holds_its_face() {
+    let pull = |least: &str| {
+        let least = format!("fixed.0.min=[{least}, 0.0, 0.0]");
+        beam(&["time.steps=2", "mesh.max_level=0", &least]).0[1].force_n
+    };
+    assert_eq!(pull("-0.1"), pull("0.0"));
+}
+
 /// Whatever comes into a tool's or a fixed region is held as if it had been there from the start.
 #[test]
 fn a_mesh_refined_everywhere_is_held_as_one_that_starts_so_fine() {

@@ -221,8 +221,8 @@ pub struct Time {
 pub struct Refinement {
     /// Relative error of energy to refine to, with indicators that are energies.
     pub target: f64,
-    /// In place of `target` the indicator above which a vertex comes in: J for `energy` and `residual`, relative volume for
-    /// `volume`, m for `rotation`.
+    /// In place of `target` the indicator above which a vertex comes in: J for `energy` and
+    /// `residual`, relative volume for `volume`, m for `rotation`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split_above: Option<f64>,
     /// A vertex goes out when the indicator is below this fraction of `split_above`, or of its share

@@ -1,6 +1,5 @@
 //! Splits and merges: which vertices come in and go out, and the repair of all later stages.
 
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
@@ -91,9 +90,9 @@ impl Refiner {
         self.measured.get(tet.index()).copied().unwrap_or(0.0)
     }
 
-    /// The relative error of energy at the last measurement, if the indicator has one.
-    pub fn error_estimate(&self) -> Option<f64> {
-        self.error_estimate
+    /// The relative error of energy, once after each measurement of an indicator that has one.
+    pub fn take_estimate(&mut self) -> Option<f64> {
+        self.error_estimate.take()
     }
 
     /// Splits that are wanted and have to wait.
@@ -146,11 +145,17 @@ impl Refiner {
     pub fn measure(&mut self, state: &BodyState, loads: &Loads, times: &mut StageTimes) {
         let begin = Instant::now();
         if let Some(values) = self.rules.indicator.elements(&Sight { body: state, loads }) {
-            let energy = state.energy_j();
-            self.most_energy = self.most_energy.max(energy);
+            let energy = self.note_energy(state);
             self.estimate(values.iter().sum(), energy);
             times.indicator_ms = milliseconds(begin);
         }
+    }
+
+    /// The body's energy, J.
+    fn note_energy(&mut self, state: &BodyState) -> f64 {
+        let energy = state.energy_j();
+        self.most_energy = self.most_energy.max(energy);
+        energy
     }
 
     fn estimate(&mut self, sum: f64, energy: f64) {
@@ -166,8 +171,7 @@ impl Refiner {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
-        let energy = state.energy_j();
-        self.most_energy = self.most_energy.max(energy);
+        let energy = self.note_energy(state);
         let sight = Sight { body: state, loads };
         let wishes = match self.rules.indicator.elements(&sight) {
             Some(values) => {
@@ -206,15 +210,21 @@ impl Refiner {
 
     /// The sums of `values`, by element, over those that each vertex would bisect.
     fn element_wishes(&mut self, state: &BodyState, values: &[f64]) -> Vec<Wish> {
-        let mut by_point: BTreeMap<u64, Wish> = BTreeMap::new();
         for (element, &value) in state.elements().iter().zip(values) {
             self.measured[element.tet.index()] = value;
-            if let Some(point) = self.content.forest.refinement_point(element.tet) {
-                let wish = Wish { point, value: 0.0 };
-                by_point.entry(Lattice::key(point)).or_insert(wish).value += value;
+        }
+        let forest = &self.content.forest;
+        let mut wishes: Vec<Wish> = Vec::new();
+        // Those of one vertex stand together.
+        for leaf in forest.leaves() {
+            let Some(point) = forest.refinement_point(leaf.id) else { continue };
+            let value = self.measured[leaf.id.index()];
+            match wishes.last_mut() {
+                Some(wish) if wish.point == point => wish.value += value,
+                _ => wishes.push(Wish { point, value }),
             }
         }
-        by_point.into_values().collect()
+        wishes
     }
 
     fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {

@@ -94,7 +94,7 @@ impl Simulation {
             true => self.remesh(step, begin, &mut outcome.report.times)?,
             false => Remeshed::default(),
         };
-        let SimulatedBody { state, refiner, .. } = &self.body;
+        let SimulatedBody { state, refiner, .. } = &mut self.body;
         outcome.report = StepReport {
             step,
             time_s: span.to,
@@ -103,7 +103,7 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
-            error_estimate: refiner.as_ref().and_then(Refiner::error_estimate),
+            error_estimate: refiner.as_mut().and_then(Refiner::take_estimate),
             force_n,
             tools: reports,
             ..outcome.report
@@ -122,7 +122,7 @@ impl Simulation {
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
         let refines = self.scene.mesh.refines();
-        let is_written = step.is_multiple_of(self.scene.output.frames_every.max(1));
+        let is_written = step.is_multiple_of(self.scene.output.frames_every);
         if !refines && !is_written && self.scene.time.steps != step {
             return Ok(Remeshed::default());
         }

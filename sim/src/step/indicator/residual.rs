@@ -28,18 +28,20 @@ const OVER_SUM: f64 = 0.35;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Residual;
 
-/// The bump of an edge, or what one element has of it.
-#[derive(Clone, Copy)]
-struct Bump {
+/// What an element or a load has of the bump of an edge.
+struct Part {
     /// Vertex numbers, ascending.
-    ends: [u32; 2],
-    /// r, N.
+    ends: [usize; 2],
+    /// Of r, N.
     force: Vector3<f64>,
-    /// A, N/m.
+    /// Of A, N/m.
     stiffness: Matrix3<f64>,
-    /// Elements around it.
-    count: u32,
+    /// The element; none for a load.
+    element: Option<usize>,
 }
+
+/// An element that is not void, with its number and its forces on its corners, V R σ ∇λ, N.
+type Solid<'a> = (usize, &'a Element, [Vector3<f64>; 4]);
 
 impl Indicator for Residual {
     fn name(&self) -> &'static str {
@@ -56,30 +58,25 @@ impl Indicator for Residual {
 
     fn elements(&self, sight: &Sight<'_>) -> Option<Vec<f64>> {
         let state = sight.body;
-        let mut bumps = bumps(state, &spread(sight));
-        for load in sight.loads.edges() {
-            if let Some(at) = find(&bumps, load.ends.map(|v| v as u32)) {
-                bumps[at].force += load.force;
-                bumps[at].stiffness += Matrix3::identity() * load.stiffness;
+        let solids: Vec<Solid<'_>> = solids(state).collect();
+        let mut parts = parts(state, &solids, &spread(sight, &solids));
+        parts.extend(sight.loads.edges().iter().map(|load| {
+            let stiffness = Matrix3::identity() * load.stiffness;
+            Part { ends: load.ends, force: load.force, stiffness, element: None }
+        }));
+        parts.sort_by_key(|part| part.ends);
+        let mut values = vec![0.0; state.elements().len()];
+        for bump in parts.chunk_by(|a, b| a.ends == b.ends) {
+            let stiffness: Matrix3<f64> = bump.iter().map(|part| part.stiffness).sum();
+            let Some(factor) = stiffness.cholesky() else { continue };
+            if bump[0].ends.iter().any(|&v| state.is_free(v)) {
+                let force: Vector3<f64> = bump.iter().map(|part| part.force).sum();
+                let around = || bump.iter().filter_map(|part| part.element);
+                let share = 0.5 * force.dot(&factor.solve(&force)) / around().count() as f64;
+                around().for_each(|element| values[element] += share);
             }
         }
-        let held = |v: u32| !state.is_free(v as usize);
-        let released = bumps.iter().map(|bump| match bump.stiffness.cholesky() {
-            Some(factor) if !bump.ends.iter().all(|&v| held(v)) => {
-                0.5 * bump.force.dot(&factor.solve(&bump.force)) / f64::from(bump.count)
-            }
-            _ => 0.0,
-        });
-        let released: Vec<f64> = released.collect();
-        let of = |vertices: &[usize; 4]| -> f64 {
-            let edges = EDGES.iter().filter_map(|&[i, j]| find(&bumps, ends(vertices, i, j)));
-            edges.map(|at| released[at]).sum()
-        };
-        let value = |element: &Element| match state.is_void(element.tet) {
-            true => 0.0,
-            false => of(&element.vertices),
-        };
-        Some(state.elements().iter().map(value).collect())
+        Some(values)
     }
 
     fn error_over_sum(&self) -> Option<f64> {
@@ -87,21 +84,12 @@ impl Indicator for Residual {
     }
 }
 
-fn ends(vertices: &[usize; 4], i: usize, j: usize) -> [u32; 2] {
-    let (a, b) = (vertices[i] as u32, vertices[j] as u32);
-    [a.min(b), a.max(b)]
-}
-
-fn find(bumps: &[Bump], ends: [u32; 2]) -> Option<usize> {
-    bumps.binary_search_by_key(&ends, |bump| bump.ends).ok()
-}
-
 /// By vertex number, the load that is none of `sight.loads` over the volume around, N/m³: what the elements'
 /// forces are more than those, where nothing holds.
-fn spread(sight: &Sight<'_>) -> Vec<Vector3<f64>> {
+fn spread(sight: &Sight<'_>, solids: &[Solid<'_>]) -> Vec<Vector3<f64>> {
     let state = sight.body;
     let mut left = vec![(Vector3::zeros(), 0.0); state.positions().len()];
-    for (element, forces) in forces(state) {
+    for (_, element, forces) in solids {
         for (&v, force) in element.vertices.iter().zip(forces) {
             left[v].0 += force;
             left[v].1 += element.geometry.volume;
@@ -115,21 +103,20 @@ fn spread(sight: &Sight<'_>) -> Vec<Vector3<f64>> {
     left.into_iter().enumerate().map(density).collect()
 }
 
-/// The elements that are not void with their forces on their corners, V R σ ∇λ, N.
-fn forces(state: &BodyState) -> impl Iterator<Item = (&Element, [Vector3<f64>; 4])> + '_ {
+fn solids(state: &BodyState) -> impl Iterator<Item = Solid<'_>> {
     let solid = |(_, element): &(usize, &Element)| !state.is_void(element.tet);
     state.elements().iter().enumerate().filter(solid).map(|(number, element)| {
         let s = state.body.stress(number, state.positions());
         let stress = Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2]);
         let stress = element.geometry.volume * element.rotation * stress;
-        (element, element.geometry.gradients.map(|g| stress * g))
+        (number, element, element.geometry.gradients.map(|g| stress * g))
     })
 }
 
-/// The bumps of all edges by ascending ends, under `loads` (by vertex number, N/m³).
-fn bumps(state: &BodyState, loads: &[Vector3<f64>]) -> Vec<Bump> {
-    let mut parts: Vec<Bump> = Vec::with_capacity(6 * state.elements().len());
-    for (element, forces) in forces(state) {
+/// What each element has of the bumps of its edges, under `loads` (by vertex number, N/m³).
+fn parts(state: &BodyState, solids: &[Solid<'_>], loads: &[Vector3<f64>]) -> Vec<Part> {
+    let mut parts = Vec::with_capacity(6 * solids.len());
+    for (number, element, forces) in solids {
         let volume = element.geometry.volume;
         let operators = element.geometry.gradients.map(|g| strain_operator(&g));
         // With pressures a dilation costs what they let it: no more than a change of shape here.
@@ -138,30 +125,22 @@ fn bumps(state: &BodyState, loads: &[Vector3<f64>]) -> Vec<Bump> {
             false => element.elasticity,
         };
         let stresses = operators.map(|g| elasticity * g);
-        // ∫ λ_a² = V/10 and ∫ λ_a λ_b = V/20.
         let load: Vector3<f64> = element.vertices.iter().map(|&v| loads[v]).sum();
         for [i, j] in EDGES {
+            // ∫ λ_a² = V/10 and ∫ λ_a λ_b = V/20.
             let across = operators[i].transpose() * stresses[j];
             let along =
                 operators[i].transpose() * stresses[i] + operators[j].transpose() * stresses[j];
             let stiffness = volume * (1.6 * along + 0.8 * (across + across.transpose()));
-            parts.push(Bump {
-                ends: ends(&element.vertices, i, j),
+            let mut ends = [i, j].map(|corner| element.vertices[corner]);
+            ends.sort_unstable();
+            parts.push(Part {
+                ends,
                 force: 0.2 * volume * load - forces[i] - forces[j],
                 stiffness: element.rotation * stiffness * element.rotation.transpose(),
-                count: 1,
+                element: Some(*number),
             });
         }
     }
-    parts.sort_by_key(|part| part.ends);
-    parts.dedup_by(|part, sum| {
-        let is_same = part.ends == sum.ends;
-        if is_same {
-            sum.force += part.force;
-            sum.stiffness += part.stiffness;
-            sum.count += 1;
-        }
-        is_same
-    });
     parts
 }
