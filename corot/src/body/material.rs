@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix6;
-use yawara_embed::Strain;
+use yawara_embed::{Strain, strain_from_gradient};
 use yawara_mesh::TetId;
 
 use super::storage::Body;
@@ -97,6 +97,24 @@ impl Body {
             Some(pressures) => pressures.stress(number, element.vertices, &strain),
         };
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
+    }
+
+    /// By how much D ε and the pressures' part of the [stress](Self::stress) of an element change where the
+    /// body moves by `moves` (m) and its pressures by `q` (1), both by vertex number, with its rotation; Pa.
+    ///
+    /// # Panics
+    /// As [`stress`](Self::stress), or if `moves` is shorter than a vertex number.
+    pub fn stress_change(&self, number: usize, moves: &Field, q: &[f64]) -> Strain {
+        let element = &self.elements()[number];
+        let gradient = element.deformation_gradient(moves);
+        let strain = strain_from_gradient(&(element.rotation.transpose() * gradient));
+        match &self.pressures {
+            None => element.elasticity * strain,
+            Some(pressures) => {
+                let q = element.vertices.map(|v| q.get(v).copied().unwrap_or(0.0));
+                pressures.stress_of(number, 0.25 * q.iter().sum::<f64>(), &strain)
+            }
+        }
     }
 
     /// The stress of an element but for the part of its hydrostatic stress that belongs to

@@ -149,8 +149,13 @@ impl Pressures {
 
     /// D'ε + μ q̄ m, Pa.
     pub fn stress(&self, number: usize, corners: [usize; 4], strain: &Strain) -> Strain {
+        self.stress_of(number, self.mean(corners), strain)
+    }
+
+    /// D'ε + μ q̄ m of another q̄, Pa.
+    pub fn stress_of(&self, number: usize, mean: f64, strain: &Strain) -> Strain {
         let MixedModuli { shear, deviatoric, .. } = &self.moduli[number];
-        let pressure = shear * self.mean(corners);
+        let pressure = shear * mean;
         deviatoric * strain + Strain::new(pressure, pressure, pressure, 0.0, 0.0, 0.0)
     }
 

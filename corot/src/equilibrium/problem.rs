@@ -1,6 +1,6 @@
 //! The equilibrium problem and what a solver reports.
 
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use crate::body::Body;
 use crate::field::Field;
@@ -192,6 +192,31 @@ impl Problem<'_> {
         let lack = constraints.lack(positions);
         constraints.turned(self.body).correct(&mut step, self.unknowns_per_vertex(), Some(lack));
         self.advance(positions, &step, 1.0);
+    }
+
+    /// The move (m) and the change of q (1) by vertex number that follow when `forces` (N, by vertex
+    /// number) come to act and the targets of constraints change by `lead`, as the linear body with its
+    /// rotations of the last evaluation has it.
+    pub fn answer(
+        &self,
+        forces: &Field,
+        lead: Option<&DVector<f64>>,
+    ) -> (Vec<Vector3<f64>>, Vec<f64>) {
+        let m = self.unknowns_per_vertex();
+        let [mut residual, mut scratch, mut step] = [(); 3].map(|_| vec![0.0; self.rows()]);
+        for (v, force) in forces.iter().enumerate() {
+            residual[m * v..m * v + 3].copy_from_slice(force.as_slice());
+        }
+        self.precondition(&residual, &mut scratch, &mut step);
+        if let (Some(constraints), Some(lead)) = (self.constraints, lead) {
+            // G step is zero so far.
+            constraints.turned(self.body).correct(&mut step, m, Some(lead.clone()));
+        }
+        let moves = step.chunks_exact(m).map(|d| Vector3::from_column_slice(&d[..3]));
+        let weight = |v: usize| self.body.pressure_row(v).1;
+        let pressures = step.chunks_exact(m).enumerate();
+        let q = pressures.flat_map(|(v, d)| d.get(3).map(|pressure| weight(v) * pressure));
+        (moves.collect(), q.collect())
     }
 
     /// x ← x + `length` · `step`, and the pressures of a [mixed](Body::mixed) body with them.

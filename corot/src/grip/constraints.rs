@@ -199,10 +199,37 @@ impl Constraints {
     /// forces. `residual` is f_ext − f_int without them, the body's unknowns per vertex.
     pub fn forces(&self, body: &Body, residual: &[f64]) -> Vec<Vec<(usize, Vector3<f64>)>> {
         let multipliers = self.turned(body).multipliers(residual);
-        let of = |(row, mu): (&Vec<(usize, Vector3<f64>)>, &f64)| {
-            row.iter().map(|(v, g)| (*v, -mu * g)).collect()
+        self.weighted(&-multipliers)
+    }
+
+    /// The forces of the constraints while `forces` (by vertex number, N) come to act on the linear body
+    /// with the rotations of `body`, and the targets change by `lead`, δ: −Gᵀμ + Gᵀ(G W)⁻¹ δ, as
+    /// [`forces`](Self::forces).
+    pub fn forces_under(
+        &self,
+        body: &Body,
+        forces: &[Vector3<f64>],
+        lead: Option<&DVector<f64>>,
+    ) -> Vec<Vec<(usize, Vector3<f64>)>> {
+        let m = body.unknowns_per_vertex();
+        let mut residual = vec![0.0; m * forces.len()];
+        for (v, force) in forces.iter().enumerate() {
+            residual[m * v..m * v + 3].copy_from_slice(force.as_slice());
+        }
+        let turned = self.turned(body);
+        let mut weights = -turned.multipliers(&residual);
+        if let Some(lead) = lead {
+            weights += &turned.inverse * lead;
+        }
+        self.weighted(&weights)
+    }
+
+    /// Each row times a weight.
+    fn weighted(&self, weights: &DVector<f64>) -> Vec<Vec<(usize, Vector3<f64>)>> {
+        let of = |(row, weight): (&Vec<(usize, Vector3<f64>)>, &f64)| {
+            row.iter().map(|(v, g)| (*v, *weight * g)).collect()
         };
-        self.rows.iter().zip(multipliers.iter()).map(of).collect()
+        self.rows.iter().zip(weights.iter()).map(of).collect()
     }
 
     /// How the multipliers of three rows from `first` on (a grip's forces) grow with their targets,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
+use yawara_embed::LinearTet;
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
 use super::loads::Loads;
@@ -80,6 +81,15 @@ impl Share {
             }
         }
         Self { vertices, corners, points, first, second, bumps }
+    }
+
+    /// κ Σ w λ_a (x_f − y_f) of the corners, which are `off` from where their material is to be, N: what
+    /// the body's internal forces have of it, the opposite of its force on the body.
+    fn spring_forces(&self, stiffness: f64, off: &[Vector3<f64>; 4]) -> [Vector3<f64>; 4] {
+        [0, 1, 2, 3].map(|a| {
+            let sum: Vector3<f64> = (0..4).map(|b| self.second[(a, b)] * off[b]).sum();
+            stiffness * sum
+        })
     }
 
     /// Σ w λ_a X_f = Σ w λ_a Σ λ_b X_b of a corner.
@@ -199,21 +209,6 @@ impl Grip {
         std::array::from_fn(|b| positions[share.vertices[b]] - target(b))
     }
 
-    /// κ Σ w λ_a (x_f − y_f) of an element's corners at `positions` (by vertex number, m), N: what
-    /// the body's internal forces have of it, the opposite of its force on the body.
-    fn corner_forces(
-        &self,
-        share: &Share,
-        stiffness: f64,
-        positions: &[Vector3<f64>],
-    ) -> [Vector3<f64>; 4] {
-        let off = self.offsets(share, positions);
-        [0, 1, 2, 3].map(|a| {
-            let sum: Vector3<f64> = (0..4).map(|b| share.second[(a, b)] * off[b]).sum();
-            stiffness * sum
-        })
-    }
-
     /// Calls `visit` with vertex numbers and the forces of an elastic grip on the body there, N.
     pub fn each_force(
         &self,
@@ -222,7 +217,7 @@ impl Grip {
     ) {
         let Some(stiffness) = self.stiffness else { return };
         for share in self.shares.values() {
-            let forces = self.corner_forces(share, stiffness, positions);
+            let forces = share.spring_forces(stiffness, &self.offsets(share, positions));
             share.vertices.into_iter().zip(forces).for_each(|(v, force)| visit(v, -force));
         }
     }
@@ -250,10 +245,23 @@ impl Grip {
 
     /// Adds to `loads` what an elastic grip does to the body.
     pub fn add_loads(&self, positions: &[Vector3<f64>], loads: &mut Loads) {
+        self.add_pull(|share| self.offsets(share, positions), loads);
+    }
+
+    /// Adds to `loads` by how much that changes where the body moves by `moves` (by vertex number) and
+    /// the grip by `lead`, m.
+    pub fn add_change(&self, moves: &[Vector3<f64>], lead: &Vector3<f64>, loads: &mut Loads) {
+        self.add_pull(|share| share.vertices.map(|v| moves[v] - lead), loads);
+    }
+
+    /// Of corners that are off by `off`, m.
+    fn add_pull(&self, off: impl Fn(&Share) -> [Vector3<f64>; 4], loads: &mut Loads) {
         let Some(stiffness) = self.stiffness else { return };
-        self.each_force(positions, |v, force| loads.add_vertex(v, force));
         for share in self.shares.values() {
-            let off = self.offsets(share, positions);
+            let off = off(share);
+            for (v, force) in share.vertices.into_iter().zip(share.spring_forces(stiffness, &off)) {
+                loads.add_vertex(v, -force);
+            }
             for (edge, (moment, square)) in EDGES.into_iter().zip(&share.bumps) {
                 let sum: Vector3<f64> = (0..4).map(|a| moment[a] * off[a]).sum();
                 loads.add_edge(&share.vertices, edge, -stiffness * sum, stiffness * square);
@@ -283,6 +291,32 @@ impl Grip {
         }
     }
 
+    /// Σ w J at `positions` (by vertex number, m), J the determinant of the deformation gradient: the
+    /// volume that points with volumes for weights stand for, m³. Adds its gradient to `loads`, as if it
+    /// were a force: Σ w J F⁻ᵀ∇λ, and of the bumps the same, m².
+    pub fn add_volume(&self, positions: &[Vector3<f64>], loads: &mut Loads) -> f64 {
+        let mut volume = 0.0;
+        for share in self.shares.values() {
+            let rest = LinearTet::new(&share.corners);
+            let now = LinearTet::new(&share.vertices.map(|v| positions[v]));
+            let ratio = now.volume / rest.volume;
+            volume += ratio * share.first.sum();
+            for (a, &v) in share.vertices.iter().enumerate() {
+                loads.add_vertex(v, ratio * share.first.sum() * now.gradients[a]);
+            }
+            for [a, b] in EDGES {
+                let slope = share.first[a] * now.gradients[b] + share.first[b] * now.gradients[a];
+                loads.add_edge(&share.vertices, [a, b], 4.0 * ratio * slope, 0.0);
+            }
+        }
+        volume
+    }
+
+    /// The weighted mean of the points at `positions` (by vertex number, m), m.
+    pub fn mean(&self, positions: &[Vector3<f64>]) -> Vector3<f64> {
+        self.mean_weights().into_iter().map(|(v, weight)| weight * positions[v]).sum()
+    }
+
     /// By vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the
     /// [centre](Self::centre): the mean of the body's points is Σ of the first times x_a.
     pub(super) fn moments(&self) -> BTreeMap<usize, (f64, Vector3<f64>)> {
@@ -308,7 +342,7 @@ impl Grip {
     }
 
     /// Hands the points of the ring's elements on to those that took their place, exactly.
-    pub(crate) fn follow(&mut self, delta: &MeshDelta) {
+    pub fn follow(&mut self, delta: &MeshDelta) {
         for RingTet { parent, children } in &delta.ring {
             let corners = parent.vertices.map(|v| v.index());
             let new = delta.vertex.index();

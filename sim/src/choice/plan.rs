@@ -32,6 +32,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         dynamics(scene),
         refinement(scene, stages),
+        estimates(scene, stages),
         budget(scene),
         holds(scene),
         compliance(scene),
@@ -188,7 +189,10 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     }
     let rules = &scene.refinement;
     let until = match rules.split_above {
-        None => format!("until the energy is within {} %", 100.0 * rules.target),
+        None => {
+            let what = if indicator.is_of_goal() { "goal" } else { "energy" };
+            format!("until the {what} is within {} %", 100.0 * rules.target)
+        }
         Some(above) => {
             let below = above * rules.merge_fraction;
             format!("split above {above:e} {}, merge below {below:e}", indicator.unit())
@@ -196,6 +200,27 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
     };
     let why = format!("{until}, at most {} vertices", scene.mesh.max_vertices);
     row("refinement", indicator.name(), true, why)
+}
+
+/// Whose error is estimated, and when.
+fn estimates(scene: &Scene, stages: &Stages) -> PlanRow {
+    let name = stages.indicator.name();
+    let stage = "error estimate";
+    if scene.mesh.path.is_some() {
+        return row(stage, name, false, "a mesh from a file has no finer levels");
+    }
+    if !stages.indicator.estimates() {
+        return row(stage, name, false, "the indicator does not say how far a figure is off");
+    }
+    let mut of = vec!["of the energy, and so of the force of a tool that acts alone"];
+    if scene.dynamics.is_none() {
+        of.push("of each force beside others by its dual");
+    }
+    if scene.refinement.goal.is_some() {
+        of.push("of the goal by its dual");
+    }
+    let when = if scene.mesh.refines() { "every step" } else { "steps with a frame" };
+    row(stage, name, true, format!("{}; in {when}", of.join(", ")))
 }
 
 /// The row of the inverse, once there is one.

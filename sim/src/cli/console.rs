@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use yawara::report::{
-    BodySummary, InverseSummary, MeshSummary, Momentum, PlanRow, StepSummary, Summary,
+    BodySummary, GoalReport, InverseSummary, MeshSummary, Momentum, PlanRow, StepSummary, Summary,
     SurfaceSummary,
 };
 
@@ -56,6 +56,16 @@ pub fn summary(summary: &Summary) -> String {
     line("steps", format!("{solved}, largest relative residual {residual_max:.2e}; {each}"));
     line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    for (number, tool) in summary.tools.iter().enumerate() {
+        if let Some(error) = tool.force_max_error_n {
+            let size = format!("at most {:.4} N, off by {error:.4} N by estimate", tool.force_max_n);
+            line("tool", format!("{number} ({}): {size}", tool.kind));
+        }
+    }
+    if let Some(GoalReport { name, value, error }) = summary.error_estimate.goal_end {
+        let error = error.map_or(String::new(), |error| format!(", off by {error:.2e} by estimate"));
+        line("goal", format!("{name} = {value:.6e} at the end{error}"));
+    }
     if let Some(Momentum { mass_kg, linear_n_s, angular_n_m_s, kinetic_j, .. }) = &summary.motion {
         let size = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let (linear, angular) = (size(linear_n_s), size(angular_n_m_s));

@@ -21,8 +21,8 @@ fn join(cells: impl Iterator<Item = String>) -> String {
 /// Names and values.
 fn columns(step: &StepReport) -> Vec<(String, String)> {
     let times = &step.times;
-    // An estimate that there is not leaves its cell empty.
-    let estimate = step.error_estimate.map_or(String::new(), |value| format!("{value:?}"));
+    // What there is not leaves its cell empty.
+    let cell = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:?}"));
     let of_step: [(&str, &dyn Debug); 20] = [
         ("step", &step.step),
         ("time_s", &step.time_s),
@@ -46,7 +46,10 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
         ("inverse_ms", &times.inverse_ms),
     ];
     let mut columns = of_step.map(|(name, value)| (name.to_owned(), format!("{value:?}"))).to_vec();
-    columns.insert(12, ("error_estimate".into(), estimate));
+    let (goal, goal_error) = (step.goal.map(|goal| goal.value), step.goal.and_then(|goal| goal.error));
+    let estimates =
+        [("error_estimate", step.error_estimate), ("goal", goal), ("goal_error", goal_error)];
+    columns.splice(12..12, estimates.map(|(name, value)| (name.into(), cell(value))));
     for (i, tool) in step.tools.iter().enumerate() {
         let mut add = |name: String, value: &dyn Debug| {
             columns.push((format!("tool{i}_{name}"), format!("{value:?}")));
@@ -60,6 +63,7 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
         }
         add("contacts".into(), &tool.contacts);
         add("penetration_m".into(), &tool.penetration_m);
+        columns.push((format!("tool{i}_force_error_n"), cell(tool.force_error_n)));
     }
     columns
 }
@@ -67,12 +71,13 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{StageTimes, ToolReport};
+    use crate::report::{GoalReport, StageTimes, ToolReport};
 
     #[test]
     fn a_line_has_the_columns_of_the_header() {
         let felt = ToolReport {
             force_n: [0.5, 0.0, 0.0],
+            force_error_n: Some(0.015625),
             torque_n_m: [0.0, 0.0, -0.25],
             contacts: 9,
             penetration_m: 1e-8,
@@ -92,6 +97,7 @@ mod tests {
             residual: 1e-7,
             converged: true,
             error_estimate: Some(0.0625),
+            goal: Some(GoalReport { name: "volume_m3", value: 0.25, error: None }),
             force_n: [-1.5, 0.0, 1e300],
             tools: vec![ToolReport::default(), felt],
             times: StageTimes {
@@ -103,15 +109,16 @@ mod tests {
             },
         };
         let tool = "toolN_force_x_n,toolN_force_y_n,toolN_force_z_n,toolN_torque_x_n_m,\
-                    toolN_torque_y_n_m,toolN_torque_z_n_m,toolN_contacts,toolN_penetration_m";
+                    toolN_torque_y_n_m,toolN_torque_z_n_m,toolN_contacts,toolN_penetration_m,\
+                    toolN_force_error_n";
         let [first, second] = ["0", "1"].map(|number| tool.replace('N', number));
         let names = "step,time_s,vertices,tets,splits,merges,waiting,iterations,substeps,fallbacks,\
-                     residual,converged,error_estimate,force_x_n,force_y_n,force_z_n,\
+                     residual,converged,error_estimate,goal,goal_error,force_x_n,force_y_n,force_z_n,\
                      tool_ms,solve_ms,indicator_ms,remesh_ms,inverse_ms";
         assert_eq!(header(&step), format!("{names},{first},{second}\n"));
-        let values = "7,0.30000000000000004,728,3000,4,5,11,6,2,3,1e-7,true,0.0625,-1.5,0.0,1e300,\
-                      1.0,2.0,3.0,4.0,5.0,0.0,0.0,0.0,0.0,0.0,0.0,0,0.0,\
-                      0.5,0.0,0.0,0.0,0.0,-0.25,9,1e-8\n";
+        let values = "7,0.30000000000000004,728,3000,4,5,11,6,2,3,1e-7,true,0.0625,0.25,,-1.5,0.0,\
+                      1e300,1.0,2.0,3.0,4.0,5.0,0.0,0.0,0.0,0.0,0.0,0.0,0,0.0,,\
+                      0.5,0.0,0.0,0.0,0.0,-0.25,9,1e-8,0.015625\n";
         assert_eq!(line(&step), values);
     }
 }

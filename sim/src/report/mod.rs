@@ -19,7 +19,7 @@ pub use crate::body::{
 pub use comparison_points::Probe;
 pub use fields::Fields;
 pub use records::{
-    ForceSummary, Frame, InverseSummary, MeshSummary, Momentum, Percentiles, PlanRow, Range,
+    EstimateSummary, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary, Momentum, Percentiles, PlanRow, Range,
     StageTimes, StepReport, StepSummary, Summary, SurfaceFrame, SurfaceSummary,
 };
 pub use tool::{ToolReport, ToolSummary};

@@ -8,7 +8,7 @@ use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
 use super::records::{
-    ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
+    EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
     StepSummary, Summary,
 };
 use super::surfaces::Surfaces;
@@ -84,6 +84,7 @@ impl Recorder {
                 solve_ms: Percentiles::of(solve_ms),
                 drift_max: inverse.drift_max,
             },
+            error_estimate: self.statistics.estimate,
             force: self.statistics.force,
             motion: None,
             tools: self.statistics.tools.clone(),
@@ -120,6 +121,7 @@ pub(crate) struct RunStatistics {
     step_ms: Vec<f64>,
     /// Time of each application of the inverse.
     solve_ms: Vec<f64>,
+    estimate: EstimateSummary,
     force: ForceSummary,
     tools: Vec<ToolSummary>,
 }
@@ -137,6 +139,7 @@ impl RunStatistics {
             steps: StepSummary::default(),
             step_ms: Vec::new(),
             solve_ms: Vec::new(),
+            estimate: EstimateSummary::default(),
             force: ForceSummary::default(),
             tools: Vec::new(),
         }
@@ -149,7 +152,7 @@ impl RunStatistics {
     /// Adds a step, its report filled in, that took `step_ms` in all.
     pub fn add(&mut self, outcome: &StepOutcome, state: &BodyState, step_ms: f64) {
         let report = &outcome.report;
-        let Self { mesh, steps, force, .. } = self;
+        let Self { mesh, steps, estimate, force, .. } = self;
         steps.count += 1;
         steps.halvings += outcome.halvings;
         steps.converged += usize::from(report.converged);
@@ -170,6 +173,11 @@ impl RunStatistics {
             range.max = range.max.max(now);
             range.end = now;
         }
+        if let Some(energy) = report.error_estimate {
+            estimate.energy_end = Some(energy);
+            estimate.energy_max = Some(estimate.energy_max.map_or(energy, |most| most.max(energy)));
+        }
+        estimate.goal_end = report.goal.or(estimate.goal_end);
         if report.splits > 0 {
             self.worst = self.worst.worse(worst_quality(state));
         }

@@ -73,12 +73,25 @@ pub struct StepReport {
     /// How far the energy, and with it the force of a tool that acts alone, is from that on a mesh
     /// without end, relative; none where it is not known.
     pub error_estimate: Option<f64>,
+    /// The scene's goal, if it has one and it was measured.
+    pub goal: Option<GoalReport>,
     /// Reaction of all tools in scanner axes, N.
     pub force_n: [f64; 3],
     /// What each tool feels, in the order of the scene.
     pub tools: Vec<ToolReport>,
     /// Wall-clock times.
     pub times: StageTimes,
+}
+
+/// The figure that a scene is about.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GoalReport {
+    /// What it is, with its unit: `force_n`, `displacement_m` or `volume_m3`.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// How far that is from the value on a mesh without end; none with an indicator that can't tell.
+    pub error: Option<f64>,
 }
 
 /// The deformed mesh at one moment, for output.
@@ -242,6 +255,17 @@ pub struct InverseSummary {
     pub drift_max: f64,
 }
 
+/// The estimates of error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct EstimateSummary {
+    /// Of the energy, relative, in the last step in which it was measured.
+    pub energy_end: Option<f64>,
+    /// The largest of all steps.
+    pub energy_max: Option<f64>,
+    /// The goal at the last measurement, if the scene has one.
+    pub goal_end: Option<GoalReport>,
+}
+
 /// The force on the tools.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ForceSummary {
@@ -287,6 +311,8 @@ pub struct Summary {
     pub steps: StepSummary,
     /// The inverse.
     pub inverse: InverseSummary,
+    /// How far figures are from those on a mesh without end, by estimate.
+    pub error_estimate: EstimateSummary,
     /// The force on the tools.
     pub force: ForceSummary,
     /// How a dynamic body moves at the end.

@@ -10,6 +10,8 @@ pub struct ToolReport {
     /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds,
     /// Σ λ n over what a probe pushes, the load of a pressure, a load.
     pub force_n: [f64; 3],
+    /// How far the size of the force is from that on a mesh without end, N; none where it is not known.
+    pub force_error_n: Option<f64>,
     /// Torque of the tool on the body about the tool's reference point, scanner axes, N m.
     pub torque_n_m: [f64; 3],
     /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has
@@ -31,6 +33,9 @@ pub struct ToolSummary {
     pub kind: &'static str,
     /// Largest magnitude of its force, N.
     pub force_max_n: f64,
+    /// How far that is from the force on a mesh without end, N, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_max_error_n: Option<f64>,
     /// Magnitude at the end, N.
     pub force_end_n: f64,
     /// Largest magnitude of its torque, N m.
@@ -48,7 +53,9 @@ impl ToolSummary {
     pub(crate) fn add(&mut self, report: &ToolReport) {
         let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         (self.force_end_n, self.torque_end_n_m) = (norm(&report.force_n), norm(&report.torque_n_m));
-        self.force_max_n = self.force_max_n.max(self.force_end_n);
+        if self.force_end_n > self.force_max_n {
+            (self.force_max_n, self.force_max_error_n) = (self.force_end_n, report.force_error_n);
+        }
         self.torque_max_n_m = self.torque_max_n_m.max(self.torque_end_n_m);
         self.contacts_max = self.contacts_max.max(report.contacts);
         self.penetration_max_m = self.penetration_max_m.max(report.penetration_m);

@@ -232,6 +232,43 @@ pub struct Refinement {
     pub dwell_steps: usize,
     /// Splits in one step at most, largest indicator first.
     pub max_splits_per_step: usize,
+    /// A figure whose error is estimated too, and to which the indicator `goal` refines; for that the
+    /// force of the first tool if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub goal: Option<GoalEntry>,
+}
+
+/// A figure of a run by its `kind`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum GoalEntry {
+    /// The size of the force of a tool that holds material or probes, N.
+    Force {
+        /// Its number, in the order of the scene.
+        tool: usize,
+    },
+    /// How far the material in a region has moved, m.
+    Displacement {
+        /// Where, at rest.
+        region: Region,
+        /// Along which direction, in scanner axes.
+        direction: [f64; 3],
+    },
+    /// The volume of the material in a region, m³.
+    Volume {
+        /// Where, at rest.
+        region: Region,
+    },
+}
+
+impl GoalEntry {
+    /// The material that it is of, unless it is of a tool.
+    pub fn region(&self) -> Option<&Region> {
+        match self {
+            Self::Force { .. } => None,
+            Self::Displacement { region, .. } | Self::Volume { region } => Some(region),
+        }
+    }
 }
 
 /// Motion with inertia, by implicit Euler.
@@ -340,11 +377,12 @@ impl Default for Void {
 impl Default for Refinement {
     fn default() -> Self {
         Self {
-            target: 0.03,
+            target: 0.08,
             split_above: None,
             merge_fraction: 0.02,
             dwell_steps: 2,
             max_splits_per_step: 200,
+            goal: None,
         }
     }
 }

@@ -15,7 +15,7 @@ mod stage_names;
 mod tool;
 
 pub use description::{
-    BesideTissue, Budget, Dynamics, Image, MassModel, MaterialEntry, MeshOptions, Output, Phantom,
+    BesideTissue, Budget, Dynamics, GoalEntry, Image, MassModel, MaterialEntry, MeshOptions, Output, Phantom,
     Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry, Time, Void,
 };
 pub use stage_names::{Adapter, StageNames};

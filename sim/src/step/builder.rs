@@ -14,6 +14,7 @@ use super::contact::ContactState;
 use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
+use super::figures::Figure;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
@@ -21,7 +22,7 @@ use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{InverseFactory, InverseLink};
 use crate::report::{Recorder, RunStatistics, Surfaces};
-use crate::scene::{BesideTissue, Scene, SupportHold};
+use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold};
 use crate::tools::{self, BodyAtRest, MaterialHold, Regions, Tool};
 
 /// All tools, by number.
@@ -107,6 +108,10 @@ impl<'a> SimulationBuilder<'a> {
         let start = Start::new(scene, self.volume.take())?;
         let (mut tools, holds, grips) = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element);
+        let first = GoalEntry::Force { tool: 0 };
+        let asked = scene.refinement.goal.as_ref();
+        let goal = asked.or_else(|| stages.indicator.is_of_goal().then_some(&first));
+        let goal_points = goal.and_then(GoalEntry::region).map(|at| start.material_points(at));
         let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
         let integrator = stages.take_integrator(scene)?;
         let Stages {
@@ -156,6 +161,11 @@ impl<'a> SimulationBuilder<'a> {
             }
         };
         hold_material(grips, &name, &mut state)?;
+        let goal = goal.map(|goal| {
+            let points = goal_points.unwrap_or_default();
+            Figure::new(goal, points, scene, &axes, &mut state, &tools)
+        });
+        let goal = goal.transpose()?;
         let motion = Motion::new(scene, integrator, &axes, &mut state);
         let built_in = || dynamics::formulation(scene, element, state.body.law(), motion.as_ref());
         let formulation = own.map_or_else(built_in, Ok)?;
@@ -170,6 +180,7 @@ impl<'a> SimulationBuilder<'a> {
             contact: ContactState::default(),
             solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),
             body: SimulatedBody { state, inverse: link, refiner },
+            goal,
             recorder: Recorder { axes, plan, body: body_summary, volume, surfaces, statistics },
             support: Vector3::zeros(),
         })

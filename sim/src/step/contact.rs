@@ -1,6 +1,6 @@
 //! Where probes touch the surface, and with what force.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use yawara_corot::{
     Constraints, Contact, ContactOutcome, ElementPoint, Equilibrium, Loads, Obstacle, Outcome,
     Problem, Sphere, Tolerance, solve_with_contact,
@@ -287,23 +287,54 @@ impl ContactState {
         (force, torque, count, self.penetration)
     }
 
-    /// ∂force/∂(displacement) of a tool while its contacts stay: −N (N Ĉ Nᵀ)⁻¹ Nᵀ in the sense of
-    /// [`of_tool`](Self::of_tool), N/m, symmetric negative; with the sign turned, the inverse of
-    /// the compliance that the tool feels. Zero without contact.
-    pub fn stiffness(&self, tool: usize) -> Matrix3<f64> {
-        let k = self.pushes.len();
-        let mine: Vec<usize> = (0..k).filter(|&i| self.pushes[i].tool == tool).collect();
-        if mine.is_empty() || self.compliance.len() != k * k {
-            return Matrix3::zeros();
+    /// Adds to `loads`, and to `forces` by vertex number, by how much contacts push more where the body
+    /// moves by `moves` and the tool of `lead` by that, m, so that all of them stay.
+    pub fn add_changes(
+        &self,
+        moves: &[Vector3<f64>],
+        lead: Option<(usize, Vector3<f64>)>,
+        forces: &mut [Vector3<f64>],
+        loads: &mut Loads,
+    ) {
+        let lack = |push: &Push| {
+            let lead = lead.filter(|lead| lead.0 == push.tool).map_or_else(Vector3::zeros, |l| l.1);
+            push.normal.dot(&(lead - push.point.position(moves)))
+        };
+        let lacks = DVector::from_iterator(self.pushes.len(), self.pushes.iter().map(lack));
+        let all: Vec<usize> = (0..self.pushes.len()).collect();
+        let Some(growth) = self.factor(&all).map(|factor| factor.solve(&lacks)) else { return };
+        for (push, growth) in self.pushes.iter().zip(growth.iter()) {
+            let force = *growth * push.normal;
+            loads.add_point(&push.point, force);
+            for (&v, weight) in push.point.vertices.iter().zip(push.point.weights) {
+                forces[v] += weight * force;
+            }
         }
-        let n = mine.len();
-        let mut w = DMatrix::from_fn(n, n, |i, j| self.compliance[k * mine[i] + mine[j]]);
+    }
+
+    /// N Ĉ Nᵀ of some of the pushes, factored; none without contact or where it is not known.
+    fn factor(&self, pushes: &[usize]) -> Option<Cholesky<f64, Dyn>> {
+        let (k, n) = (self.pushes.len(), pushes.len());
+        if n == 0 || self.compliance.len() != k * k {
+            return None;
+        }
+        let mut w = DMatrix::from_fn(n, n, |i, j| self.compliance[k * pushes[i] + pushes[j]]);
         let largest = w.diagonal().max();
         for i in 0..n {
             w[(i, i)] += REGULAR * largest;
         }
-        let normals = DMatrix::from_fn(n, 3, |i, axis| self.pushes[mine[i]].normal[axis]);
-        let Some(factor) = w.cholesky() else { return Matrix3::zeros() };
+        w.cholesky()
+    }
+
+    /// ∂force/∂(displacement) of a tool while its contacts stay: −N (N Ĉ Nᵀ)⁻¹ Nᵀ in the sense of
+    /// [`of_tool`](Self::of_tool), N/m, symmetric negative; with the sign turned, the inverse of
+    /// the compliance that the tool feels. Zero without contact.
+    pub fn stiffness(&self, tool: usize) -> Matrix3<f64> {
+        let mine = (0..self.pushes.len()).filter(|&i| self.pushes[i].tool == tool);
+        let mine: Vec<usize> = mine.collect();
+        let Some(factor) = self.factor(&mine) else { return Matrix3::zeros() };
+        let normals =
+            DMatrix::from_fn(mine.len(), 3, |i, axis| self.pushes[mine[i]].normal[axis]);
         let product = normals.transpose() * factor.solve(&normals);
         Matrix3::from_fn(|i, j| 0.5 * (product[(i, j)] + product[(j, i)]))
     }

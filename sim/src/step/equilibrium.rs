@@ -4,7 +4,9 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::{Equilibrium, InternalForces, Outcome, Problem, Tolerance, forces_with_inertia};
+use yawara_corot::{
+    Equilibrium, InternalForces, Loads, Outcome, Problem, Tolerance, forces_with_inertia,
+};
 use yawara_inverse_update::InverseError;
 use yawara_mesh::VertexId;
 
@@ -82,6 +84,67 @@ impl StepSolver {
     /// Time up to which the body has been followed, s.
     pub fn reached_s(&self) -> f64 {
         self.reached_s
+    }
+
+    /// Whether nothing but tools acts on a body without inertia.
+    pub fn is_left_to_tools(&self) -> bool {
+        self.motion.is_none() && self.gravity == Vector3::zeros() && self.fading.is_empty()
+    }
+
+    /// How the body of the last equilibrium answers when a tool moves by `lead`, or to `loads`, m and N:
+    /// its moves, the pressures that belong to them, both by vertex number, and all that acts then.
+    ///
+    /// Vertices that tools hold stay. Cost: an application of the inverse, two under contact.
+    /// # Errors
+    /// [`SimError::Inverse`] if the inverse fails.
+    pub fn answer(
+        &self,
+        lead: Option<(usize, Vector3<f64>)>,
+        mut loads: Loads,
+        acting: &mut Acting<'_>,
+    ) -> Result<(Vec<Vector3<f64>>, Vec<f64>, Loads), SimError> {
+        let Acting { state, contact, inverse, .. } = acting;
+        let held = Held::new(state, inverse)?;
+        let mut forces = loads.vertices().to_vec();
+        forces.resize(state.positions.len(), Vector3::zeros());
+        let leads = lead.map(|(tool, lead)| {
+            self.grips.add_pads(tool, &lead, state, &mut forces);
+            self.grips.leads(tool, &lead, state)
+        });
+        let error = RefCell::new(None);
+        let apply = |f: &[f64], y: &mut [f64]| {
+            if let Err(failed) = held.constrained.apply(f, y) {
+                y.fill(f64::NAN);
+                *error.borrow_mut() = Some(failed);
+            }
+        };
+        let constraints = self.grips.constraints();
+        let problem = Problem {
+            body: &mut state.body,
+            forces: &*self.forces,
+            inertia: None,
+            external: &[],
+            free: &held.free,
+            constraints,
+            inverse: &apply,
+        };
+        let (mut moves, mut pressures) = problem.answer(&forces, leads.as_ref());
+        if contact.is_pressed() {
+            let mut pushes = vec![Vector3::zeros(); moves.len()];
+            contact.add_changes(&moves, lead, &mut pushes, &mut loads);
+            let (more, of_more) = problem.answer(&pushes, None);
+            moves.iter_mut().zip(more).for_each(|(a, b)| *a += b);
+            pressures.iter_mut().zip(of_more).for_each(|(a, b)| *a += b);
+            forces.iter_mut().zip(pushes).for_each(|(a, b)| *a += b);
+        }
+        if let Some(error) = error.into_inner() {
+            return Err(error);
+        }
+        let rows = constraints.map_or_else(Vec::new, |constraints| {
+            constraints.forces_under(&state.body, &forces, leads.as_ref())
+        });
+        self.grips.add_changes(&moves, lead, rows, state, &mut loads);
+        Ok((moves, pressures, loads))
     }
 
     /// Mass, momentum and energy of a body with inertia.

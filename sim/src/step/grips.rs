@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{DVector, Matrix3, Point3, Vector3};
 use yawara_corot::{Constraints, Loads, Responses};
 use yawara_mesh::VertexId;
 
@@ -91,8 +91,8 @@ impl Grips {
         free: &[bool],
         state: &BodyState,
     ) {
-        self.forces.clear();
         if self.held.is_empty() {
+            self.forces.clear();
             return;
         }
         let m = state.body.unknowns_per_vertex();
@@ -100,13 +100,68 @@ impl Grips {
         for v in (0..free.len()).filter(|&v| free[v]) {
             residual[m * v..m * v + 3].copy_from_slice(left(v).as_slice());
         }
-        let mut rows = self.constraints.forces(&state.body, &residual).into_iter();
+        self.forces = self.by_grip(self.constraints.forces(&state.body, &residual));
+    }
+
+    /// The forces of constraints by the grip that they are of.
+    fn by_grip(&self, rows: Vec<Vec<(usize, Vector3<f64>)>>) -> Vec<Forces> {
+        let mut rows = rows.into_iter();
         let firsts = self.held.iter().map(|held| held.1).chain([self.constraints.len()]);
         let firsts: Vec<usize> = firsts.collect();
-        for of in firsts.windows(2) {
-            let forces = rows.by_ref().take(of[1] - of[0]).flatten();
-            self.forces.push(forces.map(|(v, f)| (VertexId(v as u32), f)).collect());
+        let of = |ends: &[usize]| {
+            let forces = rows.by_ref().take(ends[1] - ends[0]).flatten();
+            forces.map(|(v, f)| (VertexId(v as u32), f)).collect()
+        };
+        firsts.windows(2).map(of).collect()
+    }
+
+    /// The constraints of the last equilibrium, if there are any.
+    pub fn constraints(&self) -> Option<&Constraints> {
+        (!self.held.is_empty()).then_some(&self.constraints)
+    }
+
+    /// By how much the targets of the constraints change where a tool moves by `lead`, m.
+    pub fn leads(&self, tool: usize, lead: &Vector3<f64>, state: &BodyState) -> DVector<f64> {
+        let mut leads = DVector::zeros(self.constraints.len());
+        for (number, first) in &self.held {
+            if state.grip_tools[*number] == Some(tool) {
+                leads.fixed_rows_mut::<3>(*first).copy_from(lead);
+            }
         }
+        leads
+    }
+
+    /// Adds by how much the pads of a tool that moves by `lead` (m) pull more to `forces`, by vertex
+    /// number, N.
+    pub fn add_pads(
+        &self,
+        tool: usize,
+        lead: &Vector3<f64>,
+        state: &BodyState,
+        forces: &mut [Vector3<f64>],
+    ) {
+        for (grip, of) in state.body.grips().iter().zip(&state.grip_tools) {
+            let Some(stiffness) = grip.stiffness().filter(|_| *of == Some(tool)) else { continue };
+            let whole = stiffness * grip.weight();
+            grip.mean_weights().iter().for_each(|(v, weight)| forces[*v] += whole * weight * lead);
+        }
+    }
+
+    /// Adds to `loads` by how much grips do something else to the body where it moves by `moves` (by vertex
+    /// number) and the tool of `lead` by that, m, while constraints take the forces of `rows`.
+    pub fn add_changes(
+        &self,
+        moves: &[Vector3<f64>],
+        lead: Option<(usize, Vector3<f64>)>,
+        rows: Vec<Vec<(usize, Vector3<f64>)>>,
+        state: &BodyState,
+        loads: &mut Loads,
+    ) {
+        for (grip, tool) in state.body.grips().iter().zip(&state.grip_tools) {
+            let mine = lead.filter(|lead| *tool == Some(lead.0));
+            grip.add_change(moves, &mine.map_or_else(Vector3::zeros, |lead| lead.1), loads);
+        }
+        self.share(&self.by_grip(rows), state, loads);
     }
 
     /// The forces of a tool on the body at the last equilibrium, N.
@@ -125,15 +180,20 @@ impl Grips {
         for grip in state.body.grips() {
             grip.add_loads(&state.positions, &mut loads);
         }
-        for ((number, _), forces) in self.held.iter().zip(&self.forces) {
+        self.share(&self.forces, state, &mut loads);
+        loads
+    }
+
+    /// Adds forces of constraints, by grip, to `loads`, shared among the points of each.
+    fn share(&self, forces: &[Forces], state: &BodyState, loads: &mut Loads) {
+        for ((number, _), forces) in self.held.iter().zip(forces) {
             let grip = &state.body.grips()[*number];
             let centre = grip.pose() * Point3::from(grip.centre());
             let force: Vector3<f64> = forces.iter().map(|(_, f)| f).sum();
             let arm = |v: &VertexId| state.positions[v.index()] - centre.coords;
             let torque: Vector3<f64> = forces.iter().map(|(v, f)| arm(v).cross(f)).sum();
-            grip.add_shares(&force, &torque, &mut loads);
+            grip.add_shares(&force, &torque, loads);
         }
-        loads
     }
 
     /// The forces of all supports on the body, N.

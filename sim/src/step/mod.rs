@@ -4,13 +4,15 @@
 //! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads,
 //! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
 //! probes by `contact`. `refinement` splits and merges the mesh of `content` where the
-//! [`indicator`] and `marking` ask for it; `tool_forces` measures what tools feel.
+//! [`indicator`] and `marking` ask for it, and estimates how far
+//! `figures` are from those of a finer one; `tool_forces` measures what tools feel.
 
 mod builder;
 mod contact;
 mod content;
 mod dynamics;
 mod equilibrium;
+mod figures;
 mod grips;
 mod held;
 pub mod indicator;

@@ -7,7 +7,7 @@ use yawara_corot::Loads;
 use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
 use super::content::Content;
-use super::indicator::{Indicator, RingMember, Sight};
+use super::indicator::{Dual, Indicator, Measured, RingMember, Sight};
 use super::marking::{Limits, Wish};
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
@@ -29,10 +29,12 @@ pub(crate) struct Refiner {
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.
     measured: Vec<f64>,
-    /// How far the energy is from that on a mesh without end, relative, at the last measurement.
-    error_estimate: Option<f64>,
+    /// Of the last measurement.
+    estimates: Estimates,
     /// The largest energy so far, J.
     most_energy: f64,
+    /// The largest goal so far, in its unit.
+    most_goal: f64,
     delta: MeshDelta,
     ring: Vec<Tet>,
     members: Vec<RingMember>,
@@ -58,6 +60,17 @@ pub(crate) struct Round<'a> {
     pub deadline: Option<Instant>,
     /// What holds the body and pushes it.
     pub loads: &'a Loads,
+    /// The figures whose error is asked for.
+    pub duals: &'a [Dual],
+}
+
+/// How far figures are from those on a mesh without end.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Estimates {
+    /// Of the energy, relative; none where that is nothing beside what it was, or not known.
+    pub energy: Option<f64>,
+    /// Of the figure of each dual, in its unit; empty where it is not known.
+    pub figures: Vec<f64>,
 }
 
 /// What one round of remeshing did.
@@ -76,8 +89,9 @@ impl Refiner {
             rules,
             regions,
             measured: Vec::new(),
-            error_estimate: None,
+            estimates: Estimates::default(),
             most_energy: 0.0,
+            most_goal: 0.0,
             delta: MeshDelta::empty(),
             ring: Vec::new(),
             members: Vec::new(),
@@ -90,9 +104,14 @@ impl Refiner {
         self.measured.get(tet.index()).copied().unwrap_or(0.0)
     }
 
-    /// The relative error of energy, once after each measurement of an indicator that has one.
-    pub fn take_estimate(&mut self) -> Option<f64> {
-        self.error_estimate.take()
+    /// The estimates, once after each measurement of an indicator that has them.
+    pub fn take_estimates(&mut self) -> Estimates {
+        std::mem::take(&mut self.estimates)
+    }
+
+    /// Whether the indicator says how far figures are off.
+    pub fn estimates(&self) -> bool {
+        self.rules.indicator.estimates()
     }
 
     /// Splits that are wanted and have to wait.
@@ -107,7 +126,8 @@ impl Refiner {
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
-        let limits = self.rank_splits(round.state, round.loads)?;
+        let Round { state, loads, duals, .. } = round;
+        let limits = self.rank_splits(&Sight { body: state, loads, duals })?;
         let leaving = self.wanted_merges(round.state, round.step, limits.merge_below);
         times.indicator_ms = milliseconds(begin);
 
@@ -141,12 +161,12 @@ impl Refiner {
         Ok(done)
     }
 
-    /// The estimate on a mesh that stays as it is, if the indicator has one.
-    pub fn measure(&mut self, state: &BodyState, loads: &Loads, times: &mut StageTimes) {
+    /// The estimates on a mesh that stays as it is, if the indicator has any.
+    pub fn measure(&mut self, sight: &Sight<'_>, times: &mut StageTimes) {
         let begin = Instant::now();
-        if let Some(values) = self.rules.indicator.elements(&Sight { body: state, loads }) {
-            let energy = self.note_energy(state);
-            self.estimate(values.iter().sum(), energy);
+        if let Some(measured) = self.rules.indicator.elements(sight) {
+            let energy = self.note_energy(sight.body);
+            self.estimate(&measured, energy);
             times.indicator_ms = milliseconds(begin);
         }
     }
@@ -158,32 +178,37 @@ impl Refiner {
         energy
     }
 
-    fn estimate(&mut self, sum: f64, energy: f64) {
+    fn estimate(&mut self, measured: &Measured, energy: f64) {
         let is_much = energy > NOTHING * self.most_energy;
-        let scale = self.rules.indicator.error_over_sum().filter(|_| is_much);
-        self.error_estimate = scale.map(|scale| scale * sum / energy);
+        let relative = measured.energy_error.filter(|_| is_much).map(|error| error / energy);
+        self.estimates = Estimates { energy: relative, figures: measured.errors.clone() };
     }
 
     /// Queues all splits that are wanted now, the largest indicator first. What waited before is
     /// measured again with all others: a split is wanted only while its cause lasts, and it keeps
     /// its place.
-    fn rank_splits(&mut self, state: &BodyState, loads: &Loads) -> Result<Limits, SimError> {
+    fn rank_splits(&mut self, sight: &Sight<'_>) -> Result<Limits, SimError> {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
-        let energy = self.note_energy(state);
-        let sight = Sight { body: state, loads };
-        let wishes = match self.rules.indicator.elements(&sight) {
-            Some(values) => {
-                self.estimate(values.iter().sum(), energy);
-                self.element_wishes(state, &values)
+        let energy = self.note_energy(sight.body);
+        let wishes = match self.rules.indicator.elements(sight) {
+            Some(measured) => {
+                self.estimate(&measured, energy);
+                self.element_wishes(sight.body, &measured.values)
             }
-            None => self.ring_wishes(state),
+            None => self.ring_wishes(sight.body),
         };
         // What is nothing beside what was asks for nothing.
-        let energy = energy.max(NOTHING * self.most_energy);
+        let figure = match (self.rules.indicator.is_of_goal(), sight.duals.first()) {
+            (true, Some(goal)) => {
+                self.most_goal = self.most_goal.max(goal.value.abs());
+                goal.value.abs().max(NOTHING * self.most_goal)
+            }
+            _ => energy.max(NOTHING * self.most_energy),
+        };
         let scale = self.rules.indicator.error_over_sum();
-        let limits = self.rules.refinement.limits(&wishes, scale.map(|scale| energy / scale));
+        let limits = self.rules.refinement.limits(&wishes, scale.map(|scale| figure / scale));
         for Wish { point, value } in wishes {
             if value > limits.split_above {
                 // An infinite indicator has to be ranked like any other.
@@ -237,13 +262,29 @@ impl Refiner {
             // A tool keeps what it holds until it lets go.
             .filter(|v| !matches!(state.holds[v.index()], Hold::Grabbed(_)))
             .collect();
+        let made = self.rules.indicator.is_of_goal().then(|| self.sums_by_newest());
         settled
             .into_iter()
             .filter(|&v| {
                 self.content.forest.merge_ring(v, &mut self.ring)
-                    && self.measure_ring(state) <= limit
+                    && limit >= made.as_ref().map_or_else(|| self.measure_ring(state), |made| made[v.index()])
             })
             .collect()
+    }
+
+    /// By vertex number the sum of the last measurement over the leaves whose newest vertex it is: once it
+    /// can go out, those that it made.
+    fn sums_by_newest(&self) -> Vec<f64> {
+        let forest = &self.content.forest;
+        let mut sums = vec![0.0; forest.vertex_capacity()];
+        for leaf in forest.leaves() {
+            let [mut newest, others @ ..] = leaf.vertices;
+            for v in others {
+                newest = if forest.generation(v) > forest.generation(newest) { v } else { newest };
+            }
+            sums[newest.index()] += self.measured[leaf.id.index()];
+        }
+        sums
     }
 
     /// The indicator of the coarse tetrahedra now in `self.ring`.

@@ -1,5 +1,6 @@
 //! The loop over steps: tools, equilibrium, indicator, splits and merges, inverse.
 
+use std::iter;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
@@ -8,14 +9,16 @@ use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
-use super::refinement::{Refiner, Remeshed, Round};
+use super::figures::{self, Figure};
+use super::indicator::{Dual, Sight};
+use super::refinement::{Estimates, Refiner, Remeshed, Round};
 use super::span::Span;
 use super::tool_forces::ToolForces;
 use crate::body::BodyState;
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::report::{
-    Fields, Frame, Momentum, PlanRow, Probe, Recorder, StageTimes, StepReport, Summary,
+    Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary, ToolReport,
     milliseconds,
 };
 use crate::scene::Scene;
@@ -28,6 +31,8 @@ pub struct Simulation {
     pub(super) tools: Vec<Box<dyn Tool>>,
     pub(super) contact: ContactState,
     pub(super) solver: StepSolver,
+    /// The figure that the scene is about, if it names one.
+    pub(super) goal: Option<Figure>,
     pub(super) recorder: Recorder,
     /// Force of the fixed vertices on the body at the last equilibrium, solver axes, N.
     pub(super) support: Vector3<f64>,
@@ -86,12 +91,12 @@ impl Simulation {
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let mut outcome = solver.advance(span, &mut acting)?;
         let felt = self.felt();
-        let (support, reports) = (felt.support(), felt.reports(&self.tools));
+        let (support, mut reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
         let remeshed = match outcome.report.converged {
-            true => self.remesh(step, begin, &mut outcome.report.times)?,
+            true => self.remesh(step, begin, &mut reports, &mut outcome.report)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &mut self.body;
@@ -103,7 +108,6 @@ impl Simulation {
             splits: remeshed.splits,
             merges: remeshed.merges,
             waiting: refiner.as_ref().map_or(0, Refiner::waiting),
-            error_estimate: refiner.as_mut().and_then(Refiner::take_estimate),
             force_n,
             tools: reports,
             ..outcome.report
@@ -112,35 +116,64 @@ impl Simulation {
         Ok(outcome.report)
     }
 
-    /// The splits and merges of a step that began at `begin`.
+    /// The splits and merges of a step that began at `begin`, and the estimates before them.
     fn remesh(
         &mut self,
         step: usize,
         begin: Instant,
-        times: &mut StageTimes,
+        felt: &mut [ToolReport],
+        report: &mut StepReport,
     ) -> Result<Remeshed, SimError> {
-        let SimulatedBody { state, inverse, refiner } = &mut self.body;
+        let Self { body, tools, contact, solver, goal, scene, recorder, .. } = self;
+        let SimulatedBody { state, inverse, refiner } = body;
         let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
-        let refines = self.scene.mesh.refines();
-        let is_written = step.is_multiple_of(self.scene.output.frames_every);
-        if !refines && !is_written && self.scene.time.steps != step {
+        let refines = scene.mesh.refines();
+        let is_written = step.is_multiple_of(scene.output.frames_every);
+        if !refines && !is_written && scene.time.steps != step {
             return Ok(Remeshed::default());
         }
-        let mut loads = self.solver.grips.loads(state);
-        self.contact.add_to(&mut loads);
-        if !refines {
-            refiner.measure(state, &loads, times);
-            return Ok(Remeshed::default());
+        let mut loads = solver.grips.loads(state);
+        contact.add_to(&mut loads);
+        let mut acting = Acting { state, contact, tools, inverse };
+        let alone = figures::alone(solver, &acting, felt);
+        let figures = match refiner.estimates() {
+            true => figures::asked(*goal, solver, &acting, felt),
+            false => Vec::new(),
+        };
+        let forces: Vec<_> =
+            felt.iter().map(|tool| recorder.axes.to_solver_direction(&tool.force_n.into())).collect();
+        let duals = figures.iter().map(|figure| figure.dual(solver, &mut acting, &forces));
+        let duals: Vec<Dual> = duals.collect::<Result<_, _>>()?;
+        let duals = &duals[..];
+        let mut remeshed = Remeshed::default();
+        if refines {
+            let budget = &scene.budget;
+            let allowed = budget.step_ms.filter(|_| budget.realtime);
+            let deadline = allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3));
+            let loads = &loads;
+            let mut round = Round { state, inverse, tools, step, deadline, loads, duals };
+            remeshed = refiner.remesh(&mut round, &mut report.times)?;
+        } else {
+            refiner.measure(&Sight { body: state, loads: &loads, duals }, &mut report.times);
         }
-        let budget = &self.scene.budget;
-        let allowed = budget.step_ms.filter(|_| budget.realtime);
-        let deadline = allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3));
-        let (tools, loads) = (&self.tools, &loads);
-        let mut round = Round { state, inverse, tools, step, deadline, loads };
-        let remeshed = refiner.remesh(&mut round, times)?;
+        let Estimates { energy, figures: errors } = refiner.take_estimates();
+        report.error_estimate = energy;
+        if let (Some(alone), Some(energy)) = (alone, energy) {
+            felt[alone].force_error_n = Some(energy * forces[alone].norm());
+        }
+        let errors = errors.into_iter().map(Some).chain(iter::repeat(None));
+        for ((figure, dual), error) in figures.iter().zip(duals).zip(errors) {
+            if let (Figure::Force(tool), Some(_)) = (figure, error) {
+                felt[*tool].force_error_n = error;
+            }
+            if Some(*figure) == *goal {
+                let (name, value) = (figure.name(), dual.value);
+                report.goal = Some(GoalReport { name, value, error });
+            }
+        }
         if remeshed.splits + remeshed.merges > 0 {
-            inverse.watch(self.scene.seed.wrapping_add(step as u64))?;
-            self.tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
+            inverse.watch(scene.seed.wrapping_add(step as u64))?;
+            tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
         }
         Ok(remeshed)
     }

@@ -61,6 +61,7 @@ impl ToolForces<'_> {
         ToolReport {
             kind: tool.kind(),
             force_n: self.axes.to_ras_direction(&force).into(),
+            force_error_n: None,
             torque_n_m: self.axes.to_ras_direction(&torque).into(),
             reference_mm: self.axes.to_ras_mm(&reference).into(),
             contacts,

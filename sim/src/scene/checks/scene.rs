@@ -6,7 +6,7 @@ use std::path::Path;
 use super::check::Check;
 use crate::SimError;
 use crate::scene::{
-    AUTO, Adapter, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry,
+    AUTO, Adapter, GoalEntry, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry,
 };
 
 /// The most steps of a run.
@@ -212,7 +212,24 @@ impl Check<'_> {
         self.that(in_range, "refinement.target", target, "more than 0 and less than 1")?;
         let fraction = refinement.merge_fraction;
         let in_range = (0.0..1.0).contains(&fraction);
-        self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")
+        self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")?;
+        self.goal(scene)
+    }
+
+    fn goal(&self, scene: &Scene) -> Result<(), SimError> {
+        let Some(goal) = &scene.refinement.goal else { return Ok(()) };
+        let want = "no such key with mesh.path, whose mesh has no levels, or [dynamics]";
+        let is_known = scene.mesh.path.is_none() && scene.dynamics.is_none();
+        self.that(is_known, "refinement.goal", goal, want)?;
+        if let Some(region) = goal.region() {
+            self.region(region, "refinement.goal.region")?;
+        }
+        match goal {
+            GoalEntry::Displacement { direction, .. } => {
+                self.axis(direction, "refinement.goal.direction")
+            }
+            GoalEntry::Force { .. } | GoalEntry::Volume { .. } => Ok(()),
+        }
     }
 
     fn dynamics(&self, scene: &Scene) -> Result<(), SimError> {

@@ -79,7 +79,7 @@ impl Check<'_> {
         Ok(time_s)
     }
 
-    fn axis(&self, axis: &[f64; 3], key: &str) -> Result<(), SimError> {
+    pub fn axis(&self, axis: &[f64; 3], key: &str) -> Result<(), SimError> {
         self.vector(key, axis)?;
         // The square of a smaller axis underflows, and its direction with it.
         let long = axis.iter().any(|x| x.abs() > 1e-100) && axis.iter().all(|x| x.abs() < 1e100);

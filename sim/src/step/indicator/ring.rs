@@ -1,10 +1,9 @@
 //! What an indicator is, and the ring of tetrahedra that it measures.
 
 use nalgebra::{Matrix3, Vector3};
-use yawara_corot::Loads;
 use yawara_embed::{ChildPair, LinearTet, ParentMaterial, Strain, strain_from_gradient};
 
-use crate::body::BodyState;
+use super::sight::{Measured, Sight};
 
 /// A tetrahedron of a ring in its current state.
 #[derive(Clone, Copy, Debug)]
@@ -94,26 +93,29 @@ pub trait Indicator: Send {
     /// The indicator of a complete ring; compared with `refinement.split_above`.
     fn measure(&self, ring: &[RingMember]) -> f64;
 
-    /// The indicators of all elements, in the order of [`BodyState::elements`], for one that looks at
-    /// more than rings. A vertex then counts for the sum over the elements that it would bisect, and
-    /// may ask for others that have to come in before it; what may go out is still asked of
-    /// [`measure`](Self::measure).
-    fn elements(&self, _sight: &Sight<'_>) -> Option<Vec<f64>> {
+    /// The indicators of all elements, for one that looks at more than rings. A vertex then counts for the
+    /// sum over the elements that it would bisect, and may ask for others that have to come in before it;
+    /// what may go out is still asked of [`measure`](Self::measure).
+    fn elements(&self, _sight: &Sight<'_>) -> Option<Measured> {
         None
     }
 
-    /// How much more energy the body has than on a mesh without end, over the sum of all indicators;
-    /// none if they are no energies. `refinement.target` and the error estimate need it.
+    /// How much more energy the body has than on a mesh without end (how far the goal is from that there, if
+    /// [`is_of_goal`](Self::is_of_goal)), over the sum of all indicators; none if they are no parts of an
+    /// error. `refinement.target` needs it.
     fn error_over_sum(&self) -> Option<f64> {
         None
     }
-}
 
-/// A body in equilibrium, as an indicator sees all of it.
-pub struct Sight<'a> {
-    /// The body.
-    pub body: &'a BodyState,
-    /// What holds it and pushes it. What else acts is spread over elements: weight,
-    /// inertia, loads that tools name by vertex.
-    pub loads: &'a Loads,
+    /// Whether [`elements`](Self::elements) says the errors of energy and of figures. Duals are made for one
+    /// that does.
+    fn estimates(&self) -> bool {
+        false
+    }
+
+    /// Whether it measures the first of [`Sight::duals`], the scene's goal, in place of energy. A vertex
+    /// then goes out by the sum over the elements that it made.
+    fn is_of_goal(&self) -> bool {
+        false
+    }
 }
