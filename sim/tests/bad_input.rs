@@ -317,7 +317,7 @@ fn value_out_of_range() {
         ("stages.homogenisation=magic", "laminate"),
         ("stages.corotation=magic", "element"),
         ("stages.equilibrium=magic", "anderson"),
-        ("stages.indicator=magic", "energy, residual, volume"),
+        ("stages.indicator=magic", "energy, residual, goal, volume"),
         ("image.size_mm=[40, 20, 21]", "image.size_mm[2] is 21.0"),
         ("image.voxel_mm=-5", "image.voxel_mm"),
         ("image.path=\"\"", "image.path"),

@@ -29,6 +29,10 @@ fn uniform(level: u8, set: &[String]) -> StepReport {
     farthest(&[&keys[..], set].concat())
 }
 
+fn force(report: &StepReport) -> f64 {
+    Vector3::from(report.force_n).norm()
+}
+
 /// What levels 0 to 6 go to, which levels of half the edge give by Richardson's rule.
 fn limit(values: &[f64]) -> f64 {
     let [first, second] = [values[0] - values[3], values[3] - values[6]];
@@ -48,7 +52,7 @@ fn the_estimate_is_the_error_within_a_factor_on_every_uniform_mesh() {
     for element in ["p1", "p1p1"] {
         let set = [UNLOADED.into(), A_LITTLE.into(), format!("stages.element={element}")];
         let runs: Vec<StepReport> = (0..=6).map(|level| uniform(level, &set)).collect();
-        let forces: Vec<f64> = runs.iter().map(|report| Vector3::from(report.force_n).norm()).collect();
+        let forces: Vec<f64> = runs.iter().map(force).collect();
         assert!(forces.is_sorted_by(|a, b| a > b), "{element}: {forces:?}");
         let limit = limit(&forces);
         limits.push(limit);
@@ -105,6 +109,32 @@ fn errors_of_forces_displacements_and_volumes_are_estimated_by_their_duals() {
     }
 }
 
+/// Lifted by a small ball of material near its end; how far the middle moves does not depend on what
+/// happens around the ball.
+#[test]
+fn a_mesh_refined_to_a_goal_has_less_error_of_it_with_no_more_vertices() {
+    let lifted = |indicator: &str, target: f64| {
+        let load = "tools=[{kind='load', region={shape='sphere', centre=[0.9,0.5,0.9], \
+                    radius_m=0.006}, load=[{time_s=0},{time_s=1, force_n=[0,0,1]}]}]";
+        let goal = "refinement.goal={kind='displacement', direction=[0,0,1], \
+                    region={shape='box', min=[0.4,0,0], max=[0.5,1,1]}}";
+        let stage = format!("stages.indicator={indicator}");
+        let target = format!("refinement.target={target}");
+        let report = farthest(&[
+            load.into(),
+            goal.into(),
+            UNLOADED.into(),
+            stage,
+            target,
+            "mesh.max_level=12".into(),
+        ]);
+        (report.vertices, report.goal.unwrap().value)
+    };
+    // Displacements under a load rise with the mesh.
+    let (energy, goal) = (lifted("residual", 0.08), lifted("goal", 0.06));
+    assert!(goal.0 <= energy.0 && goal.1 > 1.01 * energy.1, "{energy:?} {goal:?}");
+}
+
 #[test]
 fn a_mesh_is_refined_until_the_estimate_is_the_target() {
     let mut before = 0;
@@ -115,6 +145,37 @@ fn a_mesh_is_refined_until_the_estimate_is_the_target() {
         assert!(estimate < 1.1 * target, "{estimate} where {target} was asked for");
         assert!(report.vertices > before, "{target}: {} vertices", report.vertices);
         before = report.vertices;
+    }
+}
+
+/// A tool that stands still while vertices come in, some of them in what it holds: its force changes by no
+/// more than what was announced as its error, and never grows, as nested meshes can only be softer.
+#[test]
+fn vertices_that_come_in_at_a_held_tool_change_its_force_by_what_was_announced() {
+    for hold in ["mean", "pad"] {
+        let tool = format!(
+            "tools=[{{kind='grab', hold='{hold}', region={{shape='sphere', centre=[0.9,0.5,0.5], \
+             radius_m=0.018}}, path=[{{time_s=0}},{{time_s=0.1, move_m=[0,0,4e-3]}}]}}]"
+        );
+        let keys = ["refinement.target=0.004", "refinement.max_splits_per_step=60", UNLOADED];
+        let keys: Vec<String> = keys.into_iter().map(String::from).chain([tool]).collect();
+        let (scene, _) = scene_file::load("beam", &keys).unwrap();
+        let stages = Stages::by_name(&scene.stages).unwrap();
+        let mut simulation = Simulation::new(&scene, stages).unwrap();
+        let mut before = simulation.step().unwrap();
+        let mut splits = before.splits;
+        while simulation.steps_left() > 0 {
+            let now = simulation.step().unwrap();
+            assert!(now.converged, "{now:?}");
+            let fall = force(&before) - force(&now);
+            let announced = before.tools[0].force_error_n.unwrap();
+            // No more than what the solver leaves.
+            let least = -2.0 * scene.solver.residual * force(&now);
+            assert!(least < fall && fall < announced, "{hold}: {fall} N, {announced} N announced");
+            splits += now.splits;
+            before = now;
+        }
+        assert!(splits > 500, "{hold}: {splits}");
     }
 }
 

@@ -108,7 +108,6 @@ conformance!(constitutive_law, linear_law, "linear");
 conformance!(constitutive_law, rayleigh, "rayleigh");
 
 conformance!(equilibrium, fallback, "fallback", a_large_load_is_borne);
-conformance!(equilibrium, fallback_newton, "fallback_newton", a_large_load_is_borne);
 conformance!(equilibrium, anderson, "anderson", a_large_load_is_borne);
 conformance!(equilibrium, lbfgs, "lbfgs", a_large_load_is_borne);
 // Diverges as soon as rotations differ by some degrees.
@@ -223,10 +222,7 @@ impl Tool for Wind {
 fn every_choice_has_its_line() {
     assert_eq!(CHOICES, ["laminate", "linear", "hierarchical", "kharevych", "paper"]);
     assert_eq!(FORMULATIONS, ["p1", "p1p1"]);
-    assert_eq!(
-        EQUILIBRIA,
-        ["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"]
-    );
+    assert_eq!(EQUILIBRIA, ["fallback", "anderson", "lbfgs", "direct", "newton"]);
     assert_eq!(indicator::CHOICES, ["energy", "residual", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh"]);

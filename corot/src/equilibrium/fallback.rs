@@ -6,7 +6,8 @@ use crate::field::Field;
 
 /// Tries its methods in turn until one converges, each from where the solve began unless the
 /// methods before have come closer. In a [mixed](crate::Body::mixed) body those are left out that
-/// [need an energy](Equilibrium::needs_definite).
+/// [need an energy](Equilibrium::needs_definite); one that needs a tangent ends at once where forces have
+/// none.
 ///
 /// What is left to the caller when none does is a smaller step. [`Outcome`] tells which method
 /// ended it; iterations are those of all. With each method the budget of iterations begins anew.
@@ -32,7 +33,7 @@ impl Equilibrium for Fallback {
     }
 
     fn needs_tangent(&self) -> bool {
-        self.methods.iter().any(|method| method.needs_tangent())
+        self.methods.iter().all(|method| method.needs_tangent())
     }
 
     fn needs_definite(&self) -> bool {

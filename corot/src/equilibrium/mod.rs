@@ -28,8 +28,7 @@ use crate::error::CorotError;
 use crate::forces::InternalForces;
 
 /// Scene names of the built-in equilibrium solvers.
-pub const EQUILIBRIA: &[&str] =
-    &["fallback", "fallback_newton", "anderson", "lbfgs", "direct", "newton"];
+pub const EQUILIBRIA: &[&str] = &["fallback", "anderson", "lbfgs", "direct", "newton"];
 
 /// A built-in equilibrium solver.
 ///
@@ -43,10 +42,6 @@ pub fn equilibrium_by_name(name: &str) -> Result<Box<dyn Equilibrium>, CorotErro
         "newton" => Ok(Box::new(Newton)),
         "fallback" => Ok(Box::new(Fallback::new(
             "fallback",
-            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default())],
-        ))),
-        "fallback_newton" => Ok(Box::new(Fallback::new(
-            "fallback_newton",
             vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
         ))),
         _ => Err(CorotError::Unknown {

@@ -58,12 +58,14 @@ pub fn summary(summary: &Summary) -> String {
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
     for (number, tool) in summary.tools.iter().enumerate() {
         if let Some(error) = tool.force_max_error_n {
-            let size = format!("at most {:.4} N, off by {error:.4} N by estimate", tool.force_max_n);
+            let size =
+                format!("at most {:.4} N, off by {error:.4} N by estimate", tool.force_max_n);
             line("tool", format!("{number} ({}): {size}", tool.kind));
         }
     }
     if let Some(GoalReport { name, value, error }) = summary.error_estimate.goal_end {
-        let error = error.map_or(String::new(), |error| format!(", off by {error:.2e} by estimate"));
+        let error =
+            error.map_or(String::new(), |error| format!(", off by {error:.2e} by estimate"));
         line("goal", format!("{name} = {value:.6e} at the end{error}"));
     }
     if let Some(Momentum { mass_kg, linear_n_s, angular_n_m_s, kinetic_j, .. }) = &summary.motion {

@@ -46,7 +46,8 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
         ("inverse_ms", &times.inverse_ms),
     ];
     let mut columns = of_step.map(|(name, value)| (name.to_owned(), format!("{value:?}"))).to_vec();
-    let (goal, goal_error) = (step.goal.map(|goal| goal.value), step.goal.and_then(|goal| goal.error));
+    let (goal, goal_error) =
+        (step.goal.map(|goal| goal.value), step.goal.and_then(|goal| goal.error));
     let estimates =
         [("error_estimate", step.error_estimate), ("goal", goal), ("goal_error", goal_error)];
     columns.splice(12..12, estimates.map(|(name, value)| (name.into(), cell(value))));

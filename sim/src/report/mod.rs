@@ -19,8 +19,9 @@ pub use crate::body::{
 pub use comparison_points::Probe;
 pub use fields::Fields;
 pub use records::{
-    EstimateSummary, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary, Momentum, Percentiles, PlanRow, Range,
-    StageTimes, StepReport, StepSummary, Summary, SurfaceFrame, SurfaceSummary,
+    EstimateSummary, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary, Momentum,
+    Percentiles, PlanRow, Range, StageTimes, StepReport, StepSummary, Summary, SurfaceFrame,
+    SurfaceSummary,
 };
 pub use tool::{ToolReport, ToolSummary};
 

@@ -8,8 +8,8 @@ use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
 use super::records::{
-    EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range, StepReport,
-    StepSummary, Summary,
+    EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
+    StepReport, StepSummary, Summary,
 };
 use super::surfaces::Surfaces;
 use super::tool::ToolSummary;

@@ -333,8 +333,7 @@ impl ContactState {
         let mine = (0..self.pushes.len()).filter(|&i| self.pushes[i].tool == tool);
         let mine: Vec<usize> = mine.collect();
         let Some(factor) = self.factor(&mine) else { return Matrix3::zeros() };
-        let normals =
-            DMatrix::from_fn(mine.len(), 3, |i, axis| self.pushes[mine[i]].normal[axis]);
+        let normals = DMatrix::from_fn(mine.len(), 3, |i, axis| self.pushes[mine[i]].normal[axis]);
         let product = normals.transpose() * factor.solve(&normals);
         Matrix3::from_fn(|i, j| 0.5 * (product[(i, j)] + product[(j, i)]))
     }

@@ -19,6 +19,9 @@ use crate::tools::{Regions, Tool};
 /// Energy below this part of the largest so far is refined for as if it were that much.
 const NOTHING: f64 = 1e-2;
 
+/// The least part that the error of a goal counts for of the sum of its shares.
+const CANCELLED: f64 = 0.25;
+
 /// Refines the mesh of a body and coarsens it again.
 pub(crate) struct Refiner {
     pub content: Content,
@@ -192,9 +195,17 @@ impl Refiner {
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
         let energy = self.note_energy(sight.body);
+        let mut scale = self.rules.indicator.error_over_sum();
         let wishes = match self.rules.indicator.elements(sight) {
             Some(measured) => {
                 self.estimate(&measured, energy);
+                if let (true, Some(error)) =
+                    (self.rules.indicator.is_of_goal(), measured.errors.first())
+                {
+                    // Shares of either sign have cancelled each other.
+                    let whole: f64 = measured.values.iter().sum();
+                    scale = Some((error / whole).clamp(CANCELLED, 1.0));
+                }
                 self.element_wishes(sight.body, &measured.values)
             }
             None => self.ring_wishes(sight.body),
@@ -207,7 +218,6 @@ impl Refiner {
             }
             _ => energy.max(NOTHING * self.most_energy),
         };
-        let scale = self.rules.indicator.error_over_sum();
         let limits = self.rules.refinement.limits(&wishes, scale.map(|scale| figure / scale));
         for Wish { point, value } in wishes {
             if value > limits.split_above {
@@ -267,7 +277,10 @@ impl Refiner {
             .into_iter()
             .filter(|&v| {
                 self.content.forest.merge_ring(v, &mut self.ring)
-                    && limit >= made.as_ref().map_or_else(|| self.measure_ring(state), |made| made[v.index()])
+                    && limit
+                        >= made
+                            .as_ref()
+                            .map_or_else(|| self.measure_ring(state), |made| made[v.index()])
             })
             .collect()
     }

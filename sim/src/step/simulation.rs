@@ -140,8 +140,10 @@ impl Simulation {
             true => figures::asked(*goal, solver, &acting, felt),
             false => Vec::new(),
         };
-        let forces: Vec<_> =
-            felt.iter().map(|tool| recorder.axes.to_solver_direction(&tool.force_n.into())).collect();
+        let forces: Vec<_> = felt
+            .iter()
+            .map(|tool| recorder.axes.to_solver_direction(&tool.force_n.into()))
+            .collect();
         let duals = figures.iter().map(|figure| figure.dual(solver, &mut acting, &forces));
         let duals: Vec<Dual> = duals.collect::<Result<_, _>>()?;
         let duals = &duals[..];

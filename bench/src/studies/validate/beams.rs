@@ -101,7 +101,7 @@ pub(super) fn elastica(n: usize) -> Result<Vec<Row>> {
     let mut statics = Statics::new(&solid, |x| near(x.x, 0.0))?;
     // Force over the end's area; I over it is 1/12.
     let unit = young / 12.0 / (length * length);
-    let mut equilibrium = equilibrium_by_name("fallback_newton")?;
+    let mut equilibrium = equilibrium_by_name("fallback")?;
     let mut rows = Vec::new();
     let mut reached = 0;
     for (k, w, u) in ELASTICA {

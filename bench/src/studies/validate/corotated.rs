@@ -32,7 +32,7 @@ pub(super) fn stretch() -> Result<Vec<Row>> {
         let mut load = solid.traction(|x| x.x > length - 1e-9, |_| end(1.0));
         let other = solid.traction(|x| x.x < 1e-9, |_| end(-1.0));
         load.iter_mut().zip(other).for_each(|(f, g)| *f += g);
-        let mut equilibrium = equilibrium_by_name("fallback_newton")?;
+        let mut equilibrium = equilibrium_by_name("fallback")?;
         solve("stretch", &mut statics, &ElementCorotation, equilibrium.as_mut(), &load, 1e-12)?;
         let place = |x: f64, y: f64| {
             let want = Vector3::new(x, y, 1.0);

@@ -6,7 +6,8 @@ use std::path::Path;
 use super::check::Check;
 use crate::SimError;
 use crate::scene::{
-    AUTO, Adapter, GoalEntry, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold, SurfaceEntry,
+    AUTO, Adapter, GoalEntry, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold,
+    SurfaceEntry,
 };
 
 /// The most steps of a run.

@@ -1,7 +1,7 @@
 //! What is out of balance on the bump of every edge, and what that costs.
 
 use nalgebra::{Cholesky, Const, Matrix3, Vector3};
-use yawara_corot::{EDGES, Element, Loads};
+use yawara_corot::{EDGES, EdgeLoad, Element, Loads};
 use yawara_embed::{MixedModuli, Strain, strain_operator};
 
 use super::sight::{Dual, Measured, Sight};
@@ -25,8 +25,9 @@ pub(super) struct Bumps<'a> {
     ends: Vec<[usize; 2]>,
     /// Of each edge of each of `solids` its bump.
     of: Vec<[usize; 6]>,
-    /// The elements around each.
-    around: Vec<Vec<usize>>,
+    /// The elements around all of them, one bump after the other, and where those of each begin.
+    around: Vec<usize>,
+    starts: Vec<usize>,
 }
 
 impl<'a> Bumps<'a> {
@@ -43,20 +44,22 @@ impl<'a> Bumps<'a> {
             }
         }
         edges.sort_unstable();
-        let mut bumps =
-            Self { state, of: vec![[0; 6]; solids.len()], solids, ends: vec![], around: vec![] };
-        for same in edges.chunk_by(|a, b| a.0 == b.0) {
-            for &(_, at, k) in same {
-                bumps.of[at][k] = bumps.ends.len();
+        let around = edges.iter().map(|&(_, at, _)| solids[at]).collect();
+        let of = vec![[0; 6]; solids.len()];
+        let mut bumps = Self { state, solids, ends: vec![], of, around, starts: vec![] };
+        for (number, &(ends, at, k)) in edges.iter().enumerate() {
+            if bumps.ends.last() != Some(&ends) {
+                bumps.ends.push(ends);
+                bumps.starts.push(number);
             }
-            bumps.ends.push(same[0].0);
-            bumps.around.push(same.iter().map(|edge| bumps.solids[edge.1]).collect());
+            bumps.of[at][k] = bumps.ends.len() - 1;
         }
+        bumps.starts.push(edges.len());
         bumps
     }
 
     /// The bump of each of the loads on edges that has one.
-    fn loaded(&self, loads: &Loads, mut visit: impl FnMut(usize, &yawara_corot::EdgeLoad)) {
+    fn loaded(&self, loads: &Loads, mut visit: impl FnMut(usize, &EdgeLoad)) {
         for load in loads.edges() {
             if let Ok(bump) = self.ends.binary_search(&load.ends) {
                 visit(bump, load);
@@ -69,17 +72,21 @@ impl<'a> Bumps<'a> {
     fn residuals(&self, stress: impl Fn(usize) -> Strain, loads: &Loads) -> Vec<Vector3<f64>> {
         let elements = self.state.elements();
         let mut left = vec![(Vector3::zeros(), 0.0); self.state.positions().len()];
-        let forces: Vec<[Vector3<f64>; 4]> = self.solids.iter().map(|&number| {
-            let Element { geometry, rotation, vertices, .. } = &elements[number];
-            let s = stress(number);
-            let s = Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2]);
-            let forces = geometry.gradients.map(|g| geometry.volume * rotation * (s * g));
-            for (&v, force) in vertices.iter().zip(&forces) {
-                left[v].0 += force;
-                left[v].1 += geometry.volume;
-            }
-            forces
-        }).collect();
+        let forces: Vec<[Vector3<f64>; 4]> = self
+            .solids
+            .iter()
+            .map(|&number| {
+                let Element { geometry, rotation, vertices, .. } = &elements[number];
+                let s = stress(number);
+                let s = Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2]);
+                let forces = geometry.gradients.map(|g| geometry.volume * rotation * (s * g));
+                for (&v, force) in vertices.iter().zip(&forces) {
+                    left[v].0 += force;
+                    left[v].1 += geometry.volume;
+                }
+                forces
+            })
+            .collect();
         left.iter_mut().zip(loads.vertices()).for_each(|(left, load)| left.0 -= load);
         let density = |(v, (force, volume)): (usize, (Vector3<f64>, f64))| {
             let counts = self.state.is_free(v) && volume > 0.0;
@@ -151,7 +158,7 @@ impl<'a> Bumps<'a> {
                 Weight::Energy => released,
                 Weight::Goal => changes.map(f64::abs).next().unwrap_or(0.0),
             };
-            let around = &self.around[bump];
+            let around = &self.around[self.starts[bump]..self.starts[bump + 1]];
             around.iter().for_each(|&number| values[number] += worth / around.len() as f64);
         }
         let errors = errors.into_iter().map(f64::abs).collect();
