@@ -60,7 +60,7 @@ fn the_estimate_is_the_error_within_a_factor_on_every_uniform_mesh() {
             let error = 1.0 - limit / force;
             let ratio = report.error_estimate.unwrap() / error;
             println!("{element}, level {level}: {error:.4}, estimate over it {ratio:.2}");
-            assert!(0.6 < ratio && ratio < 1.4, "{element}, level {level}: {ratio}");
+            assert!(0.75 < ratio && ratio < 1.35, "{element}, level {level}: {ratio}");
             // Of a tool that acts alone.
             let of_tool = report.tools[0].force_error_n.unwrap();
             assert!((of_tool / force / report.error_estimate.unwrap() - 1.0).abs() < 1e-9);
@@ -99,7 +99,7 @@ fn errors_of_forces_displacements_and_volumes_are_estimated_by_their_duals() {
         for (level, goal) in goals.iter().enumerate() {
             let ratio = goal.error.unwrap() / (goal.value - limit).abs();
             println!("{name}, level {level}: {:.5e}, estimate over error {ratio:.2}", goal.value);
-            assert!(0.25 < ratio && ratio < 3.0, "{name}, level {level}: {ratio}");
+            assert!(0.4 < ratio && ratio < 3.0, "{name}, level {level}: {ratio}");
         }
         if name == "force alone" {
             let [dual, energy] =
@@ -131,14 +131,14 @@ fn a_mesh_refined_to_a_goal_has_less_error_of_it_with_no_more_vertices() {
         (report.vertices, report.goal.unwrap().value)
     };
     // Displacements under a load rise with the mesh.
-    let (energy, goal) = (lifted("residual", 0.08), lifted("goal", 0.06));
+    let (energy, goal) = (lifted("residual", 0.107), lifted("goal", 0.08));
     assert!(goal.0 <= energy.0 && goal.1 > 1.01 * energy.1, "{energy:?} {goal:?}");
 }
 
 #[test]
 fn a_mesh_is_refined_until_the_estimate_is_the_target() {
     let mut before = 0;
-    for target in [0.25, 0.17, 0.1] {
+    for target in [0.33, 0.23, 0.13] {
         let report = farthest(&[format!("refinement.target={target}")]);
         let estimate = report.error_estimate.unwrap();
         // The last step's own growth is answered in the next.
@@ -157,7 +157,7 @@ fn vertices_that_come_in_at_a_held_tool_change_its_force_by_what_was_announced()
             "tools=[{{kind='grab', hold='{hold}', region={{shape='sphere', centre=[0.9,0.5,0.5], \
              radius_m=0.018}}, path=[{{time_s=0}},{{time_s=0.1, move_m=[0,0,4e-3]}}]}}]"
         );
-        let keys = ["refinement.target=0.004", "refinement.max_splits_per_step=60", UNLOADED];
+        let keys = ["refinement.target=0.005", "refinement.max_splits_per_step=60", UNLOADED];
         let keys: Vec<String> = keys.into_iter().map(String::from).chain([tool]).collect();
         let (scene, _) = scene_file::load("beam", &keys).unwrap();
         let stages = Stages::by_name(&scene.stages).unwrap();

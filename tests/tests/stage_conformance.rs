@@ -223,7 +223,7 @@ fn every_choice_has_its_line() {
     assert_eq!(CHOICES, ["laminate", "linear", "hierarchical", "kharevych", "paper"]);
     assert_eq!(FORMULATIONS, ["p1", "p1p1"]);
     assert_eq!(EQUILIBRIA, ["fallback", "anderson", "lbfgs", "direct", "newton"]);
-    assert_eq!(indicator::CHOICES, ["energy", "residual", "volume", "rotation"]);
+    assert_eq!(indicator::CHOICES, ["energy", "residual", "goal", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh"]);
     assert_eq!(INTEGRATORS, ["implicit_euler", "quasi_static"]);

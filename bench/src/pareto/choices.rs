@@ -87,7 +87,7 @@ impl Choices<'_> {
             let value = format!("refinement.{key}={value:e}");
             list.push(Candidate::new("threshold", &name, &[&value]));
         }
-        let energies = ["energy", "residual"].iter();
+        let energies = ["energy", "residual", "goal"].iter();
         for other in energies.filter(|&&one| one != self.scene.stages.indicator) {
             let value = format!("stages.indicator={other}");
             list.push(Candidate::new("indicator", &format!("indicator {other}"), &[&value]));

@@ -377,7 +377,7 @@ impl Default for Void {
 impl Default for Refinement {
     fn default() -> Self {
         Self {
-            target: 0.08,
+            target: 0.1,
             split_above: None,
             merge_fraction: 0.02,
             dwell_steps: 2,

@@ -204,7 +204,7 @@ impl Refiner {
                 {
                     // Shares of either sign have cancelled each other.
                     let whole: f64 = measured.values.iter().sum();
-                    scale = Some((error / whole).clamp(CANCELLED, 1.0));
+                    scale = scale.map(|scale| (error / whole).clamp(CANCELLED * scale, scale));
                 }
                 self.element_wishes(sight.body, &measured.values)
             }

@@ -1,6 +1,6 @@
 //! `goal`: what a bump on every edge would change of one figure.
 
-use super::bumps::{Bumps, Weight};
+use super::bumps::{Bumps, OVER_GAIN, Weight};
 use super::ring::{Indicator, RingMember};
 use super::sight::{Measured, Sight};
 
@@ -40,7 +40,7 @@ impl Indicator for Goal {
     }
 
     fn error_over_sum(&self) -> Option<f64> {
-        Some(1.0)
+        Some(OVER_GAIN)
     }
 
     fn is_of_goal(&self) -> bool {

@@ -1,6 +1,6 @@
 //! `residual`: what a bump on every edge would release.
 
-use super::bumps::{Bumps, Weight};
+use super::bumps::{Bumps, OVER_GAIN, Weight};
 use super::energy::Energy;
 use super::ring::{Indicator, RingMember};
 use super::sight::{Measured, Sight};
@@ -43,6 +43,6 @@ impl Indicator for Residual {
     }
 
     fn error_over_sum(&self) -> Option<f64> {
-        Some(1.0)
+        Some(OVER_GAIN)
     }
 }
