@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
-    Arguments, CaseArguments, Common, ablation, compare, drift, elements, homogenisation, mesh,
-    meshes, pareto, scaling, table1, validate,
+    Arguments, CaseArguments, Common, ablation, compare, drift, elements, estimates,
+    homogenisation, mesh, meshes, pareto, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -50,6 +50,8 @@ enum Study {
     Elements(Common),
     /// A scene on uniform meshes of rising level: where force, energy and displacement go.
     Meshes(meshes::Arguments),
+    /// The estimated error of energy over the error itself, on random scenes (quick: 6 of 50).
+    Estimates(estimates::Arguments),
     /// Cases with a known solution: beams, spheres, rotation; errors and their slopes (quick: one
     /// refinement less of each).
     Validate(Common),
@@ -98,6 +100,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
         Study::Meshes(arguments) => meshes::run(arguments),
+        Study::Estimates(arguments) => estimates::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),

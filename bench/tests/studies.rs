@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use yawara_bench::studies::{
-    Arguments, Common, drift, elements, homogenisation, meshes, scaling, table1,
+    Arguments, Common, drift, elements, estimates, homogenisation, meshes, scaling, table1,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -239,31 +239,77 @@ fn homogenisation_holds_what_is_claimed() {
     assert!(svg.contains("kharevych, 3 levels"));
 }
 
-/// Nested meshes of a beam that is held by its material: the force can only fall.
+/// Nested meshes of a beam that is held by its material and has no weight: force and energy can only
+/// fall, and what a step says of its error is compared with their limit.
 #[test]
 fn meshes_follow_a_scene_to_its_limit() {
     let (_root, common) = scratch();
     let out = common.out.clone();
-    let set = ["support.hold=\"elastic\"", "tools.0.hold=\"mean\""].map(str::to_owned).to_vec();
-    let (scene, finest) = ("beam".to_owned(), Some(3));
+    let set = vec!["gravity_m_s2=[0, 0, 0]".to_owned()];
+    let (scene, finest) = ("beam".to_owned(), Some(6));
     let arguments = meshes::Arguments { scene, common, set, finest };
     let printed = meshes::run(&arguments).unwrap();
     assert!(printed.contains("force_n of `p1`: monotone"), "{printed}");
     let value = files(&out, "meshes", &printed);
     assert!(out.join("meshes.svg").exists());
-    assert_eq!(rows(&value).len(), 8);
-    for levels in rows(&value).chunks(4) {
+    assert_eq!(rows(&value).len(), 14);
+    let limits = value["limits"].as_array().unwrap();
+    for levels in rows(&value).chunks(7) {
         assert!(levels.iter().all(|row| row["converged"] == true), "{levels:?}");
         for pair in levels.windows(2) {
             assert!(number(&pair[1], "vertices") > number(&pair[0], "vertices"));
-            assert!(number(&pair[1], "force_n") <= number(&pair[0], "force_n"), "{levels:?}");
+            for figure in ["force_n", "energy_j"] {
+                assert!(number(&pair[1], figure) <= number(&pair[0], figure), "{levels:?}");
+            }
+        }
+        let is_theirs = |limit: &&Value| {
+            limit["element"] == levels[0]["element"] && limit["figure"] == "energy_j"
+        };
+        let limit = number(limits.iter().find(is_theirs).unwrap(), "limit");
+        for row in levels {
+            let error = number(row, "energy_j") / limit - 1.0;
+            let want = number(row, "error_estimate") / error;
+            assert!((number(row, "effectivity") / want - 1.0).abs() < 1e-9, "{row}");
         }
     }
-    let [p1, p1p1] = [3, 7].map(|at| number(&rows(&value)[at], "force_n"));
-    assert!((p1 - p1p1).abs() < 0.03 * p1, "{p1} and {p1p1} N");
+    let [p1, p1p1] = [6, 13].map(|at| number(&rows(&value)[at], "force_n"));
+    assert!((p1 - p1p1).abs() < 0.01 * p1, "{p1} and {p1p1} N");
 
     let (root, common) = scratch();
     let set = vec!["tools.0.hold=\"glue\"".to_owned()];
     let arguments = meshes::Arguments { common, set, ..arguments };
     refused(root.path(), meshes::run(&arguments));
+}
+
+/// What is estimated is the error itself up to a factor, which is much the same for any body and tool.
+#[test]
+fn estimates_go_with_the_error_on_random_scenes() {
+    let (_root, common) = scratch();
+    let out = common.out.clone();
+    let arguments =
+        estimates::Arguments { common, set: Vec::new(), scenes: Some(8), seed: 1, finest: 9 };
+    let printed = estimates::run(&arguments).unwrap();
+    let value = files(&out, "estimates", &printed);
+    assert_eq!(rows(&value).len(), 3 * 8);
+    let mut compared = 0;
+    for row in rows(&value) {
+        let error = (number(row, "energy_j") / number(row, "reference_j") - 1.0).abs();
+        assert!((number(row, "error") - error).abs() < 1e-12, "{row}");
+        let effectivity = number(row, "error_estimate") / error;
+        assert!((number(row, "effectivity") / effectivity - 1.0).abs() < 1e-9, "{row}");
+        let has_limit = row.get("left").is_some();
+        if has_limit && row["converged"] == true {
+            assert!(0.06 < effectivity && effectivity < 3.0, "{row}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 16, "{printed}");
+    for spread in value["spreads"].as_array().unwrap() {
+        assert!(number(spread, "most") < 10.0 * number(spread, "least"), "{spread}");
+    }
+
+    let (root, common) = scratch();
+    let arguments = estimates::Arguments { common, finest: 10, ..arguments };
+    let error = refused(root.path(), estimates::run(&arguments));
+    assert!(matches!(error, BenchError::OutOfRange { option: "--finest", .. }), "{error}");
 }

@@ -23,6 +23,9 @@ const SCHEMA: &str = "yawara-bench-meshes-1";
 /// Levels that the study may go to: three make a mesh of half the edges and eight times the vertices.
 const LEVELS: (usize, usize) = (2, 12);
 
+/// A limit that is come to more slowly is none to go by.
+const LEAST_ORDER: f64 = 0.5;
+
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
 pub struct Arguments {
@@ -54,6 +57,12 @@ struct Row {
     energy_j: f64,
     /// Of the point that moves farthest on the coarsest mesh.
     displacement_m: f64,
+    /// What the step says of the relative error of its energy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error_estimate: Option<f64>,
+    /// That over the error itself, by the limit of the element's energies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    effectivity: Option<f64>,
     /// Whether all steps until then converged.
     converged: bool,
 }
@@ -66,7 +75,7 @@ struct Limit {
     /// Whether it only falls, or only rises, from level to level.
     monotone: bool,
     /// p of the error C hᵖ of three evenly spaced levels, h the edge; absent where their differences
-    /// do not shrink.
+    /// do not shrink, or hardly.
     #[serde(skip_serializing_if = "Option::is_none")]
     order: Option<f64>,
     /// What it is for h → 0 by that (Richardson).
@@ -94,6 +103,8 @@ pub fn run(arguments: &Arguments) -> Result<String> {
             format!("mesh.start_level={level}"),
             format!("mesh.max_level={level}"),
             "mesh.max_vertices=1000000".into(),
+            // On a mesh that stays the error is estimated where a frame is written.
+            "output.frames_every=1".into(),
             format!("stages.element={element:?}"),
         ];
         scene_file::load(scene, &[&set[..], &keys].concat())
@@ -119,7 +130,14 @@ pub fn run(arguments: &Arguments) -> Result<String> {
             progress.advance(element, 1.0);
         }
     }
-    let limits: Vec<Limit> = limits(&rows);
+    let limits = limits(&rows);
+    for limit in limits.iter().filter(|limit| limit.figure == "energy_j") {
+        for row in rows.iter_mut().filter(|row| row.element == limit.element) {
+            let over =
+                |(estimate, limit): (f64, f64)| estimate / (row.energy_j / limit - 1.0).abs();
+            row.effectivity = row.error_estimate.zip(limit.limit).map(over);
+        }
+    }
     report::write(&folder, "meshes", &rows, summary(&scene[..], &rows, limits))
 }
 
@@ -144,6 +162,7 @@ struct Step {
     energy_j: f64,
     /// Of the point, or of all of them while it is not known, m.
     moves: Vec<f64>,
+    error_estimate: Option<f64>,
     converged: bool,
 }
 
@@ -169,6 +188,7 @@ impl Course {
                 Some(point) => vec![moved(point)],
                 None => (0..now.len()).map(moved).collect(),
             },
+            error_estimate: report.error_estimate,
             converged: report.converged,
         });
         Ok(())
@@ -187,7 +207,8 @@ impl Course {
     }
 
     fn row(&self, element: &'static str, level: u8, place: &Place) -> Row {
-        let Step { force_n, torque_n_m, energy_j, moves, .. } = &self.steps[place.step];
+        let Step { force_n, torque_n_m, energy_j, moves, error_estimate, .. } =
+            &self.steps[place.step];
         Row {
             element,
             level,
@@ -197,6 +218,8 @@ impl Course {
             energy_j: *energy_j,
             // The point is the one of the largest move where all are known.
             displacement_m: moves.iter().copied().fold(0.0, f64::max),
+            error_estimate: *error_estimate,
+            effectivity: None,
             converged: self.steps[..=place.step].iter().all(|step| step.converged),
         }
     }
@@ -227,14 +250,19 @@ impl Limit {
         let monotone = falls || values.windows(2).all(|pair| pair[1] >= pair[0]);
         let last = values.len() - 1;
         let stride = last / 2;
-        let [a, b, c] = [last - 2 * stride, last - stride, last].map(|level| values[level]);
-        let ratio = (b - c) / (a - b);
-        let shrinks = ratio > 0.0 && ratio < 1.0;
-        // Three levels halve the edges.
-        let order = shrinks.then(|| -3.0 * ratio.log2() / stride as f64);
-        let limit = shrinks.then(|| c + (c - b) * ratio / (1.0 - ratio));
+        let three = [last - 2 * stride, last - stride, last].map(|level| values[level]);
+        let (order, limit) = richardson(three, stride).unzip();
         Self { element, figure, monotone, order, limit }
     }
+}
+
+/// p of the error C hᵖ of values `stride` levels apart, and what they go to for h → 0; none where they
+/// do not converge, or do so too slowly.
+pub(super) fn richardson([a, b, c]: [f64; 3], stride: usize) -> Option<(f64, f64)> {
+    let ratio = (b - c) / (a - b);
+    // Three levels halve the edges.
+    let order = -3.0 * ratio.log2() / stride as f64;
+    (order > LEAST_ORDER).then(|| (order, c + (c - b) * ratio / (1.0 - ratio)))
 }
 
 fn summary(scene: &str, rows: &[Row], limits: Vec<Limit>) -> Summary {
@@ -250,6 +278,8 @@ fn summary(scene: &str, rows: &[Row], limits: Vec<Limit>) -> Summary {
             ("torque, N m", |row| format!("{:.4e}", row.torque_n_m)),
             ("energy, J", |row| format!("{:.4e}", row.energy_j)),
             ("displacement, mm", |row| format!("{:.4}", 1e3 * row.displacement_m)),
+            ("estimate", |row| row.error_estimate.map_or_else(String::new, |x| format!("{x:.4}"))),
+            ("effectivity", |row| row.effectivity.map_or_else(String::new, |x| format!("{x:.2}"))),
             ("converged", |row| if row.converged { "yes" } else { "no" }.to_owned()),
         ],
     );

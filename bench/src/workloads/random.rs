@@ -1,5 +1,9 @@
 //! Reproducible choices.
 
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+
 /// SplitMix64 (Steele, Lea, Flood 2014): good enough to pick rings, the same everywhere.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitMix64(pub u64);
@@ -33,5 +37,17 @@ impl SplitMix64 {
     /// A number in −1..1.
     pub fn symmetric(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// A number in `low`..`high`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + 0.5 * (high - low) * (self.symmetric() + 1.0)
+    }
+
+    /// A unit vector, all directions alike.
+    pub fn direction(&mut self) -> Vector3<f64> {
+        let (z, turn) = (self.symmetric(), self.between(0.0, TAU));
+        let radius = (1.0 - z * z).sqrt();
+        Vector3::new(radius * turn.cos(), radius * turn.sin(), z)
     }
 }
