@@ -29,12 +29,12 @@ const LEAST_HALF: f64 = 0.5;
 ///
 /// x_M = ½(x_a + x_b) − (Σ A)⁻¹ Σ R Cᵀε,
 ///
-/// summed over the tetrahedra around the edge (a, b) that it bisects: where the energy of the fine
-/// body is least while older vertices keep their places and younger ones stay in their middles. R
-/// is a tetrahedron's rotation (the same in all of them for the least), ε = sym(RᵀF) − I,
-/// A = Nᵀ(D₁+D₂)N, C = (D₁−D₂)N with the *mean* elasticity of the halves whatever the
-/// homogenisation, N = ½(G₁−G₂): a stiff grain in a soft coarse tetrahedron hardly strains, what is
-/// around it strains the more.
+/// summed over the tetrahedra around the edge (a, b) that it bisects: strains of their halves differ
+/// from their means ε = sym(RᵀF) − I by ±N d with the one d for which the energy of all halves is
+/// least. R is a tetrahedron's rotation (the same in all of them for the least), A = Nᵀ(D₁+D₂)N,
+/// C = (D₁−D₂)N with the *mean* elasticity of the halves whatever the homogenisation,
+/// N = ½(G₁−G₂): a stiff grain in a soft coarse tetrahedron hardly strains, what is around it strains
+/// the more.
 /// Void pulls at nothing: C = 0 where a tetrahedron holds some. No tetrahedron turns over unless an
 /// active one has: an offset that would leave a half less than half its volume is shortened.
 ///
@@ -72,7 +72,8 @@ impl EmbeddedParent {
 }
 
 impl DetailMesh {
-    /// Orders the vertices of `forest`; without a material, all middles stay in the middle. Cost: O(n log n).
+    /// Orders the vertices of `forest`; without a material, all middles stay in the middle.
+    /// Cost: O(n log n).
     pub fn new(forest: BisectionForest) -> Self {
         let lattice = *forest.domain().lattice();
         let step = |vertex: VertexId| {
@@ -226,7 +227,7 @@ fn add_parents(
     if !parents[first..].iter().any(EmbeddedParent::pulls) {
         return parents.truncate(first);
     }
-    // Without an inverse, which no material that is positive definite comes to, a middle.
+    // Positive definite materials have an inverse.
     let compliance = stiffness.try_inverse().unwrap_or_else(Matrix3::zeros);
     parents[first..].iter_mut().for_each(|parent| parent.midpoint = compliance * parent.midpoint);
 }
