@@ -186,10 +186,41 @@ impl Embedding {
         combine_solids(rule, pair, halves.map(fraction), void)
     }
 
+    /// The mean D of every node's finest tetrahedra by its number, Pa, whatever the homogenisation.
+    pub(crate) fn mean_elasticities(&self) -> MeanElasticities<'_> {
+        let mut means = MeanElasticities { embedding: self, of_node: Vec::new() };
+        for (i, own) in self.elasticity_of_node.iter().enumerate() {
+            let [first, second] = self.tree.children(NodeRef::node(i));
+            // A finest tetrahedron has itself for halves.
+            let mean = match first == NodeRef::node(i) {
+                true => *own,
+                false => Packed6::new(&(0.5 * (means.of(first) + means.of(second)))),
+            };
+            means.of_node.push(mean);
+        }
+        means
+    }
+
     /// Bytes held, without the label tree.
     pub fn bytes(&self) -> usize {
         (self.elasticity_of_node.len() + self.local_of_node.len()) * size_of::<Packed6>()
             + (self.density_of_node.len() + self.solid_of_node.len()) * size_of::<f64>()
+    }
+}
+
+/// What [`Embedding::mean_elasticities`] gives.
+pub(crate) struct MeanElasticities<'a> {
+    embedding: &'a Embedding,
+    of_node: Vec<Packed6>,
+}
+
+impl MeanElasticities<'_> {
+    /// The mean D of a tetrahedron's content, Pa.
+    pub fn of(&self, content: NodeRef) -> Matrix6<f64> {
+        match content.open() {
+            Content::Label(_) => self.embedding.elasticity(content),
+            Content::Node(i) => self.of_node[i].matrix(),
+        }
     }
 }
 

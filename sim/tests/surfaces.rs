@@ -1,13 +1,16 @@
-//! Outlines of labels in the run directory: whole, carried along, and free when nobody asks.
+//! Outlines of labels in the run directory: whole, carried along without folds, and free when nobody
+//! asks.
 
 mod workbench;
 
+use std::collections::HashMap;
 use std::fs;
 
+use nalgebra::{Matrix3, Vector3};
 use workbench::{BAR, Workbench};
-use yawara::report::SurfaceFrame;
+use yawara::report::{Frame, SurfaceFrame};
 use yawara::scene::{GrabHold, Scene, SupportHold, SurfaceEntry, ToolEntry};
-use yawara::{Simulation, Stages};
+use yawara::{Simulation, Stages, scene_file};
 
 fn bar_with_surface() -> Scene {
     let mut scene: Scene = toml::from_str(BAR).unwrap();
@@ -132,5 +135,106 @@ fn outlines_of_a_label_map_are_written_as_ply_and_vtp() {
     ];
     for (arguments, words) in cases {
         bench.refused(&[&["surface", "phantom"][..], &arguments].concat(), &[words]);
+    }
+}
+
+/// The tetrahedra of a frame by the cubes of 8 mm that they reach into at rest: a corner, the inverse
+/// of the edges from it, and the cofactors of their deformation gradient.
+struct Coarse {
+    tets: Vec<(Vector3<f64>, Matrix3<f64>, Matrix3<f64>)>,
+    by_cube: HashMap<[i64; 3], Vec<usize>>,
+}
+
+fn cube(x: &Vector3<f64>) -> [i64; 3] {
+    [0, 1, 2].map(|axis| (x[axis] / 8.0).floor() as i64)
+}
+
+impl Coarse {
+    fn new(frame: &Frame) -> Self {
+        let mut coarse = Self { tets: Vec::new(), by_cube: HashMap::new() };
+        for tet in &frame.tets {
+            let now = tet.map(|v| Vector3::from(frame.points_mm[v as usize]));
+            let moved = tet.map(|v| Vector3::from(frame.displacement_mm[v as usize]));
+            let rest = [0, 1, 2, 3].map(|i| now[i] - moved[i]);
+            let edges = |x: &[Vector3<f64>; 4]| {
+                Matrix3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]])
+            };
+            let inverse = edges(&rest).try_inverse().unwrap();
+            let f = edges(&now) * inverse;
+            let cofactors = f.try_inverse().unwrap().transpose() * f.determinant();
+            let low = cube(&rest.iter().fold(rest[0], |low, x| low.inf(x)).add_scalar(-1e-3));
+            let high = cube(&rest.iter().fold(rest[0], |high, x| high.sup(x)).add_scalar(1e-3));
+            for z in low[2]..=high[2] {
+                for y in low[1]..=high[1] {
+                    for x in low[0]..=high[0] {
+                        coarse.by_cube.entry([x, y, z]).or_default().push(coarse.tets.len());
+                    }
+                }
+            }
+            coarse.tets.push((rest[0], inverse, cofactors));
+        }
+        coarse
+    }
+
+    /// The cofactors of the tetrahedron around `x`.
+    fn cofactors(&self, x: &Vector3<f64>) -> &Matrix3<f64> {
+        let inside = |&at: &usize| {
+            let (corner, inverse, _) = &self.tets[at];
+            let weights = inverse * (x - corner);
+            weights.min().min(1.0 - weights.sum())
+        };
+        let around = self.by_cube[&cube(x)].iter();
+        let best = around.max_by(|a, b| inside(a).total_cmp(&inside(b))).unwrap();
+        assert!(inside(best) > -1e-6, "{x} is in no tetrahedron");
+        &self.tets[*best].2
+    }
+}
+
+/// How many triangles there are, and the cosine of the largest angle between one's normal and where
+/// its coarse tetrahedron turns the normal that it has at rest.
+fn worst_turn(frame: &Frame) -> (usize, f64) {
+    let coarse = Coarse::new(frame);
+    let normal = |[a, b, c]: [Vector3<f64>; 3]| (b - a).cross(&(c - a));
+    let (mut count, mut worst) = (0, 1.0_f64);
+    for surface in &frame.surfaces {
+        for triangle in &surface.triangles {
+            let now = triangle.map(|v| surface.points_mm[v as usize]);
+            let moved = triangle.map(|v| surface.displacement_mm[v as usize]);
+            let rest = [0, 1, 2].map(|i| now[i] - moved[i]);
+            let centre = rest.iter().sum::<Vector3<f64>>() / 3.0;
+            let want = coarse.cofactors(&centre) * normal(rest);
+            count += 1;
+            worst = worst.min(normal(now).normalize().dot(&want.normalize()));
+        }
+    }
+    (count, worst)
+}
+
+/// At the largest pull, turn or push. What is displaced is displaced by other tetrahedra than the
+/// coarse ones, so that angles are not 0.
+#[test]
+fn no_triangle_turns_over_against_its_coarse_tetrahedron() {
+    let all = "[{label=1}, {label=2, sigma_voxels=0.5}, {label=3}, {label=4}]";
+    let cases = [
+        ("liver", all, "time.steps=10", "void.beside_tissue=volume", 170_000),
+        ("liver", all, "time.steps=10", "void.beside_tissue=material", 170_000),
+        ("probe", all, "time.steps=10", "time.step_s=0.06", 170_000),
+        ("twist", "[{label=1}]", "time.steps=20", "time.step_s=0.1", 7_000),
+        ("beam", "[{label=1}]", "time.steps=10", "time.step_s=0.1", 7_000),
+        ("indent", "[{label=1}]", "time.steps=5", "time.step_s=0.2", 100_000),
+    ];
+    for (name, surfaces, steps, other, least) in cases {
+        let surfaces = format!("output.surfaces={surfaces}");
+        let set = [&surfaces, steps, other].map(String::from);
+        let (scene, _) = scene_file::load(name, &set).unwrap();
+        let stages = Stages::by_name(&scene.stages).unwrap();
+        let mut simulation = Simulation::new(&scene, stages).unwrap();
+        while simulation.steps_left() > 0 {
+            simulation.step().unwrap();
+        }
+        let (count, worst) = worst_turn(&simulation.frame().unwrap());
+        println!("{name}, {other}: {count} triangles, cosine of the largest angle {worst:.2}");
+        assert!(count > least, "{name}: {count}");
+        assert!(worst > 0.0, "{name}, {other}: {worst}");
     }
 }

@@ -5,8 +5,11 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara_corot::rotation::polar_warm;
-use yawara_embed::{DetailMesh, EmbedError, Follower, isotropic};
-use yawara_mesh::{BisectionForest, MeshDelta, Placement, VertexId};
+use yawara_embed::{
+    ChildPair, DetailMesh, EmbedError, Follower, LinearTet, isotropic, strain_from_gradient,
+};
+use yawara_mesh::kuhn::bisected_corner;
+use yawara_mesh::{BisectionForest, MeshDelta, Placement, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs};
 
 /// Level of one voxel of an [`Organ`].
@@ -185,6 +188,72 @@ proptest! {
         prop_assert_eq!(everything.evaluated(), 0);
         few.follow(&detail, &active, &x, &turned).unwrap();
         prop_assert_eq!(few.evaluated(), 0);
+    }
+
+    /// Strains of the halves around an edge differ from the means of their tetrahedra by ±N d, with the
+    /// one d of all for which their energy is least.
+    #[test]
+    fn the_halves_around_an_edge_have_the_least_energy_together(
+        organ in organs([1, 1, 1], 3, 2.0..6.0, 0.0..0.49),
+        strain in proptest::array::uniform9(-1e-4..1e-4f64),
+    ) {
+        // So small that no half comes near to losing half of its volume.
+        let gradient = Matrix3::from_row_slice(&strain);
+        let active = organ.forest(1, 1);
+        let bend = |x: Vector3<f64>| x + gradient * x + 3e-3 * x.x * Vector3::new(x.y, x.z, x.x);
+        let x = positions(&active, &organ.placement(1), bend);
+        let detail = detail(&organ, "laminate");
+        let x = detail.positions(&active, &x, &unturned).unwrap();
+        let (forest, placement) = (detail.forest(), organ.placement(VOXEL_LEVEL));
+        let (means, mut ring) = (organ.embedding("linear"), Vec::new());
+        for v in forest.vertices().filter(|&v| forest.generation(v) > 1) {
+            forest.ring_of(v, &mut ring);
+            let ends = forest.domain().lattice().edge_ends(forest.point(v)).unwrap();
+            let [a, b] = ends.map(|p| x[forest.vertex_at(p).unwrap().index()]);
+            let d = x[v.index()] - 0.5 * (a + b);
+            let energy = |d: Vector3<f64>| -> f64 {
+                let of_tet = |tet: &Tet| -> f64 {
+                    let rest = tet.vertices.map(|v| placement.position(forest.point(v)));
+                    let geometry = LinearTet::new(&rest);
+                    let f = geometry.gradient(&tet.vertices.map(|v| x[v.index()]));
+                    let mean = strain_from_gradient(&(f - Matrix3::identity()));
+                    let halves = means.tree().children(tet.node).map(|half| means.elasticity(half));
+                    let pair = ChildPair::new(&geometry, 0, bisected_corner(tet.level), halves);
+                    let [g1, g2] = pair.strain_operators();
+                    let off = 0.5 * (g1 - g2) * d;
+                    [mean + off, mean - off].iter().zip(&halves).map(|(e, d)| e.dot(&(d * e))).sum()
+                };
+                ring.iter().map(of_tet).sum()
+            };
+            // Strains of 1e-4 from places of 1e-2 m over edges of 2.5e-3 m are known to 1e-11.
+            let least = energy(d);
+            for (factor, aside) in [(0.0, 0.0), (0.9, 0.0), (1.1, 0.0), (1.0, 1e-8), (1.0, -1e-8)] {
+                let other = energy(factor * d + Vector3::repeat(aside));
+                prop_assert!(other >= least * (1.0 - 1e-9), "{factor}, {aside}: {other:e}, {least:e}");
+            }
+        }
+    }
+
+    /// Compressed to half its height, which takes laminates far beyond small strains.
+    #[test]
+    fn no_tetrahedron_of_the_detail_turns_over(
+        organ in organs([1, 1, 1], 3, 2.0..6.0, 0.0..0.49),
+        strain in proptest::array::uniform9(-0.1..0.1f64),
+    ) {
+        let detail = detail(&organ, "laminate");
+        let squeeze = Matrix3::from_diagonal(&Vector3::new(1.2, 1.2, 0.5));
+        let map = squeeze + Matrix3::from_row_slice(&strain);
+        let active = organ.forest(1, 1);
+        let x = positions(&active, &organ.placement(1), |x| map * x);
+        let x = detail.positions(&active, &x, &turned).unwrap();
+        let (forest, placement) = (detail.forest(), organ.placement(VOXEL_LEVEL));
+        for tet in forest.leaves() {
+            let rest = tet.vertices.map(|v| placement.position(forest.point(v)));
+            let f = LinearTet::new(&rest).gradient(&tet.vertices.map(|v| x[v.index()]));
+            // Each of five bisections may halve what is left; rounding takes some of that.
+            let least = 0.5f64.powi(5) * map.determinant() * (1.0 - 1e-9);
+            prop_assert!(f.determinant() >= least, "{} {least}", f.determinant());
+        }
     }
 
     #[test]

@@ -3,16 +3,22 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Tet, VertexId};
 
-use crate::embedding::Embedding;
+use crate::embedding::{Embedding, MeanElasticities};
 use crate::error::EmbedError;
 use crate::fine::lattice_tet;
+use crate::homogenisation::ChildPair;
 use crate::linear_tet::{LinearTet, strain_from_gradient};
 
 /// The rotation R of a deformation gradient F; the identity where displacements are small and
 /// everything is to stay linear.
 pub type RotationOf<'a> = &'a dyn Fn(&Matrix3<f64>) -> Matrix3<f64>;
+
+/// What a half keeps at least of its volume when the vertex between the halves leaves the middle.
+/// Strains beyond are none that small ones tell of.
+const LEAST_HALF: f64 = 0.5;
 
 /// A forest, as fine as surfaces want it, whose vertices get their positions from the active
 /// mesh of a simulation on the same root cubes.
@@ -21,12 +27,18 @@ pub type RotationOf<'a> = &'a dyn Fn(&Matrix3<f64>) -> Matrix3<f64>;
 /// edges stay closed: a vertex that is active in the simulation is where the simulation has it;
 /// any other one lies, in generation order, at
 ///
-/// x_M = ½(x_a + x_b) + Σ V R X ε / Σ V,
+/// x_M = ½(x_a + x_b) − (Σ A)⁻¹ Σ R Cᵀε,
 ///
-/// summed over the tetrahedra around the edge (a, b) that it bisects, with X of the
-/// homogenisation, R their rotation and ε = sym(RᵀF) − I: a stiff grain in a soft coarse
-/// tetrahedron hardly strains, what is around it strains the more. X = 0 where all is of one
-/// material. A point bound to an edge (a cut of an iso-surface) moves with the edge's ends.
+/// summed over the tetrahedra around the edge (a, b) that it bisects: strains of their halves differ
+/// from their means ε = sym(RᵀF) − I by ±N d with the one d for which the energy of all halves is
+/// least. R is a tetrahedron's rotation (the same in all of them for the least), A = Nᵀ(D₁+D₂)N,
+/// C = (D₁−D₂)N with the *mean* elasticity of the halves whatever the homogenisation,
+/// N = ½(G₁−G₂): a stiff grain in a soft coarse tetrahedron hardly strains, what is around it strains
+/// the more.
+/// Void pulls at nothing: C = 0 where a tetrahedron holds some. No tetrahedron turns over unless an
+/// active one has: an offset that would leave a half less than half its volume is shortened.
+///
+/// A point bound to an edge (a cut of an iso-surface) moves with the edge's ends.
 pub struct DetailMesh {
     forest: BisectionForest,
     /// Ascending generations; what a position depends on comes before it.
@@ -41,41 +53,45 @@ pub(crate) struct Step {
     pub vertex: VertexId,
     /// The ends of the edge that it bisects; none for a corner of a root cube.
     pub ends: Option<[VertexId; 2]>,
-    /// Its heterogeneous parents among all.
+    /// Its parents among all; none where it stays in the middle.
     first: u32,
     count: u8,
-    /// 1 over the number of all its parents, which have the same volume.
-    weight: f64,
 }
 
-/// A heterogeneous tetrahedron around a bisected edge.
+/// A tetrahedron around a bisected edge whose vertex leaves the middle.
 struct EmbeddedParent {
     corners: [VertexId; 4],
-    /// X, m.
+    /// −(Σ A)⁻¹Cᵀ, m.
     midpoint: SMatrix<f64, 3, 6>,
 }
 
+impl EmbeddedParent {
+    fn pulls(&self) -> bool {
+        self.midpoint.iter().any(|&x| x != 0.0)
+    }
+}
+
 impl DetailMesh {
-    /// Orders the vertices of `forest`; without a material, all middles stay in the middle
-    /// (X = 0). Cost: O(n log n).
+    /// Orders the vertices of `forest`; without a material, all middles stay in the middle.
+    /// Cost: O(n log n).
     pub fn new(forest: BisectionForest) -> Self {
         let lattice = *forest.domain().lattice();
         let step = |vertex: VertexId| {
             let ends = lattice
                 .edge_ends(forest.point(vertex))
                 .and_then(|[a, b]| Some([forest.vertex_at(a)?, forest.vertex_at(b)?]));
-            Step { vertex, ends, first: 0, count: 0, weight: 0.0 }
+            Step { vertex, ends, first: 0, count: 0 }
         };
         let mut steps: Vec<_> = forest.vertices().map(step).collect();
         steps.sort_by_key(|step| forest.generation(step.vertex));
         Self { forest, steps, parents: Vec::new(), unit: 1.0 }
     }
 
-    /// As [`new`](Self::new), with X of `embedding`; `unit` is the length of the forest's lattice
-    /// unit (m).
+    /// As [`new`](Self::new), with vertices displaced for the materials of `embedding`; `unit` is the
+    /// length of the forest's lattice unit (m).
     ///
-    /// Cost: one combination of halves per heterogeneous tetrahedron that the forest bisects;
-    /// 160 bytes each.
+    /// Cost: some hundred flops per tetrahedron that the forest bisects; 160 bytes for each around a
+    /// vertex that leaves the middle, and while it is made 168 per heterogeneous tetrahedron.
     /// # Errors
     /// [`EmbedError::OtherTree`] if the embedding is of other labels; [`EmbedError::Range`].
     pub fn embedded(
@@ -94,14 +110,13 @@ impl DetailMesh {
             return Err(EmbedError::Range { what, value: unit, want });
         }
         let mut mesh = Self { unit, ..Self::new(forest) };
+        let means = embedding.mean_elasticities();
         let mut ring = Vec::new();
         for step in &mut mesh.steps {
             mesh.forest.ring_of(step.vertex, &mut ring);
             step.first = mesh.parents.len() as u32;
-            let found = ring.iter().filter_map(|tet| parent(&mesh.forest, embedding, tet, unit));
-            mesh.parents.extend(found);
+            add_parents(&mesh.forest, &means, &ring, unit, &mut mesh.parents);
             step.count = (mesh.parents.len() - step.first as usize) as u8;
-            step.weight = 1.0 / ring.len().max(1) as f64;
         }
         Ok(mesh)
     }
@@ -134,7 +149,7 @@ impl DetailMesh {
         let Some([a, b]) = step.ends else { return Vector3::repeat(f64::NAN) };
         let middle = 0.5 * (x[a.index()] + x[b.index()]);
         let mut offset = Vector3::zeros();
-        for parent in self.parents_of(step) {
+        for parent in self.parents_of(step).iter().filter(|parent| parent.pulls()) {
             let geometry = lattice_geometry(&self.forest, &parent.corners);
             let f = geometry.gradient(&parent.corners.map(|v| x[v.index()])) / self.unit;
             let r = rotation(&f);
@@ -142,7 +157,35 @@ impl DetailMesh {
             offset += r * (parent.midpoint * strain);
         }
         // No sum, no rounding: a middle stays one to the last bit.
-        if step.count == 0 { middle } else { middle + step.weight * offset }
+        if step.count == 0 { middle } else { middle + self.held_back(offset, step, [a, b], x) }
+    }
+
+    /// The most of `offset` by which every half keeps [`LEAST_HALF`] of its volume; nothing where a
+    /// tetrahedron has none.
+    ///
+    /// With M displaced by d the half at a has 1 + 2 d·F⁻ᵀ∇λ_b times the volume that it has with M in
+    /// the middle.
+    fn held_back(
+        &self,
+        offset: Vector3<f64>,
+        step: &Step,
+        ends: [VertexId; 2],
+        x: &[Vector3<f64>],
+    ) -> Vector3<f64> {
+        let mut most_lost = 0.0_f64;
+        for parent in self.parents_of(step) {
+            let geometry = lattice_geometry(&self.forest, &parent.corners);
+            let f = geometry.gradient(&parent.corners.map(|v| x[v.index()]));
+            let inverse = f.try_inverse().filter(|_| f.determinant() > 0.0);
+            let Some(inverse) = inverse else { return Vector3::zeros() };
+            let is_end = |corner: &usize| ends.contains(&parent.corners[*corner]);
+            for corner in (0..4).filter(is_end) {
+                let lost = -2.0 * geometry.gradients[corner].dot(&(inverse * offset));
+                most_lost = most_lost.max(lost);
+            }
+        }
+        let bearable = 1.0 - LEAST_HALF;
+        if most_lost > bearable { offset * (bearable / most_lost) } else { offset }
     }
 
     fn parents_of(&self, step: &Step) -> &[EmbeddedParent] {
@@ -161,15 +204,30 @@ fn lattice_geometry(forest: &BisectionForest, corners: &[VertexId; 4]) -> Linear
     lattice_tet(&corners.map(|v| forest.point(v)))
 }
 
-/// A tetrahedron around a bisected edge, if its vertex strays from the middle.
-fn parent(
+/// Appends the tetrahedra around a bisected edge if any of them pulls its vertex from the middle.
+fn add_parents(
     forest: &BisectionForest,
-    embedding: &Embedding,
-    tet: &Tet,
+    means: &MeanElasticities<'_>,
+    ring: &[Tet],
     unit: f64,
-) -> Option<EmbeddedParent> {
-    let geometry = lattice_geometry(forest, &tet.vertices);
-    let midpoint = embedding.combine(tet.node, &geometry, tet.level).1.midpoint;
-    let strays = midpoint.iter().any(|&x| x != 0.0);
-    strays.then(|| EmbeddedParent { corners: tet.vertices, midpoint: midpoint * unit })
+    parents: &mut Vec<EmbeddedParent>,
+) {
+    let first = parents.len();
+    let mut stiffness = Matrix3::zeros();
+    for tet in ring {
+        let geometry = lattice_geometry(forest, &tet.vertices);
+        let elasticity = forest.tree().children(tet.node).map(|half| means.of(half));
+        let pair = ChildPair::new(&geometry, 0, bisected_corner(tet.level), elasticity);
+        let (a, c) = pair.midpoint_energy();
+        stiffness += a;
+        let holds_void = forest.tree().labels(tet.node).as_slice()[0] == 0;
+        let pull = if holds_void { SMatrix::zeros() } else { -unit * c.transpose() };
+        parents.push(EmbeddedParent { corners: tet.vertices, midpoint: pull });
+    }
+    if !parents[first..].iter().any(EmbeddedParent::pulls) {
+        return parents.truncate(first);
+    }
+    // Positive definite materials have an inverse.
+    let compliance = stiffness.try_inverse().unwrap_or_else(Matrix3::zeros);
+    parents[first..].iter_mut().for_each(|parent| parent.midpoint = compliance * parent.midpoint);
 }

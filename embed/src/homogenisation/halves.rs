@@ -1,6 +1,6 @@
 //! Two halves of a bisected tetrahedron, and the parent that is made of them.
 
-use nalgebra::{Matrix6, SMatrix, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
 
 use crate::linear_tet::{LinearTet, strain_operator};
 
@@ -23,6 +23,15 @@ impl ChildPair {
     /// G_c: strain of either half per displacement d of M off the middle of its edge (6×3, 1/m).
     pub fn strain_operators(&self) -> [SMatrix<f64, 6, 3>; 2] {
         self.midpoint_gradients.map(|g| strain_operator(&g))
+    }
+
+    /// A = Nᵀ(D₁+D₂)N (3×3 SPD) and C = (D₁−D₂)N of the energy ½dᵀA d + dᵀCᵀε by which a displacement
+    /// d of M differs from none, N = ½(G₁−G₂); Pa/m², Pa/m.
+    pub(crate) fn midpoint_energy(&self) -> (Matrix3<f64>, SMatrix<f64, 6, 3>) {
+        let [g1, g2] = self.strain_operators();
+        let jump = 0.5 * (g1 - g2);
+        let [d1, d2] = self.elasticity;
+        (jump.transpose() * (d1 + d2) * jump, (d1 - d2) * jump)
     }
 
     /// ½(D₁+D₂), the Voigt mean: the parent's stiffness if d = 0.
@@ -69,15 +78,11 @@ impl ParentMaterial {
 /// The parent whose internal displacement d minimises ½dᵀA d + dᵀCᵀε beside the Voigt energy:
 /// X = −A⁻¹Cᵀ, D_p = ½(D₁+D₂) − ½C A⁻¹Cᵀ. A is 3×3 SPD; a singular one gives NaN, which
 /// [`crate::Embedding`] refuses.
-pub(super) fn relaxed(
-    pair: &ChildPair,
-    a: nalgebra::Matrix3<f64>,
-    c: SMatrix<f64, 6, 3>,
-) -> ParentMaterial {
+pub(super) fn relaxed(pair: &ChildPair, a: Matrix3<f64>, c: SMatrix<f64, 6, 3>) -> ParentMaterial {
     let inverse_factor = a
         .cholesky()
         .and_then(|chol| chol.l().try_inverse())
-        .unwrap_or_else(|| nalgebra::Matrix3::repeat(f64::NAN));
+        .unwrap_or_else(|| Matrix3::repeat(f64::NAN));
     // C L⁻ᵀ, so that both products below are symmetric by construction.
     let half = c * inverse_factor.transpose();
     let excess = std::f64::consts::FRAC_1_SQRT_2 * half;

@@ -26,8 +26,8 @@ impl NodeRef {
         Self(HOMOGENEOUS | u32::from(label))
     }
 
-    /// A heterogeneous tetrahedron.
-    pub(super) fn node(index: usize) -> Self {
+    /// A heterogeneous tetrahedron, by the number of its node.
+    pub fn node(index: usize) -> Self {
         Self(index as u32)
     }
 
