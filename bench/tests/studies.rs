@@ -281,7 +281,7 @@ fn meshes_follow_a_scene_to_its_limit() {
     refused(root.path(), meshes::run(&arguments));
 }
 
-/// What is estimated is the error itself up to a factor, which is much the same for any body and tool.
+/// What is estimated is the error itself within a factor of three, for any body and tool.
 #[test]
 fn estimates_go_with_the_error_on_random_scenes() {
     let (_root, common) = scratch();
@@ -299,14 +299,11 @@ fn estimates_go_with_the_error_on_random_scenes() {
         assert!((number(row, "effectivity") / effectivity - 1.0).abs() < 1e-9, "{row}");
         let has_limit = row.get("left").is_some();
         if has_limit && row["converged"] == true {
-            assert!(0.06 < effectivity && effectivity < 3.0, "{row}");
+            assert!(0.3 < effectivity && effectivity < 3.0, "{row}");
             compared += 1;
         }
     }
     assert!(compared > 16, "{printed}");
-    for spread in value["spreads"].as_array().unwrap() {
-        assert!(number(spread, "most") < 10.0 * number(spread, "least"), "{spread}");
-    }
 
     let (root, common) = scratch();
     let arguments = estimates::Arguments { common, finest: 10, ..arguments };
