@@ -198,6 +198,27 @@ fn a_fixed_mesh_is_measured_where_a_frame_is_written() {
 }
 
 #[test]
+fn a_goal_that_nothing_feels_is_refused() {
+    let outside = "{kind='volume', region={shape='sphere', centre=[9,9,9], radius_m=0.01}}";
+    let no_axis = "{kind='displacement', region={shape='box', min=[0,0,0], max=[1,1,1]}, \
+                   direction=[0,0,0]}";
+    let vertices = "tools.0.hold='vertices'";
+    for (goal, beside, words) in [
+        ("{kind='force', tool=1}", UNLOADED, "refinement.goal.tool"),
+        ("{kind='force', tool=0}", vertices, "holds material"),
+        (outside, UNLOADED, "refinement.goal.region"),
+        (no_axis, UNLOADED, "refinement.goal.direction"),
+        ("{kind='force', tool=0}", "dynamics={}", "refinement.goal"),
+    ] {
+        let keys = [format!("refinement.goal={goal}"), beside.to_owned()];
+        let built = scene_file::load("beam", &keys)
+            .and_then(|(scene, _)| Simulation::new(&scene, Stages::by_name(&scene.stages)?));
+        let error = built.err().unwrap().to_string();
+        assert!(error.contains(words), "{goal}: {error}");
+    }
+}
+
+#[test]
 fn an_indicator_that_is_no_energy_asks_for_a_threshold() {
     let (scene, _) = scene_file::load("beam", &["stages.indicator=volume".into()]).unwrap();
     let built = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap());

@@ -33,11 +33,6 @@ impl Loads {
         &self.edges
     }
 
-    /// Whether nothing was added.
-    pub fn is_empty(&self) -> bool {
-        self.vertices.is_empty() && self.edges.is_empty()
-    }
-
     /// Adds a force (N) at a point of the body.
     pub fn add_point(&mut self, point: &ElementPoint, force: Vector3<f64>) {
         for (&v, weight) in point.vertices.iter().zip(point.weights) {

@@ -218,6 +218,10 @@ impl Check<'_> {
     }
 
     fn goal(&self, scene: &Scene) -> Result<(), SimError> {
+        let indicator = &scene.stages.indicator;
+        let want = "another indicator with [dynamics]: a goal is one of a body at rest";
+        let is_at_rest = indicator != "goal" || scene.dynamics.is_none();
+        self.that(is_at_rest, "stages.indicator", indicator, want)?;
         let Some(goal) = &scene.refinement.goal else { return Ok(()) };
         let want = "no such key with mesh.path, whose mesh has no levels, or [dynamics]";
         let is_known = scene.mesh.path.is_none() && scene.dynamics.is_none();
