@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{
-    Anderson, Body, Element, Equilibrium, FORCES, Problem, Tolerance, check_mixed,
+    Anderson, Body, Element, Equilibrium, FORCES, Newton, Problem, Tolerance, check_mixed,
     equilibrium_by_name, forces_by_name,
 };
 use yawara_embed::{ElementFormulation, P1P1};
@@ -214,6 +214,56 @@ fn a_small_load_gives_what_linear_statics_gives() {
     }
 }
 
+/// A bar is bent far in one jump, of a material that hardly changes its volume: by the exact tangent with
+/// pressures a few steps are enough, the last of them quadratic. The kept inverse is not used.
+#[test]
+fn newton_bends_a_mixed_bar() {
+    for (name, poisson_ratio) in [("element", 0.3), ("element", 0.499), ("none", 0.45)] {
+        let organ = Organ::homogeneous([4, 1, 1], 1e4, poisson_ratio);
+        let (mut body, mut x) = setting(&organ, 1.0);
+        let (rest, n) = (x.clone(), x.len());
+        let [low, high] =
+            [f64::min, f64::max].map(|of| rest.iter().map(|x| x.x).reduce(of).unwrap());
+        let far = high - low;
+        let free: Vec<bool> = rest.iter().map(|x| x.x > low + 1e-9 * far).collect();
+        let at_end = |x: &Vector3<f64>| x.x > high - 1e-9 * far;
+        let ends = rest.iter().filter(|x| at_end(x)).count() as f64;
+        // P L²/(E I) = 1.
+        let width = far / 4.0;
+        let total = 1e4 * width.powi(4) / 12.0 / far.powi(2);
+        let load = |x: &Vector3<f64>| if at_end(x) { total / ends } else { 0.0 };
+        let external: Vec<_> = rest.iter().map(|x| Vector3::new(0.0, 0.0, load(x))).collect();
+        let forces = forces_by_name(name).unwrap();
+        let mut sizes = Vec::new();
+        let mut internal = external.clone();
+        for most in 1.. {
+            let mut problem = Problem {
+                body: &mut body,
+                forces: forces.as_ref(),
+                inertia: None,
+                external: &external,
+                free: &free,
+                constraints: None,
+                inverse: &|_, y| y.fill(f64::NAN),
+            };
+            let tolerance = Tolerance { residual: 1e-12, max_iterations: most };
+            x.copy_from_slice(&rest);
+            problem.body.set_pressures(&vec![0.0; n]);
+            let outcome = Newton.solve(&mut problem, &mut x, &mut internal, &tolerance);
+            sizes.push(outcome.residual);
+            if outcome.converged {
+                break;
+            }
+            assert!(most < 20, "{name}, {poisson_ratio}: {sizes:?}");
+        }
+        let moved = x.iter().zip(&rest).map(|(x, rest)| x.z - rest.z).fold(0.0, f64::max);
+        assert!(moved > 0.05 * far, "{name}, {poisson_ratio}: {moved} of {far}");
+        if let [.., before, last] = sizes[..] {
+            assert!(last < 1e-3 * before, "{name}, {poisson_ratio}: {sizes:?}");
+        }
+    }
+}
+
 #[test]
 fn what_can_t_take_pressures_says_so() {
     let fallback = equilibrium_by_name("fallback").unwrap();
@@ -223,29 +273,28 @@ fn what_can_t_take_pressures_says_so() {
         assert_eq!(answer.is_ok(), CARRYING.contains(name), "{name}");
     }
     let element = forces_by_name("element").unwrap();
-    for name in ["lbfgs", "newton"] {
-        let mut solver = equilibrium_by_name(name).unwrap();
-        let answer = check_mixed(element.as_ref(), solver.as_ref());
-        assert!(answer.unwrap_err().to_string().contains(name));
+    let name = "lbfgs";
+    let mut solver = equilibrium_by_name(name).unwrap();
+    let answer = check_mixed(element.as_ref(), solver.as_ref());
+    assert!(answer.unwrap_err().to_string().contains(name));
 
-        let (mut body, mut x) = setting(&Organ::homogeneous([1, 1, 1], 1e4, 0.45), 1.0);
-        x.iter_mut().for_each(|x| x.y *= 1.1);
-        let (start, n) = (x.clone(), x.len());
-        let (external, free) = (vec![Vector3::zeros(); n], vec![true; n]);
-        let mut problem = Problem {
-            body: &mut body,
-            forces: element.as_ref(),
-            inertia: None,
-            external: &external,
-            free: &free,
-            constraints: None,
-            inverse: &|_, y| y.fill(f64::NAN),
-        };
-        let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };
-        let mut internal = external.clone();
-        let outcome = solver.solve(&mut problem, &mut x, &mut internal, &tolerance);
-        assert!(!outcome.converged && outcome.iterations == 0 && x == start, "{name}");
-    }
+    let (mut body, mut x) = setting(&Organ::homogeneous([1, 1, 1], 1e4, 0.45), 1.0);
+    x.iter_mut().for_each(|x| x.y *= 1.1);
+    let (start, n) = (x.clone(), x.len());
+    let (external, free) = (vec![Vector3::zeros(); n], vec![true; n]);
+    let mut problem = Problem {
+        body: &mut body,
+        forces: element.as_ref(),
+        inertia: None,
+        external: &external,
+        free: &free,
+        constraints: None,
+        inverse: &|_, y| y.fill(f64::NAN),
+    };
+    let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };
+    let mut internal = external.clone();
+    let outcome = solver.solve(&mut problem, &mut x, &mut internal, &tolerance);
+    assert!(!outcome.converged && outcome.iterations == 0 && x == start, "{name}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use yawara_mesh::TetId;
 
 use super::storage::Body;
 use crate::element::Element;
+use crate::element::pressures::PressureTangent;
 use crate::field::Field;
 use crate::law::states::States;
 use crate::law::{ConstitutiveLaw, LawHalf};
@@ -132,11 +133,30 @@ impl Body {
     /// The law's answer for an element at `positions` with its stored rotation: σ and ∂σ/∂ε, Pa,
     /// pressures as they are.
     pub(crate) fn response(&self, number: usize, positions: &Field) -> (Strain, Matrix6<f64>) {
+        let (stress, law) = self.law_response(number, positions);
+        match &self.pressures {
+            None => (stress, law),
+            Some(pressures) => (stress, pressures.tangent(number, &law).modulus),
+        }
+    }
+
+    /// How an element with pressures answers to small changes, at `positions`; none without.
+    pub(crate) fn pressure_tangent(
+        &self,
+        number: usize,
+        positions: &Field,
+    ) -> Option<PressureTangent> {
+        let pressures = self.pressures.as_ref()?;
+        Some(pressures.tangent(number, &self.law_response(number, positions).1))
+    }
+
+    /// σ and ∂σ/∂ε̃ at the assumed strain ε̃, Pa.
+    fn law_response(&self, number: usize, positions: &Field) -> (Strain, Matrix6<f64>) {
         let element = &self.elements()[number];
-        let strain = element.corotated_strain(positions);
         if self.law().is_linear() {
             return (self.stress(number, positions), element.elasticity);
         }
+        let strain = element.corotated_strain(positions);
         let assumed = match &self.pressures {
             None => strain,
             Some(pressures) => pressures.assumed_strain(number, element.vertices, &strain),

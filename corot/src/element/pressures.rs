@@ -34,6 +34,21 @@ pub(crate) struct PressedVertex {
     pub weight: f64,
 }
 
+/// How an element with pressures answers to small changes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PressureTangent {
+    /// ∂σ/∂ε with q as it is, Pa.
+    pub modulus: Matrix6<f64>,
+    /// ∂σ/∂q of a corner, Pa.
+    pub pull: Strain,
+    /// −∂/∂θ of each corner's P q − G u, V μ/4, J.
+    pub quarter: f64,
+    /// ∂/∂q of a corner's own, over that of each corner, J.
+    pub own: f64,
+    /// ∂/∂q of each corner's, J.
+    pub across: f64,
+}
+
 /// What an element's pressures weigh.
 #[derive(Clone, Copy, Debug)]
 struct PressedElement {
@@ -157,6 +172,16 @@ impl Pressures {
         let MixedModuli { shear, deviatoric, .. } = &self.moduli[number];
         let pressure = shear * mean;
         deviatoric * strain + Strain::new(pressure, pressure, pressure, 0.0, 0.0, 0.0)
+    }
+
+    /// The derivatives of an element with pressures, C = ∂σ/∂ε̃ of its law (Pa) at the assumed strain.
+    pub fn tangent(&self, number: usize, law: &Matrix6<f64>) -> PressureTangent {
+        let MixedModuli { bulk, shear, expansion, .. } = &self.moduli[number];
+        let PressedElement { quarter, own, across } = self.elements[number];
+        let pull = law * expansion;
+        let dilation = Strain::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0);
+        let modulus = law - *bulk * pull * dilation.transpose();
+        PressureTangent { modulus, pull: 0.25 * *shear * pull, quarter, own, across }
     }
 
     /// The assumed strain ε + D⁻¹m (μ q̄ − κ mᵀε): D times it is D'ε + μ q̄ m.

@@ -80,7 +80,7 @@ pub fn check_mixed(
         return refused("corotation", forces.name(), "element, none");
     }
     if equilibrium.needs_definite() {
-        return refused("equilibrium", equilibrium.name(), "fallback, anderson, direct");
+        return refused("equilibrium", equilibrium.name(), "fallback, anderson, newton, direct");
     }
     Ok(())
 }

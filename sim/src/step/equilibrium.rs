@@ -14,6 +14,7 @@ use super::contact::{ContactState, Probing, Surroundings};
 use super::dynamics::Motion;
 use super::grips::Grips;
 use super::held::Held;
+use super::indicator::Dual;
 use super::predictor::Predictor;
 use super::settling::Settling;
 use super::span::Span;
@@ -91,18 +92,19 @@ impl StepSolver {
         self.motion.is_none() && self.gravity == Vector3::zeros() && self.fading.is_empty()
     }
 
-    /// How the body of the last equilibrium answers when a tool moves by `lead`, or to `loads`, m and N:
-    /// its moves, the pressures that belong to them, both by vertex number, and all that acts then.
+    /// The dual of a figure of `value`: how the body of the last equilibrium answers when a tool moves by
+    /// `lead`, or to `loads`, m and N.
     ///
     /// Vertices that tools hold stay. Cost: an application of the inverse, two under contact.
     /// # Errors
     /// [`SimError::Inverse`] if the inverse fails.
     pub fn answer(
         &self,
+        value: f64,
         lead: Option<(usize, Vector3<f64>)>,
         mut loads: Loads,
         acting: &mut Acting<'_>,
-    ) -> Result<(Vec<Vector3<f64>>, Vec<f64>, Loads), SimError> {
+    ) -> Result<Dual, SimError> {
         let Acting { state, contact, inverse, .. } = acting;
         let held = Held::new(state, inverse)?;
         let mut forces = loads.vertices().to_vec();
@@ -144,7 +146,7 @@ impl StepSolver {
             constraints.forces_under(&state.body, &forces, leads.as_ref())
         });
         self.grips.add_changes(&moves, lead, rows, state, &mut loads);
-        Ok((moves, pressures, loads))
+        Ok(Dual { value, field: moves, pressures, loads })
     }
 
     /// Mass, momentum and energy of a body with inertia.

@@ -94,8 +94,7 @@ impl Figure {
             }
             Self::Volume(number) => (body.grips()[number].add_volume(positions, &mut loads), None),
         };
-        let (field, pressures, loads) = solver.answer(lead, loads, acting)?;
-        Ok(Dual { value, field, pressures, loads })
+        solver.answer(value, lead, loads, acting)
     }
 }
 
