@@ -156,3 +156,15 @@ fn a_mesh_refined_everywhere_is_held_as_one_that_starts_so_fine() {
         assert!(difference < 1e-4 * force[2].abs(), "{refined:?} instead of {force:?}");
     }
 }
+
+#[test]
+fn a_tool_that_never_found_an_equilibrium_lets_go_all_the_same() {
+    let set = ["stages.corotation=paper", "solver.max_halvings=0", "time.steps=13"];
+    let (scene, _) = scene_file::load("beam", &set.map(String::from)).unwrap();
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    let mut converged = Vec::new();
+    while simulation.steps_left() > 0 {
+        converged.push(simulation.step().unwrap().converged);
+    }
+    assert!(!converged[..10].contains(&true), "{converged:?}");
+}

@@ -268,7 +268,10 @@ impl Grips {
             self.free.push(number);
             if let Some(at) = self.held.iter().position(|held| held.0 == number) {
                 self.held.remove(at);
-                self.forces.remove(at);
+                // Without an equilibrium so far there are none.
+                if at < self.forces.len() {
+                    self.forces.remove(at);
+                }
             }
             inverse.remove_springs(&state.body.grips_mut()[number].release())?;
         }
