@@ -216,7 +216,7 @@ fn estimates(scene: &Scene, stages: &Stages) -> PlanRow {
     if scene.dynamics.is_none() {
         of.push("of each force beside others by its dual");
     }
-    if scene.refinement.goal.is_some() {
+    if scene.refinement.goal.is_some() || stages.indicator.is_of_goal() {
         of.push("of the goal by its dual");
     }
     let when = if scene.mesh.refines() { "every step" } else { "steps with a frame" };

@@ -37,10 +37,7 @@ impl Figure {
         tools: &[Box<dyn Tool>],
     ) -> Result<Self, SimError> {
         if let GoalEntry::Force { tool } = *entry {
-            let is_felt = |at: &dyn Tool| {
-                state.grip_tools.contains(&Some(tool)) || at.obstacle(0.0).is_some()
-            };
-            if tools.get(tool).is_some_and(|at| is_felt(at.as_ref())) {
+            if tool < tools.len() && is_felt(tool, state, tools, 0.0) {
                 return Ok(Self::Force(tool));
             }
             let want = "the number of a probe or of a grab that holds material";
@@ -98,6 +95,11 @@ impl Figure {
     }
 }
 
+/// Whether a tool holds material or probes at time `t`, so that its force has a dual.
+fn is_felt(tool: usize, state: &BodyState, tools: &[Box<dyn Tool>], t: f64) -> bool {
+    state.grip_tools.contains(&Some(tool)) || tools[tool].obstacle(t).is_some()
+}
+
 /// The tools that act on the body at the last equilibrium.
 fn acting_tools(solver: &StepSolver, acting: &Acting<'_>, felt: &[ToolReport]) -> Vec<usize> {
     let t = solver.reached_s();
@@ -125,15 +127,13 @@ pub(crate) fn asked(
     acting: &Acting<'_>,
     felt: &[ToolReport],
 ) -> Vec<Figure> {
-    let t = solver.reached_s();
-    let is_felt = |tool: &usize| {
-        let is_grip = acting.state.grip_tools.contains(&Some(*tool));
-        is_grip || acting.tools[*tool].obstacle(t).is_some()
-    };
     let beside_others = match alone(solver, acting, felt) {
         None if !acting.state.is_dynamic => acting_tools(solver, acting, felt),
         _ => Vec::new(),
     };
-    let forces = beside_others.into_iter().filter(is_felt).map(Figure::Force);
+    let t = solver.reached_s();
+    let felt =
+        beside_others.into_iter().filter(|&tool| is_felt(tool, acting.state, acting.tools, t));
+    let forces = felt.map(Figure::Force);
     goal.into_iter().chain(forces.filter(|force| Some(*force) != goal)).collect()
 }
