@@ -8,6 +8,7 @@ use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::rotation::polar_warm;
 use crate::element::tetrahedron::stress_matrix;
+use crate::element::turning::Turning;
 use crate::field::Field;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
@@ -74,7 +75,7 @@ impl Body {
         forces: &mut Field,
     ) -> f64 {
         self.turn_elements(positions.len(), |element| [rotation(element); 2]);
-        self.forces_as_turned(positions, forces)
+        self.forces_as_turned(positions, forces, Turning::Given)
     }
 
     /// f_int of element co-rotation into `forces` (overwritten) with the rotations of elements and
@@ -125,7 +126,13 @@ impl Body {
             pulp::Arch::new().dispatch(&mut pass);
             if let Some(states) = states {
                 let Pass { elements, sums, pressures, .. } = pass;
-                sums.squares += states.add_to(elements, pressures, positions, &mut sums.forces);
+                sums.squares += states.add_to(
+                    elements,
+                    pressures,
+                    Turning::Nearest,
+                    positions,
+                    &mut sums.forces,
+                );
             }
         };
         if runs.len() > 1 && rayon::current_num_threads() > 1 {
@@ -153,11 +160,13 @@ impl Body {
     /// Adds to `forces` what the law has beyond D ε, V R (σ − D ε̃) ∇λ with each element's stored
     /// rotation; nothing under a linear law. Returns Σ_e ‖·‖² of what was added.
     ///
-    /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself.
+    /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself, with
+    /// rotations of its own.
     pub fn add_law_forces(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         let Self { elements, pressures, states, .. } = self;
         let runs = states.runs(elements.len());
-        runs.map(|run| run.add_to(elements, pressures.as_ref(), positions, forces)).sum()
+        let pressures = pressures.as_ref();
+        runs.map(|run| run.add_to(elements, pressures, Turning::Given, positions, forces)).sum()
     }
 
     /// f_int of a co-rotation by vertices into `forces` (overwritten): rotations are renewed, then
@@ -184,7 +193,12 @@ impl Body {
 
     /// Σ_e of the elements' forces into `forces` (overwritten), each in the frame of its rotation,
     /// one element after the other; with pressures also their residuals. Returns √Σ_e ‖f_e‖².
-    pub(crate) fn forces_as_turned(&mut self, positions: &Field, forces: &mut Field) -> f64 {
+    pub(crate) fn forces_as_turned(
+        &mut self,
+        positions: &Field,
+        forces: &mut Field,
+        turning: Turning,
+    ) -> f64 {
         forces.fill(Vector3::zeros());
         let Self { elements, pressures, states, .. } = self;
         let mut residuals = Vec::new();
@@ -208,7 +222,8 @@ impl Body {
                 let strain = pressures.as_ref().map_or(strain, assumed);
                 (stress, pull) = (law.stress(number, elasticity, strain), 0.0);
             }
-            let scaled = rotation * stress_matrix(&stress) * element.geometry.volume;
+            let stress = turning.stress(&stress_matrix(&stress), element, positions);
+            let scaled = rotation * stress * element.geometry.volume;
             squares += element.add_forces(&(scaled + rotation * pull), forces);
         }
         if let Some(pressures) = pressures {

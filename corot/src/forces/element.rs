@@ -6,12 +6,13 @@ use crate::body::Body;
 use crate::field::Field;
 
 /// f_int = Σ_e R_e K_e (R_eᵀx_e − X_e), R_e the rotation nearest to the element's deformation
-/// gradient. Free of net force to rounding, and of net torque for isotropic D; with an
-/// anisotropic D the stress does not commute with the stretch, which leaves a torque of second
-/// order in the strain.
+/// gradient, and what makes them the derivative of ½ Σ_e V ε:D:ε, ε = sym(RᵀF) − I, where D is anisotropic.
+/// Free of net force and of net torque to rounding.
 ///
-/// With σ = D sym(RᵀF − I), the force on corner i is V R σ ∇λ_i: the same without forming K_e.
-/// Source: Müller and Gross, Interactive Virtual Materials, Graphics Interface 2004. (The
+/// With σ = D ε and S = RᵀF the force on corner i is V R (σ − b×) ∇λ_i, b = (tr(S)I − S)⁻¹ axial(σ S), axial that
+/// of the skew part times two. b is zero where σ and S commute, as they do for an isotropic D, and else of
+/// second order in the strain. It is bounded where det(tr(S)I − S) falls below 10⁻³ tr(S)³: R jumps there.
+/// Source: Müller and Gross, Interactive Virtual Materials, Graphics Interface 2004, which leaves b out. (The
 /// vertex-wise form of Oishi et al., eq. (2), is not translation invariant.)
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ElementCorotation;

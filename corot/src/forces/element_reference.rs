@@ -3,6 +3,7 @@
 use super::internal_forces::InternalForces;
 use super::tangent::{TangentOf, element_tangent};
 use crate::body::Body;
+use crate::element::turning::Turning;
 use crate::field::Field;
 
 /// [`ElementCorotation`](crate::ElementCorotation) without vector kernels: slow and obvious, what
@@ -17,7 +18,7 @@ impl InternalForces for ElementReference {
 
     fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
         body.renew_rotations(positions);
-        body.forces_as_turned(positions, forces)
+        body.forces_as_turned(positions, forces, Turning::Nearest)
     }
 
     fn carries_pressures(&self) -> bool {

@@ -5,12 +5,13 @@ use pulp::{Simd, WithSimd};
 
 use super::accumulators::Accumulators;
 use super::packets::Packet;
-use super::polar::renew_rotations;
+use super::polar::{axial, renew_rotations, turning};
 use super::simd::{
-    LANES, M3, Row, Rows, V, dot, load3, load33, matrix, product, store33, transposed_product,
+    LANES, M3, Row, Rows, V, V3, dot, load3, load33, matrix, product, store33, transposed_product,
 };
 use crate::element::Element;
 use crate::element::pressures::Pressures;
+use crate::element::turning::LEAST;
 use crate::field::Field;
 
 /// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
@@ -127,7 +128,7 @@ fn deformation_gradients<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffer
     store33(&f, &mut buffers.gradient, part);
 }
 
-/// V R (σ + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
+/// V R (σ − b× + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
 /// corner 0.
 #[inline(always)]
 fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
@@ -144,11 +145,13 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
         s[0][2] + s[2][0],
     ];
     let volume = V::load(simd, &packet.volume, part);
-    let [xx, yy, zz, xy, yz, zx] = stress_of(simd, packet, &strain, volume, part);
+    let stress = stress_of(simd, packet, &strain, volume, part);
+    let [x, y, z] = turning_stress(simd, &stress, &s);
+    let [xx, yy, zz, xy, yz, zx] = stress;
     let pull = V::load(simd, &buffers.pull, part);
     let (xx, yy, zz) = (xx + pull, yy + pull, zz + pull);
     (strain[0] + strain[1] + strain[2]).store(&mut buffers.dilation, part);
-    let scaled = product(&r, &[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]);
+    let scaled = product(&r, &[[xx, xy + z, zx - y], [xy - z, yy, yz + x], [zx + y, yz - x, zz]]);
     let mut sum = [V::splat(simd, 0.0); 3];
     let mut squares = V::splat(simd, 0.0);
     for corner in 0..3 {
@@ -162,6 +165,19 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
         }
     }
     (squares + dot(&sum, &sum)).store(&mut buffers.squares, part);
+}
+
+/// b of [`conjugate`](crate::element::turning::conjugate).
+#[inline(always)]
+fn turning_stress<S: Simd>(simd: S, stress: &[V<S>; 6], s: &M3<S>) -> V3<S> {
+    let [xx, yy, zz, xy, yz, zx] = *stress;
+    let product = product(&[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]], s);
+    let (cofactors, determinant, trace) = turning(simd, s);
+    let least = V::splat(simd, LEAST) * trace * trace * trace;
+    let skew = axial(&product);
+    let b = [dot(&cofactors[0], &skew), dot(&cofactors[1], &skew), dot(&cofactors[2], &skew)];
+    let determinant = determinant.or_more(least);
+    [b[0].over(determinant), b[1].over(determinant), b[2].over(determinant)]
 }
 
 /// V D ε.

@@ -70,7 +70,30 @@ fn polar<S: Simd>(simd: S, f: &M3<S>, start: &M3<S>) -> (M3<S>, V<S>) {
 #[inline(always)]
 fn newton_step<S: Simd>(simd: S, f: &M3<S>, r: &M3<S>) -> (V3<S>, V<S>) {
     let m = transposed_product(r, f);
-    let skew = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
+    let skew = axial(&m);
+    let (cofactors, determinant, trace) = turning(simd, &m);
+    let inverse = V::splat(simd, 1.0).over(determinant);
+    let [x, y, z] = cofactors;
+    let omega = [dot(&x, &skew) * inverse, dot(&y, &skew) * inverse, dot(&z, &skew) * inverse];
+    // Definite iff the minors h₀, h₀h₁ − xy² and the determinant are positive.
+    let bar = V::splat(simd, DEFINITE) * trace * trace * trace;
+    let definite = infinite_unless_positive(simd, m[1][1] + m[2][2])
+        + infinite_unless_positive(simd, z[2])
+        + infinite_unless_positive(simd, determinant)
+        // With a negative trace this alone would pass half a turn away from the maximum.
+        + infinite_unless_positive(simd, determinant - bar);
+    (omega, definite)
+}
+
+/// The axial vector of M − Mᵀ.
+#[inline(always)]
+pub(super) fn axial<S: Simd>(m: &M3<S>) -> V3<S> {
+    [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]
+}
+
+/// Cofactors and determinant of tr(S)I − S, S the symmetric part of M, and its trace.
+#[inline(always)]
+pub(super) fn turning<S: Simd>(simd: S, m: &M3<S>) -> (M3<S>, V<S>, V<S>) {
     let half = V::splat(simd, -0.5);
     let h = [m[1][1] + m[2][2], m[0][0] + m[2][2], m[0][0] + m[1][1]];
     let xy = (m[0][1] + m[1][0]) * half;
@@ -83,21 +106,8 @@ fn newton_step<S: Simd>(simd: S, f: &M3<S>, r: &M3<S>) -> (V3<S>, V<S>) {
     let c02 = xy * yz - zx * h[1];
     let c12 = xy * zx - h[0] * yz;
     let determinant = (h[0] * c00).plus(xy, c01).plus(zx, c02);
-    let inverse = V::splat(simd, 1.0).over(determinant);
-    let omega = [
-        dot(&[c00, c01, c02], &skew) * inverse,
-        dot(&[c01, c11, c12], &skew) * inverse,
-        dot(&[c02, c12, c22], &skew) * inverse,
-    ];
-    // Definite iff the minors h₀, h₀h₁ − xy² and the determinant are positive.
-    let half_trace = (h[0] + h[1] + h[2]) * V::splat(simd, 0.5);
-    let bar = V::splat(simd, DEFINITE) * half_trace * half_trace * half_trace;
-    let definite = infinite_unless_positive(simd, h[0])
-        + infinite_unless_positive(simd, c22)
-        + infinite_unless_positive(simd, determinant)
-        // With a negative trace this alone would pass half a turn away from the maximum.
-        + infinite_unless_positive(simd, determinant - bar);
-    (omega, definite)
+    let trace = h[0] + m[0][0];
+    ([[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]], determinant, trace)
 }
 
 /// 0 where the value is positive, ∞ elsewhere.

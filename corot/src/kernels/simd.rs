@@ -86,6 +86,12 @@ impl<S: Simd> V<S> {
         Self(self.0, self.0.div_f64s(self.1, other.1))
     }
 
+    /// The larger of both.
+    #[inline(always)]
+    pub fn or_more(self, other: Self) -> Self {
+        Self(self.0, self.0.max_f64s(self.1, other.1))
+    }
+
     /// NaN lanes are lost here: what must show them is added up, not compared.
     #[inline(always)]
     pub fn largest(self) -> f64 {

@@ -11,6 +11,7 @@ use super::linear::LinearElastic;
 use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::tetrahedron::stress_matrix;
+use crate::element::turning::Turning;
 use crate::field::Field;
 
 /// A law and its states, by element number; both lists are empty under a linear law.
@@ -54,6 +55,7 @@ impl StateRun<'_> {
         mut self,
         elements: &[Element],
         pressures: Option<&Pressures>,
+        turning: Turning,
         positions: &Field,
         forces: &mut Field,
     ) -> f64 {
@@ -64,7 +66,8 @@ impl StateRun<'_> {
                 strain = pressures.assumed_strain(self.first + i, element.vertices, &strain);
             }
             self.stress(i, &element.elasticity, strain);
-            let scaled = element.rotation * stress_matrix(&self.beyond[i]);
+            let stress = turning.stress(&stress_matrix(&self.beyond[i]), element, positions);
+            let scaled = element.rotation * stress;
             squares += element.add_forces(&(scaled * element.geometry.volume), forces);
         }
         squares
