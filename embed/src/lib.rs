@@ -30,7 +30,9 @@ pub use element::{
 };
 pub use embedding::Embedding;
 pub use error::EmbedError;
-pub use fine::{DIRECT_VERTICES, FineBody, FineFields, SixFields, SparseCholesky};
+pub use fine::{
+    DIRECT_VERTICES, FineBody, FineFields, LdlPattern, SixFields, SparseCholesky, SparseLdl,
+};
 pub use hand_over::{ContentStiffness, Halved, RingPart, RingStiffness, clamp};
 pub use homogenisation::{
     CHOICES, ChildPair, Excess, GlobalHomogenisation, Hierarchical, Homogenisation, Kharevych,

@@ -100,6 +100,17 @@ impl Body {
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
     }
 
+    /// Σ ½ V σ : ε of the elements at `positions` (m, by vertex number) with their rotations, and what elastic
+    /// grips store, J. Cost: O(elements).
+    pub fn energy(&self, positions: &Field) -> f64 {
+        let elements = self.elements().iter().enumerate().map(|(number, element)| {
+            let strain = element.corotated_strain(positions);
+            0.5 * element.geometry.volume * self.stress(number, positions).dot(&strain)
+        });
+        let held = self.grips().iter().map(|grip| grip.energy(positions));
+        elements.chain(held).sum()
+    }
+
     /// By how much D ε and the pressures' part of the [stress](Self::stress) of an element change where the
     /// body moves by `moves` (m) and its pressures by `q` (1), both by vertex number, with its rotation; Pa.
     ///

@@ -2,8 +2,9 @@
 
 use std::sync::OnceLock;
 
+use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
-use yawara_embed::P1P1;
+use yawara_embed::{P1P1, SparseLdl};
 use yawara_mesh::TetId;
 
 use crate::element::Element;
@@ -96,6 +97,41 @@ impl Body {
     /// q by vertex number; empty without pressures.
     pub fn pressures(&self) -> Vec<f64> {
         self.pressures.iter().flat_map(|p| &p.vertices).map(|vertex| vertex.q).collect()
+    }
+
+    /// The least and the largest modulus of any element, Pa: the largest entry of its elasticity.
+    pub(crate) fn stiffness_range(&self) -> [f64; 2] {
+        let moduli = self.elements.iter().map(|element| element.elasticity.amax());
+        moduli.fold([f64::INFINITY, 0.0], |[low, high], modulus| {
+            [low.min(modulus), high.max(modulus)]
+        })
+    }
+
+    /// A linear elastic body of the same elements, those of a larger modulus than `bound` (Pa) scaled to it,
+    /// with the same rotations, grips and pressures.
+    pub(crate) fn softened(&self, bound: f64) -> Self {
+        let pressures = self.pressures.as_ref().map(Pressures::without_elements);
+        let mut body = Self { pressures, grips: self.grips.clone(), ..Self::default() };
+        for element in &self.elements {
+            let elasticity = element.elasticity * (bound / element.elasticity.amax()).min(1.0);
+            body.insert(Element { elasticity, ..*element });
+        }
+        body.set_pressures(&self.pressures());
+        body
+    }
+
+    /// P of a [mixed](Self::mixed) body, factored, for the vertices at the last evaluation of forces.
+    pub(crate) fn pressure_matrix(&self) -> Option<SparseLdl> {
+        self.pressures.as_ref().and_then(|p| p.matrix(&self.elements))
+    }
+
+    /// Moves q to where P q = G u, by P and P q − G u of the last evaluation of forces.
+    pub(crate) fn settle_pressures(&mut self, matrix: &SparseLdl) {
+        let stiffening = self.stiffening();
+        let Some(Pressures { vertices, .. }) = &mut self.pressures else { return };
+        let mut off = Mat::from_fn(vertices.len(), 1, |v, _| vertices[v].residual / stiffening);
+        matrix.solve_in_place(&mut off);
+        vertices.iter_mut().enumerate().for_each(|(v, vertex)| vertex.q -= off[(v, 0)]);
     }
 
     /// P q − G u at a vertex at the last evaluation of forces, times the law's

@@ -1,7 +1,8 @@
 //! Pressures of a body of mixed elements: one per vertex, beside the displacements.
 
+use faer::sparse::{SparseColMat, Triplet};
 use nalgebra::{Matrix6, Vector3};
-use yawara_embed::{LinearTet, MixedModuli, P1P1, Strain};
+use yawara_embed::{LinearTet, MixedModuli, P1P1, SparseLdl, Strain};
 
 use super::Element;
 
@@ -41,8 +42,6 @@ pub(crate) struct PressureTangent {
     pub modulus: Matrix6<f64>,
     /// ∂σ/∂q of a corner, Pa.
     pub pull: Strain,
-    /// −∂/∂θ of each corner's P q − G u, V μ/4, J.
-    pub quarter: f64,
     /// ∂/∂q of a corner's own, over that of each corner, J.
     pub own: f64,
     /// ∂/∂q of each corner's, J.
@@ -63,6 +62,17 @@ impl Pressures {
     pub fn new(element: P1P1) -> Self {
         Self {
             stabilisation: element.stabilisation(),
+            elements: Vec::new(),
+            moduli: Vec::new(),
+            vertices: Vec::new(),
+            stale: true,
+        }
+    }
+
+    /// Those of the same kind of element.
+    pub fn without_elements(&self) -> Self {
+        Self {
+            stabilisation: self.stabilisation,
             elements: Vec::new(),
             moduli: Vec::new(),
             vertices: Vec::new(),
@@ -145,6 +155,21 @@ impl Pressures {
         }
     }
 
+    /// P, factored, J: rows by vertex number, 1 where there is no element. None for want of memory.
+    pub fn matrix(&self, elements: &[Element]) -> Option<SparseLdl> {
+        let n = self.vertices.len();
+        let alone = (0..n).filter(|&v| !(self.vertices[v].weight > 0.0));
+        let mut triplets: Vec<_> = alone.map(|v| Triplet::new(v, v, 1.0)).collect();
+        for (element, PressedElement { own, across, .. }) in elements.iter().zip(&self.elements) {
+            for (v, w) in element.vertices.iter().flat_map(|v| element.vertices.map(|w| (*v, w))) {
+                let entry = if v == w { own + across } else { *across };
+                triplets.extend((v >= w).then(|| Triplet::new(v, w, entry)));
+            }
+        }
+        let lower = SparseColMat::try_new_from_triplets(n, n, &triplets).ok()?;
+        SparseLdl::new(&lower, &vec![1; n], None)
+    }
+
     /// Takes P q − G u of all vertices, times the law's `stiffening`.
     pub fn set_residuals(&mut self, residuals: &[f64], stiffening: f64) {
         for (vertex, &residual) in self.vertices.iter_mut().zip(residuals) {
@@ -177,11 +202,11 @@ impl Pressures {
     /// The derivatives of an element with pressures, C = ∂σ/∂ε̃ of its law (Pa) at the assumed strain.
     pub fn tangent(&self, number: usize, law: &Matrix6<f64>) -> PressureTangent {
         let MixedModuli { bulk, shear, expansion, .. } = &self.moduli[number];
-        let PressedElement { quarter, own, across } = self.elements[number];
+        let PressedElement { own, across, .. } = self.elements[number];
         let pull = law * expansion;
         let dilation = Strain::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0);
         let modulus = law - *bulk * pull * dilation.transpose();
-        PressureTangent { modulus, pull: 0.25 * *shear * pull, quarter, own, across }
+        PressureTangent { modulus, pull: 0.25 * *shear * pull, own, across }
     }
 
     /// The assumed strain ε + D⁻¹m (μ q̄ − κ mᵀε): D times it is D'ε + μ q̄ m.

@@ -17,7 +17,12 @@ pub(crate) enum Turning {
 impl Turning {
     /// The stress that does the work of σ in an element at `positions`, in its frame: [`conjugate`] to its
     /// stretch where its rotation turns with it.
-    pub fn stress(self, stress: &Matrix3<f64>, element: &Element, positions: &Field) -> Matrix3<f64> {
+    pub fn stress(
+        self,
+        stress: &Matrix3<f64>,
+        element: &Element,
+        positions: &Field,
+    ) -> Matrix3<f64> {
         match self {
             Self::Given => *stress,
             Self::Nearest => {

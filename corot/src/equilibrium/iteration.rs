@@ -1,5 +1,7 @@
 //! Where an iteration stands, and the best place it has been at.
 
+use yawara_embed::SparseLdl;
+
 use super::problem::{Iterate, Outcome, Problem, Tolerance};
 use crate::field::Field;
 
@@ -17,6 +19,8 @@ pub struct Iteration<'a> {
     pub tolerance: &'a Tolerance,
     iterations: usize,
     evaluations: usize,
+    /// P of a mixed body whose pressures follow its displacements.
+    pressures: Option<SparseLdl>,
     /// The least size among the iterates, and the iterate.
     best: (f64, Iterate),
 }
@@ -32,7 +36,17 @@ impl<'a> Iteration<'a> {
         let mut residual = vec![0.0; problem.rows()];
         let size = problem.evaluate(positions, internal, &mut residual, tolerance);
         let best = (size, problem.iterate(positions));
-        Self { positions, internal, residual, size, tolerance, iterations: 0, evaluations: 1, best }
+        Self {
+            positions,
+            internal,
+            residual,
+            size,
+            tolerance,
+            iterations: 0,
+            evaluations: 1,
+            pressures: None,
+            best,
+        }
     }
 
     /// Whether another iteration is wanted and allowed. A residual that is no number is not small.
@@ -57,9 +71,27 @@ impl<'a> Iteration<'a> {
 
     /// Renews forces, residual and its size where the positions are.
     pub fn evaluate(&mut self, problem: &mut Problem<'_>) {
+        self.measure(problem);
+        if let Some(matrix) = &self.pressures {
+            problem.body.settle_pressures(matrix);
+            self.measure(problem);
+        }
+    }
+
+    fn measure(&mut self, problem: &mut Problem<'_>) {
         self.size =
             problem.evaluate(self.positions, self.internal, &mut self.residual, self.tolerance);
         self.evaluations += 1;
+    }
+
+    /// From now on pressures of a [mixed](crate::Body::mixed) body follow its displacements, P q = G u: at twice
+    /// the evaluations.
+    pub(super) fn settle_pressures(&mut self, problem: &mut Problem<'_>) {
+        self.pressures = problem.body.pressure_matrix();
+        if self.pressures.is_some() {
+            self.evaluate(problem);
+            self.keep_if_best(problem);
+        }
     }
 
     /// x ← x + `length` · `step`, with its forces.

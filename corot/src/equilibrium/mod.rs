@@ -13,6 +13,7 @@ mod line_search;
 mod newton;
 mod problem;
 mod solver;
+mod tangent_system;
 mod vectors;
 
 pub use anderson::Anderson;

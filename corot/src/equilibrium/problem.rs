@@ -84,6 +84,19 @@ impl Problem<'_> {
         }
     }
 
+    /// The same of another body of as many elements.
+    pub(super) fn with_body<'a>(&'a self, body: &'a mut Body) -> Problem<'a> {
+        Problem {
+            body,
+            forces: self.forces,
+            inertia: self.inertia,
+            external: self.external,
+            free: self.free,
+            constraints: self.constraints,
+            inverse: self.inverse,
+        }
+    }
+
     /// 3, or 4 in a [mixed](Body::mixed) body.
     pub fn unknowns_per_vertex(&self) -> usize {
         self.body.unknowns_per_vertex()

@@ -14,6 +14,9 @@ pub type ElementTangent = SMatrix<f64, 12, 12>;
 /// The tangent, N/m, of the element with a number in a body at positions (m, by vertex number).
 pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &Field) -> ElementTangent + 'a>;
 
+/// What an eigenvalue may be below zero, as part of the trace.
+const ROUNDING: f64 = 1e-13;
+
 /// The exact tangent of f_a = V R (σ − b×) ∇λ_a of element `number` under the law σ of `body`, of the strain
 /// sym(RᵀF − I), at the stored rotation R, which must be that of F.
 ///
@@ -61,11 +64,17 @@ pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> Element
     tangent
 }
 
-/// The nearest symmetric positive semi-definite matrix to the symmetric part.
-pub(crate) fn convex_part(tangent: &ElementTangent) -> ElementTangent {
+/// What a tangent's symmetric part lacks of being positive semi-definite: the least matrix that makes it so. None
+/// where it lacks nothing.
+pub(crate) fn dent(tangent: &ElementTangent) -> Option<ElementTangent> {
+    // Moving along as a whole costs nothing.
+    let raised = ROUNDING * tangent.trace();
+    if (tangent + ElementTangent::from_diagonal_element(raised)).cholesky().is_some() {
+        return None;
+    }
     let mut eigen = (0.5 * (tangent + tangent.transpose())).symmetric_eigen();
-    eigen.eigenvalues.iter_mut().for_each(|value| *value = value.max(0.0));
-    eigen.recompose()
+    eigen.eigenvalues.iter_mut().for_each(|value| *value = (-*value).max(0.0));
+    Some(eigen.recompose())
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ mod constraints;
 mod grip;
 mod loads;
 
+pub(crate) use constraints::Turned;
 pub use constraints::{Constraints, Responses};
 pub use grip::{Grip, WeightedPoint};
 pub use loads::{EdgeLoad, Loads};

@@ -1,9 +1,10 @@
 //! K x = f by a sparse Cholesky factorisation, for meshes of moderate size.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
@@ -88,23 +89,7 @@ impl SparseCholesky {
         order: Option<&[usize]>,
         block: usize,
     ) -> Option<Self> {
-        let permutation = order.map(|order| {
-            let forward: Vec<usize> =
-                order.iter().flat_map(|&v| block * v..block * (v + 1)).collect();
-            let mut inverse = vec![0; forward.len()];
-            forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
-            (forward, inverse)
-        });
-        let ordering = match &permutation {
-            Some((forward, inverse)) => {
-                SymmetricOrdering::Custom(PermRef::new_checked(forward, inverse, forward.len()))
-            }
-            None => SymmetricOrdering::Amd,
-        };
-        let parameters = CholeskySymbolicParams::default();
-        let symbolic =
-            factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters)
-                .ok()?;
+        let symbolic = symbolic(lower, order, block)?;
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         symbolic
@@ -144,4 +129,99 @@ impl SparseCholesky {
             MemStack::new(&mut MemBuffer::new(scratch)),
         );
     }
+}
+
+/// P K Pᵀ = L D Lᵀ of a quasi-definite K, [A Bᵀ; B −C] with A and C positive definite in any order of rows, by
+/// faer, in one thread. Source: Vanderbei, Symmetric quasidefinite matrices, SIAM J. Optim. 5(1), 1995.
+pub struct SparseLdl {
+    symbolic: SymbolicCholesky<usize>,
+    values: Vec<f64>,
+}
+
+/// Where a [`SparseLdl`] has entries.
+pub struct LdlPattern(SymbolicCholesky<usize>);
+
+/// A pivot below this part of the largest diagonal entry, or of the wrong sign, is made that large.
+const LEAST_PIVOT: f64 = 1e-14;
+
+impl SparseLdl {
+    /// Factors the lower half of K, n × n, by approximate minimum degree; `signs` has 1 for the rows of A and
+    /// −1 for those of C. Pivots that are none are made small ones of that sign. A `pattern` of L is that of a
+    /// factor of a matrix with the same entries.
+    ///
+    /// None for want of memory. Cost: as [`SparseCholesky::new`].
+    ///
+    /// # Panics
+    /// If `signs` or `pattern` is of a matrix of another size.
+    pub fn new(
+        lower: &SparseColMat<usize, f64>,
+        signs: &[i8],
+        pattern: Option<LdlPattern>,
+    ) -> Option<Self> {
+        let symbolic = match pattern {
+            Some(LdlPattern(symbolic)) => symbolic,
+            None => symbolic(lower, None, 1)?,
+        };
+        let largest = lower.val().iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
+        let regular = LdltRegularization {
+            dynamic_regularization_signs: Some(signs),
+            dynamic_regularization_delta: LEAST_PIVOT * largest,
+            dynamic_regularization_epsilon: LEAST_PIVOT * largest,
+        };
+        let mut values = vec![0.0; symbolic.len_val()];
+        let scratch = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        symbolic
+            .factorize_numeric_ldlt(
+                &mut values,
+                lower.as_ref(),
+                Side::Lower,
+                regular,
+                Par::Seq,
+                MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
+                Default::default(),
+            )
+            .ok()?;
+        Some(Self { symbolic, values })
+    }
+
+    /// The pattern of L, for another matrix with the same entries.
+    pub fn into_pattern(self) -> LdlPattern {
+        LdlPattern(self.symbolic)
+    }
+
+    /// X ← K⁻¹ X. Cost: two passes over L a column.
+    ///
+    /// # Panics
+    /// If X has not as many rows as K.
+    pub fn solve_in_place(&self, x: &mut Mat<f64>) {
+        let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        LdltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
+            Conj::No,
+            x.as_mut(),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+        );
+    }
+}
+
+/// The pattern of L.
+fn symbolic(
+    lower: &SparseColMat<usize, f64>,
+    order: Option<&[usize]>,
+    block: usize,
+) -> Option<SymbolicCholesky<usize>> {
+    let permutation = order.map(|order| {
+        let forward: Vec<usize> = order.iter().flat_map(|&v| block * v..block * (v + 1)).collect();
+        let mut inverse = vec![0; forward.len()];
+        forward.iter().enumerate().for_each(|(i, &p)| inverse[p] = i);
+        (forward, inverse)
+    });
+    let ordering = match &permutation {
+        Some((forward, inverse)) => {
+            SymmetricOrdering::Custom(PermRef::new_checked(forward, inverse, forward.len()))
+        }
+        None => SymmetricOrdering::Amd,
+    };
+    let parameters = CholeskySymbolicParams::default();
+    factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()
 }

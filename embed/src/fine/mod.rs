@@ -15,6 +15,6 @@ mod tractions;
 
 pub use body::{FineBody, SixFields};
 pub(crate) use body::{lattice_tet, voxel};
-pub use cholesky::{DIRECT_VERTICES, SparseCholesky};
+pub use cholesky::{DIRECT_VERTICES, LdlPattern, SparseCholesky, SparseLdl};
 pub(crate) use region::FineVoxels;
 pub use tractions::FineFields;

@@ -124,13 +124,7 @@ impl BodyState {
     /// Σ ½ V σ : ε in the elements' frames and what elastic supports and pads store, J, where the body
     /// is now. Cost: O(elements).
     pub fn energy_j(&self) -> f64 {
-        let Self { body, positions, .. } = self;
-        let elements = body.elements().iter().enumerate().map(|(number, element)| {
-            let strain = element.corotated_strain(positions);
-            0.5 * element.geometry.volume * body.stress(number, positions).dot(&strain)
-        });
-        let held = body.grips().iter().map(|grip| grip.energy(positions));
-        elements.chain(held).sum()
+        self.body.energy(&self.positions)
     }
 
     /// The vertices of the current mesh, ascending numbers.

@@ -1,0 +1,258 @@
+//! The tangent of a problem where it stands: a factor of its convex part, and what is beside that.
+
+use faer::Mat;
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
+use nalgebra::{Matrix4, SVector, Vector3};
+use yawara_embed::SparseLdl;
+
+use super::problem::Problem;
+use super::vectors::{axpy, dot};
+use crate::body::Body;
+use crate::element::Element;
+use crate::element::pressures::PressureTangent;
+use crate::element::tetrahedron::stress_matrix;
+use crate::field::Field;
+use crate::forces::ElementTangent;
+use crate::forces::tangent::dent;
+use crate::grip::Turned;
+
+/// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
+/// elements have too little of for that.
+///
+/// Vectors have the rows of the problem's residuals and steps; constraints are kept by all steps.
+pub(super) struct TangentSystem<'a> {
+    unknowns: Unknowns,
+    /// Where the entries that elements add, in their order, are in the lower half of the matrix.
+    pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>)>,
+    factor: Option<SparseLdl>,
+    /// N by elements that have one.
+    dents: Vec<([usize; 4], ElementTangent)>,
+    constraints: Option<Turned<'a>>,
+}
+
+/// The unknowns of a problem, counted through: displacements of free vertices, pressures of all that have
+/// elements.
+struct Unknowns {
+    per_vertex: usize,
+    /// By row of the problem, [`HELD`] for none.
+    of: Vec<usize>,
+    /// The problem's row of each.
+    at: Vec<usize>,
+    /// The sign of each on the diagonal of M.
+    signs: Vec<i8>,
+}
+
+/// Entries in the lower half, one after the other; their places too unless they are known.
+struct Entries<'a> {
+    unknowns: &'a Unknowns,
+    places: Option<Vec<Pair<usize, usize>>>,
+    values: Vec<f64>,
+}
+
+/// Products with S at most in a direction.
+const PRODUCTS: usize = 40;
+
+/// A direction of less than this part of the curvature that M has there counts as one that curves down.
+const FLAT: f64 = 1e-6;
+
+const HELD: usize = usize::MAX;
+
+impl<'a> TangentSystem<'a> {
+    /// That of a problem; still without a factor.
+    pub fn new(problem: &Problem<'a>) -> Self {
+        let unknowns = Unknowns::new(problem);
+        Self { unknowns, pattern: None, factor: None, dents: Vec::new(), constraints: None }
+    }
+
+    /// Renews it where the problem's body stands now; its elements must be those of the last time. None
+    /// without tangents, or where M can't be factored.
+    pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
+        let tangent_of = problem.forces.tangent()?;
+        let (m, body) = (self.unknowns.per_vertex, &*problem.body);
+        let mut entries = Entries::new(&self.unknowns, self.pattern.is_none());
+        self.dents.clear();
+        for (number, element) in body.elements().iter().enumerate() {
+            let mut tangent = tangent_of(body, number, positions);
+            if let Some(inertia) = problem.inertia {
+                add_alike(&mut tangent, &inertia.matrix(number));
+            }
+            if let Some(held) = body.grip_matrix(element.tet) {
+                add_alike(&mut tangent, &held);
+            }
+            if let Some(dent) = dent(&tangent) {
+                tangent += dent;
+                self.dents.push((element.vertices, dent));
+            }
+            let at = |i: usize| m * element.vertices[i / 3] + i % 3;
+            for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+                entries.add(at(i), at(j), tangent[(i, j)]);
+            }
+            if let Some(pressed) = body.pressure_tangent(number, positions) {
+                add_pressures(body, element, &pressed, &mut entries);
+            }
+        }
+        // Rows without elements.
+        for (row, sign) in self.unknowns.signs.iter().enumerate() {
+            entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);
+        }
+        let Entries { places, values, .. } = entries;
+        if let Some(places) = places {
+            let n = self.unknowns.at.len();
+            self.pattern = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok();
+        }
+        let (symbolic, argsort) = self.pattern.as_ref()?;
+        let lower = SparseColMat::new_from_argsort(symbolic.clone(), argsort, &values).ok()?;
+        let symbolic = self.factor.take().map(SparseLdl::into_pattern);
+        self.factor = Some(SparseLdl::new(&lower, &self.unknowns.signs, symbolic)?);
+        self.constraints = None;
+        if let Some(constraints) = problem.constraints {
+            let column = |row: &[(usize, Vector3<f64>)]| {
+                let mut all = vec![0.0; self.unknowns.of.len()];
+                for (v, g) in row {
+                    (0..3).for_each(|axis| all[m * v + axis] += g[axis]);
+                }
+                self.solve(&all)
+            };
+            let columns = (0..constraints.len()).map(|k| column(constraints.row(k))).collect();
+            self.constraints = Some(constraints.answered_by(columns, m));
+        }
+        Some(())
+    }
+
+    /// M⁻¹ r; zero without a factor.
+    pub fn solve(&self, residual: &[f64]) -> Vec<f64> {
+        let Unknowns { at, per_vertex, .. } = &self.unknowns;
+        let mut step = vec![0.0; residual.len()];
+        let Some(factor) = &self.factor else { return step };
+        let mut x = Mat::from_fn(at.len(), 1, |i, _| residual[at[i]]);
+        factor.solve_in_place(&mut x);
+        at.iter().enumerate().for_each(|(i, &at)| step[at] = x[(i, 0)]);
+        if let Some(constraints) = &self.constraints {
+            constraints.correct(&mut step, *per_vertex, None);
+        }
+        step
+    }
+
+    /// S⁻¹ r by conjugate gradients, to `accuracy` of what r asks for in the norm of M⁻¹, or what they have found
+    /// where they meet a direction that curves down; M⁻¹ r if that is the first one.
+    pub fn direction(&self, residual: &[f64], accuracy: f64) -> Vec<f64> {
+        let mut z = self.solve(residual);
+        if self.dents.is_empty() {
+            return z;
+        }
+        let mut r = residual.to_vec();
+        let mut rest = dot(&r, &z);
+        let enough = accuracy.powi(2) * rest;
+        let (mut p, mut of_p) = (z.clone(), r.clone());
+        let mut found = vec![0.0; residual.len()];
+        for product in 0..PRODUCTS {
+            // M p is known: p is made of vectors M⁻¹ r.
+            let convex = dot(&p, &of_p);
+            let mut stiff = of_p.clone();
+            self.take_dents(&p, &mut stiff);
+            let curvature = dot(&p, &stiff);
+            if !(curvature > FLAT * convex) {
+                return if product == 0 { z } else { found };
+            }
+            let length = rest / curvature;
+            axpy(length, &p, &mut found);
+            axpy(-length, &stiff, &mut r);
+            z = self.solve(&r);
+            let left = dot(&r, &z);
+            if !(left > enough) {
+                break;
+            }
+            let share = left / rest;
+            rest = left;
+            for (p, z) in p.iter_mut().zip(&z) {
+                *p = z + share * *p;
+            }
+            for (of_p, r) in of_p.iter_mut().zip(&r) {
+                *of_p = r + share * *of_p;
+            }
+        }
+        found
+    }
+
+    /// y ← y − N x.
+    fn take_dents(&self, x: &[f64], y: &mut [f64]) {
+        let m = self.unknowns.per_vertex;
+        for (vertices, dent) in &self.dents {
+            let at = |i: usize| m * vertices[i / 3] + i % 3;
+            let product = dent * SVector::<f64, 12>::from_fn(|i, _| x[at(i)]);
+            (0..12).for_each(|i| y[at(i)] -= product[i]);
+        }
+    }
+}
+
+impl Unknowns {
+    fn new(problem: &Problem<'_>) -> Self {
+        let m = problem.unknowns_per_vertex();
+        let is_unknown = |row: &usize| match row % m {
+            3 => problem.body.pressure_row(row / m).1 > 0.0,
+            _ => problem.free[row / m],
+        };
+        let at: Vec<usize> = (0..problem.rows()).filter(is_unknown).collect();
+        let mut of = vec![HELD; problem.rows()];
+        at.iter().enumerate().for_each(|(number, &row)| of[row] = number);
+        let signs = at.iter().map(|row| if row % m > 2 { -1 } else { 1 }).collect();
+        Self { per_vertex: m, of, at, signs }
+    }
+}
+
+impl<'a> Entries<'a> {
+    fn new(unknowns: &'a Unknowns, with_places: bool) -> Self {
+        Self { unknowns, places: with_places.then(Vec::new), values: Vec::new() }
+    }
+
+    /// Adds an entry of the whole matrix, by rows of the problem.
+    fn add(&mut self, row: usize, column: usize, value: f64) {
+        let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
+        if row != HELD && column != HELD && row >= column {
+            self.push(row, column, value);
+        }
+    }
+
+    fn push(&mut self, row: usize, col: usize, value: f64) {
+        self.values.push(value);
+        if let Some(places) = &mut self.places {
+            places.push(Pair { row, col });
+        }
+    }
+}
+
+/// Adds a matrix on the corners, the same for each axis.
+fn add_alike(tangent: &mut ElementTangent, corners: &Matrix4<f64>) {
+    for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
+        (0..3).for_each(|axis| tangent[(3 * i + axis, 3 * j + axis)] += corners[(i, j)]);
+    }
+}
+
+/// Adds what an element's pressures and its dilation have to do with each other: rows [`Problem::evaluate`]'s
+/// (P q − G u)/h with the sign of G u, columns h δq.
+fn add_pressures(
+    body: &Body,
+    element: &Element,
+    pressed: &PressureTangent,
+    entries: &mut Entries<'_>,
+) {
+    let Element { vertices, geometry, rotation, .. } = element;
+    let pull = geometry.volume * rotation * stress_matrix(&pressed.pull);
+    let weights = vertices.map(|v| body.pressure_row(v).1);
+    let stiffening = body.stiffening();
+    for (i, &v) in vertices.iter().enumerate() {
+        let pressure = 4 * v + 3;
+        for (gradient, &w) in geometry.gradients.iter().zip(vertices) {
+            let force = weights[i] * (pull * gradient);
+            for axis in 0..3 {
+                entries.add(4 * w + axis, pressure, force[axis]);
+                entries.add(pressure, 4 * w + axis, force[axis]);
+            }
+        }
+        for (j, &w) in vertices.iter().enumerate() {
+            let own = if i == j { pressed.own } else { 0.0 };
+            let entry = weights[i] * weights[j] * stiffening * (pressed.across + own);
+            entries.add(pressure, 4 * w + 3, -entry);
+        }
+    }
+}
