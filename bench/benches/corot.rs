@@ -66,6 +66,7 @@ impl Case {
             external: &self.weight,
             free: &self.free,
             constraints: None,
+            pushes: None,
             inverse: &inverse,
         };
         let mut internal = vec![Vector3::zeros(); positions.len()];

@@ -20,7 +20,7 @@ mod law;
 mod time;
 
 pub use body::{Body, LawState};
-pub use contact::{Contact, ContactOutcome, Obstacle, Sphere, solve_with_contact};
+pub use contact::{Contact, ContactOutcome, Obstacle, Pushes, Sphere, solve_with_contact};
 pub use element::{EDGES, Element, ElementPoint, locate, rotation};
 pub use equilibrium::{
     Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Iterate, Iteration, Lbfgs, Newton,

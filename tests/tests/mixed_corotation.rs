@@ -189,6 +189,7 @@ fn a_small_load_gives_what_linear_statics_gives() {
                 external: &external,
                 free: &free,
                 constraints: None,
+                pushes: None,
                 inverse: &select,
             };
             let tolerance = Tolerance { residual: 1e-7, max_iterations: 20 };
@@ -244,6 +245,7 @@ fn newton_bends_a_mixed_bar() {
                 external: &external,
                 free: &free,
                 constraints: None,
+                pushes: None,
                 inverse: &|_, y| y.fill(f64::NAN),
             };
             let tolerance = Tolerance { residual: 1e-12, max_iterations: most };
@@ -289,6 +291,7 @@ fn what_can_t_take_pressures_says_so() {
         external: &external,
         free: &free,
         constraints: None,
+        pushes: None,
         inverse: &|_, y| y.fill(f64::NAN),
     };
     let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };

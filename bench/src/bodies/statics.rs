@@ -87,6 +87,7 @@ impl Statics {
             external,
             free,
             constraints: None,
+            pushes: None,
             inverse: &inverse,
         };
         equilibrium.solve(&mut problem, positions, internal, tolerance)

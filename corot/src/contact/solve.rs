@@ -1,13 +1,19 @@
 //! Equilibrium in the way of obstacles: they push, and never pull.
 
-use super::run::{Place, Run};
+use super::pushes::Pushes;
+use super::run::Run;
 use super::surface_contact::{Contact, ContactOutcome};
-use crate::equilibrium::anderson::MIN_DAMPING;
 use crate::equilibrium::{Equilibrium, Problem, Tolerance};
 use crate::field::Field;
 
-/// Solves under given contact forces at most.
-const TURNS: usize = 40;
+/// Solves against springs at most.
+const TURNS: usize = 12;
+
+/// κ of a point, over its own stiffness.
+const STIFF: f64 = 10.0;
+
+/// κ grows by this where a solve left more than a quarter of what was too deep or too far.
+const STIFFER: f64 = 10.0;
 
 /// Finds x and λ with f_int(x) = f_ext + Σ λ_i n_i w_i, gap_i(x) ≥ 0, λ_i ≥ 0 and λ_i gap_i = 0.
 ///
@@ -21,10 +27,9 @@ const TURNS: usize = 40;
 /// Mixing is for smooth maps: its memory goes when a point comes in or goes out. Where that happens
 /// again and again the set of points that push is settled first, with forces of either sign on them
 /// and none on the others, and renewed by the signs of forces and gaps in its solution. Where this
-/// iteration gives up, `equilibrium` solves under contact forces that stay as they are, and between
-/// its solves they follow the gaps, 0 ≤ λ' ⊥ h + G Ĉ Gᵀ(λ' − λ) ≥ 0;
-/// [`Outcome::fallbacks`](crate::Outcome::fallbacks) then
-/// counts it.
+/// iteration gives up, and `equilibrium` [takes them](Equilibrium::takes_pushes), obstacles push with springs
+/// ([`Pushes`]) in solves of it, and between these λ becomes what they pushed with;
+/// [`Outcome::fallbacks`](crate::Outcome::fallbacks) then counts it.
 ///
 /// Cost: two applications of the inverse and a force evaluation an iteration, and O(k² + k v) for k
 /// points of v vertices. On return `internal` holds the internal forces.
@@ -43,45 +48,44 @@ pub fn solve_with_contact(
     let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
     run.evaluate(positions);
     let start = run.place(run.merit(), positions);
-    if !run.together(&start, positions) {
+    if !run.together(&start, positions) && equilibrium.takes_pushes() {
         run.return_to(&start, positions);
-        run.in_turn(equilibrium, positions);
+        run.against_springs(equilibrium, positions);
     }
     run.into_outcome()
 }
 
 impl Run<'_, '_, '_> {
-    /// Positions under given forces, then forces by the gaps, in turn.
-    fn in_turn(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut Field) {
+    /// Positions against springs, then forces by what these push with, in turn: the augmented Lagrangian.
+    fn against_springs(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut Field) {
         self.outcome.fallbacks = 1;
-        let mut best: Option<Place> = None;
-        let mut damping = 1.0;
+        let (k, compliance) =
+            (self.lambda.len(), self.contact.compliance(&self.normals, self.problem));
+        let own = |i: usize| compliance[(k + 1) * i];
+        let spring = |i: usize| if own(i) > 0.0 { STIFF / own(i) } else { 0.0 };
+        let mut stiffness: Vec<f64> = (0..k).map(spring).collect();
+        let mut off = f64::INFINITY;
         for _ in 0..TURNS {
-            let mut loaded = self.problem.with_loads(&self.loads);
-            let solved = equilibrium.solve(&mut loaded, positions, self.internal, self.tolerance);
+            let lambda = self.lambda.clone();
+            let Contact { points, obstacles, .. } = *self.contact;
+            let pushes = Pushes { points, obstacles, multipliers: &lambda, stiffness: &stiffness };
+            let mut pushed = self.problem.with_pushes(&pushes);
+            let solved = equilibrium.solve(&mut pushed, positions, self.internal, self.tolerance);
             self.outcome.iterations += solved.iterations;
             self.outcome.evaluations += solved.evaluations;
-            self.evaluate(positions);
-            let merit = self.merit();
-            match &best {
-                Some(least) if !(merit < least.0) => {
-                    damping *= 0.5;
-                    self.return_to(least, positions);
-                }
-                _ => best = Some(self.place(merit, positions)),
+            for (i, force) in self.lambda.iter_mut().enumerate() {
+                *force = pushes.force(i, positions).0;
             }
-            if merit <= 1.0 || damping < MIN_DAMPING {
+            self.evaluate(positions);
+            if self.merit() <= 1.0 || !solved.converged {
                 break;
             }
-            let mut moves = vec![0.0; self.residual.len()];
-            let renewed = self.forces_by_gaps(&moves);
-            let damped =
-                self.lambda.iter().zip(renewed).map(|(old, new)| old + damping * (new - old));
-            let damped: Vec<f64> = damped.collect();
-            self.add_push(&damped, &mut moves);
-            self.problem.advance(positions, &moves, 1.0);
-            self.lambda = damped;
-            self.evaluate(positions);
+            let left = self.merit();
+            if !(left <= 0.25 * off) {
+                stiffness.iter_mut().for_each(|stiffness| *stiffness *= STIFFER);
+            }
+            off = left;
         }
+        self.compliance = compliance;
     }
 }

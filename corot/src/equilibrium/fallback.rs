@@ -40,6 +40,10 @@ impl Equilibrium for Fallback {
         self.methods.iter().all(|method| method.needs_definite())
     }
 
+    fn takes_pushes(&self) -> bool {
+        self.methods.iter().any(|method| method.takes_pushes())
+    }
+
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
@@ -58,7 +62,10 @@ impl Equilibrium for Fallback {
             ..Outcome::default()
         };
         let mixed = problem.body.is_mixed();
-        let able = self.methods.iter_mut().filter(|method| !(mixed && method.needs_definite()));
+        let pushed = problem.pushes.is_some();
+        let able = self.methods.iter_mut().filter(|method| {
+            !(mixed && method.needs_definite()) && (!pushed || method.takes_pushes())
+        });
         for (number, method) in able.enumerate() {
             if total.converged {
                 break;

@@ -43,6 +43,10 @@ impl Equilibrium for Newton {
         true
     }
 
+    fn takes_pushes(&self) -> bool {
+        true
+    }
+
     fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let start = problem.iterate(point.positions);
         point.settle_pressures(problem);

@@ -1,8 +1,11 @@
 //! The equilibrium problem and what a solver reports.
 
+use std::borrow::Cow;
+
 use nalgebra::{DVector, Vector3};
 
 use crate::body::Body;
+use crate::contact::Pushes;
 use crate::field::Field;
 use crate::forces::InternalForces;
 use crate::grip::Constraints;
@@ -28,6 +31,8 @@ pub struct Problem<'a> {
     pub free: &'a [bool],
     /// What tools hold of it besides: G x = g, with multipliers μ as further unknowns.
     pub constraints: Option<&'a Constraints>,
+    /// Obstacles that push with forces which follow the positions; none but in solves that a contact asks for.
+    pub pushes: Option<&'a Pushes<'a>>,
     /// y = C f: the inverse stiffness of the unrotated body with all but the free vertices
     /// fixed, both by vertex number (3 entries each), zero on the others. m/N.
     ///
@@ -80,8 +85,15 @@ impl Problem<'_> {
             external,
             free: self.free,
             constraints: self.constraints,
+            pushes: self.pushes,
             inverse: self.inverse,
         }
+    }
+
+    /// The same with obstacles that push.
+    pub(crate) fn with_pushes<'a>(&'a mut self, pushes: &'a Pushes<'a>) -> Problem<'a> {
+        let external = self.external;
+        Problem { pushes: Some(pushes), ..self.with_loads(external) }
     }
 
     /// The same of another body of as many elements.
@@ -93,6 +105,7 @@ impl Problem<'_> {
             external: self.external,
             free: self.free,
             constraints: self.constraints,
+            pushes: self.pushes,
             inverse: self.inverse,
         }
     }
@@ -126,8 +139,12 @@ impl Problem<'_> {
         let elements =
             forces_with_inertia(self.forces, self.inertia, self.body, positions, internal);
         let m = self.unknowns_per_vertex();
+        let mut external = Cow::Borrowed(self.external);
+        if let Some(pushes) = self.pushes {
+            pushes.add_forces(positions, external.to_mut());
+        }
         for v in 0..positions.len() {
-            let r = if self.free[v] { self.external[v] - internal[v] } else { Vector3::zeros() };
+            let r = if self.free[v] { external[v] - internal[v] } else { Vector3::zeros() };
             residual[m * v..m * v + 3].copy_from_slice(r.as_slice());
             if m > 3 {
                 let (row, weight) = self.body.pressure_row(v);
@@ -147,7 +164,7 @@ impl Problem<'_> {
         let held = self.body.grip_scale();
         let stiffness = self.forces.stiffness_scale(self.body) + inertial + held;
         let rounding = f64::EPSILON * stiffness * norm(positions);
-        let scale = norm(self.external).max(elements).max(rounding / tolerance.residual);
+        let scale = norm(&external).max(elements).max(rounding / tolerance.residual);
         match squares.sqrt() {
             0.0 => 0.0,
             // An overflow is no small residual.

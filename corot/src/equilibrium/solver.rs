@@ -49,6 +49,7 @@ use crate::field::Field;
 ///     external: &[Vector3::zeros(), Vector3::zeros(), Vector3::zeros(), pull],
 ///     free: &[false, false, false, true],
 ///     constraints: None,
+///     pushes: None,
 ///     inverse: &|f, y| {
 ///         y.fill(0.0);
 ///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
@@ -72,6 +73,12 @@ pub trait Equilibrium: Send {
     /// Whether it goes down in energy or factors a tangent on displacements alone; in a
     /// [mixed](crate::Body::mixed) body it then ends where it begins.
     fn needs_definite(&self) -> bool {
+        false
+    }
+
+    /// Whether it takes account of [`Problem::pushes`] in its steps. One that does not is left out of solves with
+    /// them.
+    fn takes_pushes(&self) -> bool {
         false
     }
 

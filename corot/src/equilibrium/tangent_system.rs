@@ -91,6 +91,15 @@ impl<'a> TangentSystem<'a> {
                 add_pressures(body, element, &pressed, &mut entries);
             }
         }
+        if let Some(pushes) = problem.pushes {
+            pushes.each_stiffness(positions, |point, stiffness| {
+                for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+                    let weights = point.weights[i / 3] * point.weights[j / 3];
+                    let at = |i: usize| m * point.vertices[i / 3] + i % 3;
+                    entries.add(at(i), at(j), weights * stiffness[(i % 3, j % 3)]);
+                }
+            });
+        }
         // Rows without elements.
         for (row, sign) in self.unknowns.signs.iter().enumerate() {
             entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);

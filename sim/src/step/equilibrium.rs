@@ -128,6 +128,7 @@ impl StepSolver {
             external: &[],
             free: &held.free,
             constraints,
+            pushes: None,
             inverse: &apply,
         };
         let (mut moves, mut pressures) = problem.answer(&forces, leads.as_ref());
@@ -331,6 +332,7 @@ impl StepSolver {
                 external: &external,
                 free: &held.free,
                 constraints,
+                pushes: None,
                 inverse: &apply,
             };
             problem.meet_constraints(&mut state.positions);

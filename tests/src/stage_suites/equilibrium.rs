@@ -82,6 +82,7 @@ impl Clamped {
             external: load,
             free: &self.free,
             constraints: None,
+            pushes: None,
             inverse: &|f, y| self.inverse.apply(f, y),
         })
     }
