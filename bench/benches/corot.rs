@@ -70,7 +70,7 @@ impl Case {
             inverse: &inverse,
         };
         let mut internal = vec![Vector3::zeros(); positions.len()];
-        let tolerance = Tolerance { residual: 1e-6, max_iterations: 60 };
+        let tolerance = Tolerance::new(1e-6, 60);
         equilibrium.solve(&mut problem, positions, &mut internal, &tolerance)
     }
 }

@@ -7,7 +7,7 @@ use yawara_corot::{
     check_pair, equilibrium_by_name, forces_by_name,
 };
 
-const TIGHT: Tolerance = Tolerance { residual: 1e-9, max_iterations: 100 };
+const TIGHT: Tolerance = Tolerance::new(1e-9, 100);
 
 fn step(part: f64, corotation: &str, equilibrium: &mut dyn Equilibrium) -> (Beam, Outcome) {
     let mut beam = Beam::new(BeamLoad::TipForce, 0.3, None).unwrap();
@@ -122,7 +122,7 @@ fn the_paper_s_iteration_finds_no_equilibrium_of_a_bent_beam() {
         let mut beam = Beam::new(BeamLoad::Bend, 0.3, None).unwrap();
         let stage = forces_by_name(corotation).unwrap();
         let mut solver = equilibrium_by_name(equilibrium).unwrap();
-        let tolerance = Tolerance { residual: 1e-6, max_iterations: 300 };
+        let tolerance = Tolerance::new(1e-6, 300);
         beam.step(degrees / 90.0, stage.as_ref(), solver.as_mut(), &tolerance).outcome
     };
     // To first order already its forces are not those of linear elasticity: at no angle is it well.

@@ -192,7 +192,7 @@ fn a_small_load_gives_what_linear_statics_gives() {
                 pushes: None,
                 inverse: &select,
             };
-            let tolerance = Tolerance { residual: 1e-7, max_iterations: 20 };
+            let tolerance = Tolerance::new(1e-7, 20);
             let outcome =
                 Anderson::default().solve(&mut problem, &mut x, &mut internal, &tolerance);
             assert!(outcome.converged && outcome.iterations <= 3, "{name}: {outcome:?}");
@@ -248,7 +248,7 @@ fn newton_bends_a_mixed_bar() {
                 pushes: None,
                 inverse: &|_, y| y.fill(f64::NAN),
             };
-            let tolerance = Tolerance { residual: 1e-12, max_iterations: most };
+            let tolerance = Tolerance::new(1e-12, most);
             x.copy_from_slice(&rest);
             problem.body.set_pressures(&vec![0.0; n]);
             let outcome = Newton.solve(&mut problem, &mut x, &mut internal, &tolerance);
@@ -294,7 +294,7 @@ fn what_can_t_take_pressures_says_so() {
         pushes: None,
         inverse: &|_, y| y.fill(f64::NAN),
     };
-    let tolerance = Tolerance { residual: 1e-6, max_iterations: 20 };
+    let tolerance = Tolerance::new(1e-6, 20);
     let mut internal = external.clone();
     let outcome = solver.solve(&mut problem, &mut x, &mut internal, &tolerance);
     assert!(!outcome.converged && outcome.iterations == 0 && x == start, "{name}");

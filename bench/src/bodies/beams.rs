@@ -127,7 +127,7 @@ impl Beam {
         corotation: &dyn InternalForces,
         equilibrium: &mut dyn Equilibrium,
     ) -> Vec<StepCount> {
-        let tolerance = Tolerance { residual: 1e-12, max_iterations: 200 };
+        let tolerance = Tolerance::new(1e-12, 200);
         let part = |step: usize| step as f64 / steps as f64;
         (1..=steps).map(|step| self.step(part(step), corotation, equilibrium, &tolerance)).collect()
     }

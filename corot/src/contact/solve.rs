@@ -48,7 +48,8 @@ pub fn solve_with_contact(
     let mut run = Run::new(problem, contact, multipliers, internal, tolerance);
     run.evaluate(positions);
     let start = run.place(run.merit(), positions);
-    if !run.together(&start, positions) && equilibrium.takes_pushes() {
+    let is_done = run.together(&start, positions) || tolerance.is_late();
+    if !is_done && equilibrium.takes_pushes() {
         run.return_to(&start, positions);
         run.against_springs(equilibrium, positions);
     }

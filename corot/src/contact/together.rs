@@ -17,7 +17,8 @@ impl Run<'_, '_, '_> {
         let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
         let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
         let mut flips = 0;
-        while !self.is_done() && self.outcome.iterations < self.tolerance.max_iterations {
+        let most = self.tolerance.max_iterations;
+        while !self.is_done() && self.outcome.iterations < most && !self.tolerance.is_late() {
             if let Some(set) = &self.set
                 && self.merit_of_set(set) <= 1.0
             {
@@ -57,6 +58,9 @@ impl Run<'_, '_, '_> {
             }
         }
         self.set = None;
+        if self.tolerance.is_late() && !(self.merit() <= best.0) {
+            self.return_to(&best, positions);
+        }
         self.merit() <= 1.0
     }
 

@@ -42,7 +42,7 @@ impl Equilibrium for Anderson {
         let (mut scratch, mut step) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
         let mut memory = Memory::new(self.depth);
         let mut damping = 1.0;
-        while point.goes_on() {
+        while point.goes_on() && point.is_on_its_way() {
             if !point.is_within(self.growth) {
                 damping *= 0.5;
                 if damping < MIN_DAMPING {

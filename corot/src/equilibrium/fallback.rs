@@ -67,7 +67,8 @@ impl Equilibrium for Fallback {
             !(mixed && method.needs_definite()) && (!pushed || method.takes_pushes())
         });
         for (number, method) in able.enumerate() {
-            if total.converged {
+            // What is late stays where it has come to.
+            if total.converged || (number > 0 && tolerance.is_late()) {
                 break;
             }
             if !(total.residual <= CLOSER * first) {

@@ -5,6 +5,9 @@ use yawara_embed::SparseLdl;
 use super::problem::{Iterate, Outcome, Problem, Tolerance};
 use crate::field::Field;
 
+/// Iterations over which progress is judged.
+const WINDOW: usize = 20;
+
 /// Positions with their forces and residual, the best iterate so far, and the count of work.
 pub struct Iteration<'a> {
     /// m.
@@ -19,6 +22,10 @@ pub struct Iteration<'a> {
     pub tolerance: &'a Tolerance,
     iterations: usize,
     evaluations: usize,
+    /// Iterations and evaluations of solves that this one made use of.
+    before: (usize, usize),
+    /// The least size when each iteration began.
+    sizes: Vec<f64>,
     /// P of a mixed body whose pressures follow its displacements.
     pressures: Option<SparseLdl>,
     /// The least size among the iterates, and the iterate.
@@ -44,6 +51,8 @@ impl<'a> Iteration<'a> {
             tolerance,
             iterations: 0,
             evaluations: 1,
+            before: (0, 0),
+            sizes: Vec::new(),
             pressures: None,
             best,
         }
@@ -51,7 +60,19 @@ impl<'a> Iteration<'a> {
 
     /// Whether another iteration is wanted and allowed. A residual that is no number is not small.
     pub fn goes_on(&self) -> bool {
-        !self.is_solved() && self.iterations < self.tolerance.max_iterations
+        !self.is_solved()
+            && self.iterations < self.tolerance.max_iterations
+            && !self.tolerance.is_late()
+    }
+
+    /// Whether the residual has fallen in the last [`WINDOW`] iterations by so much that it will be as small as
+    /// asked for in those that are left, if it goes on like that.
+    pub fn is_on_its_way(&self) -> bool {
+        let Some(before) = self.sizes.len().checked_sub(WINDOW) else { return true };
+        let left = self.tolerance.max_iterations.saturating_sub(self.iterations);
+        let windows = left as f64 / WINDOW as f64;
+        let fall = self.best.0 / self.sizes[before];
+        self.best.0 * fall.powf(windows) <= self.tolerance.residual
     }
 
     /// Whether the residual is as small as asked for.
@@ -67,6 +88,13 @@ impl<'a> Iteration<'a> {
     /// Counts an application of the inverse, or of a factor.
     pub fn begin_iteration(&mut self) {
         self.iterations += 1;
+        self.sizes.push(self.best.0);
+    }
+
+    /// Counts the work of another solve; the iterations that are allowed begin anew.
+    pub(super) fn count(&mut self, other: &Outcome) {
+        self.before.0 += other.iterations;
+        self.before.1 += other.evaluations;
     }
 
     /// Renews forces, residual and its size where the positions are.
@@ -119,8 +147,8 @@ impl<'a> Iteration<'a> {
             self.return_to_best(problem);
         }
         Outcome {
-            iterations: self.iterations,
-            evaluations: self.evaluations,
+            iterations: self.iterations + self.before.0,
+            evaluations: self.evaluations + self.before.1,
             residual: self.size,
             converged: self.is_solved(),
             method,

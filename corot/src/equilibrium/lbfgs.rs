@@ -28,6 +28,9 @@ impl Default for Lbfgs {
     }
 }
 
+/// What a step may leave of the slope along it.
+const CURVATURE: f64 = 0.9;
+
 /// Pairs whose curvature sᵀy is below this fraction of ‖s‖‖y‖ are forgotten.
 const FLAT: f64 = 1e-10;
 
@@ -47,11 +50,11 @@ impl Equilibrium for Lbfgs {
         let n = problem.rows();
         let (mut direction, mut scratch, mut before) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut memory = Pairs { depth: self.depth, pairs: VecDeque::new() };
-        while point.goes_on() {
+        while point.goes_on() && point.is_on_its_way() {
             memory.direction(problem, &point.residual, &mut scratch, &mut direction);
             point.begin_iteration();
             before.copy_from_slice(&point.residual);
-            let length = search(problem, point, &direction);
+            let length = search(problem, point, &direction, CURVATURE);
             if length == 0.0 {
                 if memory.pairs.is_empty() {
                     break;

@@ -4,17 +4,14 @@ use super::iteration::Iteration;
 use super::problem::Problem;
 use super::vectors::dot;
 
-/// The slope may keep this fraction of what it was at the start, in either direction.
-const CURVATURE: f64 = 0.9;
-
 /// Trials at most.
 const TRIALS: usize = 12;
 
 /// The longest step tried, in units of the direction.
 const LONGEST: f64 = 8.0;
 
-/// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is small
-/// against φ'(0): the strong curvature condition. Returns α; 0 with `point` where it was if
+/// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is no more than `flat` of
+/// φ'(0), in either direction: the strong curvature condition. Returns α; 0 with `point` where it was if
 /// `direction` does not lead downhill or no length is found.
 ///
 /// There need not be an energy, nor one that is known to more digits than the solution asks for:
@@ -24,6 +21,7 @@ pub(crate) fn search(
     problem: &mut Problem<'_>,
     point: &mut Iteration<'_>,
     direction: &[f64],
+    flat: f64,
 ) -> f64 {
     let start = -dot(&point.residual, direction);
     if !(start < 0.0 && start.is_finite()) {
@@ -38,7 +36,7 @@ pub(crate) fn search(
         let slope = -dot(&point.residual, direction);
         if !(slope.is_finite() && point.size.is_finite()) {
             high = Some((length, f64::INFINITY));
-        } else if point.is_solved() || slope.abs() <= CURVATURE * -start {
+        } else if point.is_solved() || slope.abs() <= flat * -start {
             return length;
         } else if slope < 0.0 {
             low = (length, slope);

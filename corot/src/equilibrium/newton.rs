@@ -23,16 +23,19 @@ use super::tangent_system::TangentSystem;
 pub struct Newton;
 
 /// In so many iterations the residual has to fall to [`ENOUGH`] of the least before.
-const PATIENCE: usize = 25;
+const PATIENCE: usize = 15;
 
 const ENOUGH: f64 = 0.5;
+
+/// What a step may leave of the slope along it.
+const FLAT: f64 = 0.5;
 
 /// Each of these is the bound on the elements' stiffness, over that of the softest, of a body solved before the true
 /// one where that alone does not converge.
 const BOUNDS: [f64; 4] = [1e1, 1e3, 1e5, 1e7];
 
 /// Relative residual and iterations of such a solve.
-const ROUGH: Tolerance = Tolerance { residual: 1e-2, max_iterations: 30 };
+const ROUGH: Tolerance = Tolerance::new(1e-2, 30);
 
 impl Equilibrium for Newton {
     fn name(&self) -> &'static str {
@@ -56,14 +59,16 @@ impl Equilibrium for Newton {
             return;
         }
         problem.return_to(&start, point.positions);
+        let rough = Tolerance { deadline: point.tolerance.deadline, ..ROUGH };
         for bound in BOUNDS.map(|bound| bound * softest).into_iter().filter(|b| *b < stiffest) {
             let mut softened = problem.body.softened(bound);
             let mut soft = problem.with_body(&mut softened);
             let mut internal = point.internal.to_vec();
-            let mut inner = Iteration::new(&mut soft, point.positions, &mut internal, &ROUGH);
+            let mut inner = Iteration::new(&mut soft, point.positions, &mut internal, &rough);
             inner.settle_pressures(&mut soft);
             descend(&mut soft, &mut inner);
-            inner.finish(&mut soft, "");
+            let outcome = inner.finish(&mut soft, self.name());
+            point.count(&outcome);
         }
         point.evaluate(problem);
         descend(problem, point);
@@ -81,8 +86,8 @@ fn descend(problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         }
         let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
         let direction = system.direction(&point.residual, accuracy);
-        let is_down = search(problem, point, &direction) > 0.0;
-        if !is_down && !(search(problem, point, &system.solve(&point.residual)) > 0.0) {
+        let is_down = search(problem, point, &direction, FLAT) > 0.0;
+        if !is_down && !(search(problem, point, &system.solve(&point.residual), FLAT) > 0.0) {
             break;
         }
         point.keep_if_best(problem);

@@ -1,6 +1,7 @@
 //! The equilibrium problem and what a solver reports.
 
 use std::borrow::Cow;
+use std::time::Instant;
 
 use nalgebra::{DVector, Vector3};
 
@@ -49,6 +50,20 @@ pub struct Tolerance {
     pub residual: f64,
     /// Iterations at most, of each method.
     pub max_iterations: usize,
+    /// When to stop wherever it is. What a solve ends in then depends on the machine.
+    pub deadline: Option<Instant>,
+}
+
+impl Tolerance {
+    /// Without a deadline.
+    pub const fn new(residual: f64, max_iterations: usize) -> Self {
+        Self { residual, max_iterations, deadline: None }
+    }
+
+    /// Whether its deadline is over.
+    pub fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
 }
 
 /// How a solve ended. Positions and rotations are those of the smallest residual seen.

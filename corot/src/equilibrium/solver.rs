@@ -56,7 +56,7 @@ use crate::field::Field;
 ///     },
 /// };
 /// let mut internal = [Vector3::zeros(); 4];
-/// let tolerance = Tolerance { residual: 1e-8, max_iterations: 100 };
+/// let tolerance = Tolerance::new(1e-8, 100);
 /// let outcome = Halfway.solve(&mut problem, &mut x, &mut internal, &tolerance);
 /// assert!(outcome.converged && (internal[3] - pull).norm() < 1e-7);
 /// ```

@@ -263,7 +263,7 @@ fn budget(scene: &Scene) -> PlanRow {
     let splits = scene.refinement.max_splits_per_step;
     let mut why = format!("at most {splits} splits a step, the others wait and are counted");
     match (scene.budget.step_ms, scene.budget.realtime) {
-        (Some(ms), true) => why += &format!("; none later than {ms} ms after a step began"),
+        (Some(ms), true) => why += &format!("; a step ends {ms} ms after it began, solved or not"),
         (Some(ms), false) => why += &format!("; {ms} ms do not count: budget.realtime is false"),
         (None, _) => {}
     }

@@ -302,7 +302,8 @@ pub enum MassModel {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Budget {
-    /// No vertex comes in later than this after the step began, ms; acts with `realtime` alone.
+    /// How long after its beginning a step may look for equilibrium, and vertices come in, ms; acts with
+    /// `realtime` alone. A step that has none by then stays where it is, and the next goes on from there.
     pub step_ms: Option<f64>,
     /// Whether the clock may decide: the same scene then no longer gives the same bytes.
     pub realtime: bool,
@@ -314,8 +315,10 @@ pub struct Budget {
 pub struct Solver {
     /// Relative residual at which a step has converged.
     pub residual: f64,
-    /// Iterations per attempt.
+    /// Iterations per attempt, of each method.
     pub max_iterations: usize,
+    /// Iterations per step: no attempt begins after them.
+    pub step_iterations: usize,
     /// How often a step that does not converge may be halved.
     pub max_halvings: u32,
 }
@@ -389,7 +392,7 @@ impl Default for Refinement {
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { residual: 1e-6, max_iterations: 60, max_halvings: 8 }
+        Self { residual: 1e-6, max_iterations: 60, step_iterations: 500, max_halvings: 8 }
     }
 }
 

@@ -141,6 +141,9 @@ impl ContactState {
             });
             total = Some(sum);
             if !outcome.converged {
+                if tolerance.is_late() {
+                    self.keep(&pairs, touched);
+                }
                 return Ok(sum);
             }
             self.keep(&pairs, touched);

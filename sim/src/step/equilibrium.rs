@@ -55,6 +55,8 @@ pub(crate) struct StepSolver {
     pub grips: Grips,
     /// Time up to which the body has been followed, s: behind the clock after a failed step.
     reached_s: f64,
+    /// When the step under way has to end wherever it is.
+    deadline: Option<Instant>,
 }
 
 impl StepSolver {
@@ -79,6 +81,7 @@ impl StepSolver {
             fading: Vec::new(),
             grips: Grips::default(),
             reached_s: 0.0,
+            deadline: None,
         }
     }
 
@@ -195,13 +198,16 @@ impl StepSolver {
     }
 
     /// Brings the body from the last equilibrium to the end of `step`, in halves where the whole
-    /// does not converge. Where even the smallest part does not, the body stays at the last
-    /// equilibrium on the way, and the next step starts from there.
+    /// does not converge. Where even the smallest part does not, or where the iterations of a step are
+    /// used up, the body stays at the last equilibrium on the way, and the next step starts from there.
+    /// At a `deadline` it stays where the least residual was.
     pub fn advance(
         &mut self,
         step: Span,
         acting: &mut Acting<'_>,
+        deadline: Option<Instant>,
     ) -> Result<StepOutcome, SimError> {
+        self.deadline = deadline;
         let mut total = StepOutcome::default();
         total.report.converged = true;
         self.set_off(step, acting.state);
@@ -212,20 +218,27 @@ impl StepSolver {
         while let Some(span) = waiting.pop() {
             let before = acting.state.standing();
             let mut outcome = self.attempt(step, span, acting, &mut total)?;
-            if !outcome.converged && !self.fading.is_empty() && span.to == step.to {
+            let is_released = !self.fading.is_empty() && span.to == step.to;
+            if !outcome.converged && is_released && self.tolerance(&total).max_iterations > 0 {
                 // Under a dead load the pulled shape may be unstable where the tool's hold made it
                 // stable: there is no path to follow, but the released shape may be near rest.
                 acting.state.rest();
                 outcome = self.attempt(step, span, acting, &mut total)?;
             }
-            if outcome.converged {
+            let is_late = self.tolerance(&total).is_late();
+            if outcome.converged || is_late {
+                total.report.converged = outcome.converged;
                 total.report.substeps += 1;
                 total.report.residual = total.report.residual.max(outcome.residual);
                 self.reached_s = span.to;
+                if is_late {
+                    break;
+                }
                 continue;
             }
             acting.state.put(before);
-            if span.to - span.from > 1.5 * smallest {
+            let may_go_on = self.tolerance(&total).max_iterations > 0;
+            if span.to - span.from > 1.5 * smallest && may_go_on {
                 total.halvings += 1;
                 let middle = 0.5 * (span.from + span.to);
                 waiting.push(Span { from: middle, to: span.to });
@@ -316,8 +329,7 @@ impl StepSolver {
             }
         };
         state.put(moved);
-        let tolerance =
-            Tolerance { residual: self.rules.residual, max_iterations: self.rules.max_iterations };
+        let tolerance = self.tolerance(total);
         let around =
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
         let mut pressed = tool_loads(state, tools, span.to);
@@ -353,7 +365,7 @@ impl StepSolver {
         total.report.times.solve_ms += milliseconds(begin);
         total.report.iterations += outcome.iterations;
         total.report.fallbacks += outcome.fallbacks;
-        if outcome.converged {
+        if outcome.converged || tolerance.is_late() {
             contact.add_loads(&mut pressed);
             let left = |v: usize| own[v] + pressed[v] - self.internal[v];
             self.grips.note_forces(left, &held.free, state);
@@ -367,6 +379,13 @@ impl StepSolver {
             Some(SimError::Inverse(InverseError::NotFinite { .. })) | None => Ok(outcome),
             Some(error) => Err(error),
         }
+    }
+
+    /// When an attempt has converged, or has to end in a step that has come so far.
+    fn tolerance(&self, total: &StepOutcome) -> Tolerance {
+        let left = self.rules.step_iterations.saturating_sub(total.report.iterations);
+        let max_iterations = self.rules.max_iterations.min(left);
+        Tolerance { residual: self.rules.residual, max_iterations, deadline: self.deadline }
     }
 
     /// Moves the free vertices to where a whole step probably takes them. Returns which share of

@@ -89,14 +89,17 @@ impl Simulation {
         let Self { body, tools, contact, solver, .. } = self;
         solver.let_go(span, &mut body.state, &mut body.inverse, tools)?;
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
-        let mut outcome = solver.advance(span, &mut acting)?;
+        let budget = &self.scene.budget;
+        let allowed = budget.step_ms.filter(|_| budget.realtime);
+        let deadline = allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3));
+        let mut outcome = solver.advance(span, &mut acting, deadline)?;
         let felt = self.felt();
         let (support, mut reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
         let remeshed = match outcome.report.converged {
-            true => self.remesh(step, begin, &mut reports, &mut outcome.report)?,
+            true => self.remesh(step, deadline, &mut reports, &mut outcome.report)?,
             false => Remeshed::default(),
         };
         let SimulatedBody { state, refiner, .. } = &mut self.body;
@@ -116,11 +119,11 @@ impl Simulation {
         Ok(outcome.report)
     }
 
-    /// The splits and merges of a step that began at `begin`, and the estimates before them.
+    /// The splits and merges of a step, no splits after a `deadline`, and the estimates before them.
     fn remesh(
         &mut self,
         step: usize,
-        begin: Instant,
+        deadline: Option<Instant>,
         felt: &mut [ToolReport],
         report: &mut StepReport,
     ) -> Result<Remeshed, SimError> {
@@ -149,9 +152,6 @@ impl Simulation {
         let duals = &duals[..];
         let mut remeshed = Remeshed::default();
         if refines {
-            let budget = &scene.budget;
-            let allowed = budget.step_ms.filter(|_| budget.realtime);
-            let deadline = allowed.map(|ms| begin + Duration::from_secs_f64(ms * 1e-3));
             let loads = &loads;
             let mut round = Round { state, inverse, tools, step, deadline, loads, duals };
             remeshed = refiner.remesh(&mut round, &mut report.times)?;

@@ -104,7 +104,7 @@ impl Clamped {
     }
 }
 
-const TOLERANCE: Tolerance = Tolerance { residual: 1e-9, max_iterations: 200 };
+const TOLERANCE: Tolerance = Tolerance::new(1e-9, 200);
 
 /// No load, no step.
 pub fn a_body_at_rest_is_left_alone(name: &str) {

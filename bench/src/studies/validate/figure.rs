@@ -77,7 +77,7 @@ pub(super) fn solve(
     load: &[Vector3<f64>],
     residual: f64,
 ) -> Result<()> {
-    let tolerance = Tolerance { residual, max_iterations: 300 };
+    let tolerance = Tolerance::new(residual, 300);
     let outcome = statics.solve(corotation, equilibrium, load, &tolerance, &|| ());
     if outcome.converged {
         return Ok(());

@@ -35,7 +35,7 @@ pub(super) struct Row {
 pub(super) fn rows(quick: bool) -> Result<Vec<Row>> {
     let angles: &[u32] =
         if quick { &[1, 3, 9, 30, 90] } else { &[1, 2, 3, 5, 7, 9, 12, 16, 22, 30, 45, 65, 90] };
-    let tolerance = Tolerance { residual: 1e-8, max_iterations: MOST };
+    let tolerance = Tolerance::new(1e-8, MOST);
     let mut rows = Vec::new();
     for (corotation, equilibrium) in CHOICES {
         for &degrees in angles {

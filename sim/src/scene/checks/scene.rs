@@ -203,6 +203,8 @@ impl Check<'_> {
         self.that(in_range, "solver.residual", solver.residual, "more than 0 and less than 1")?;
         let iterations = solver.max_iterations;
         self.that(iterations >= 1, "solver.max_iterations", iterations, "at least 1")?;
+        let iterations = solver.step_iterations;
+        self.that(iterations >= 1, "solver.step_iterations", iterations, "at least 1")?;
         let halvings = solver.max_halvings;
         self.that(halvings <= 30, "solver.max_halvings", halvings, "at most 30")?;
         if let Some(above) = refinement.split_above {
