@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use faer::{Mat, MatRef};
 
 use crate::InverseError;
-use crate::accuracy::{DRIFT_LIMIT, WATCHED, is_too_far, kept_drift, refine_columns, refine_each};
+use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
 use crate::maintainer::{Counts, InverseMaintainer, compliance_by_columns};
-use crate::matrix::{SparseStiffness, check_length, check_range, check_vector};
+use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.
 pub trait Method: Send + Sized {
@@ -64,6 +64,16 @@ pub trait Method: Send + Sized {
     /// See [`InverseMaintainer::batch`].
     fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
         Update::make_all(updates, whole)
+    }
+
+    /// See [`InverseMaintainer::batch_to`].
+    fn batch_to(
+        whole: &mut Maintained<Self>,
+        updates: &[Update],
+        rows: &FreshRows,
+    ) -> Result<(), InverseError> {
+        Self::batch(whole, updates)?;
+        whole.refresh(rows)
     }
 }
 
@@ -237,8 +247,18 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         self.update(UpdateRef::Content(change))
     }
 
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.stiffness.refresh(rows)?;
+        unlocked(&mut self.kept).is_rebuilt = false;
+        Ok(())
+    }
+
     fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
         M::batch(self, updates)
+    }
+
+    fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
+        M::batch_to(self, updates, rows)
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
@@ -281,7 +301,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
         let k = &self.stiffness;
-        let drift = self.read(|m| kept_drift(k, seed, WATCHED, |rows| m.columns(k, rows)))?;
+        let drift = self.read(|m| watched_drift(k, seed, |loads| m.multiply(loads)))?;
         if is_too_far(self.name(), drift, M::DRIFT_LIMIT) {
             self.rebuild()?;
             let mut counts = self.count();

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 use faer::Mat;
 use yawara::{SimError, Simulation, Stages, scene_file};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
+    Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
+    StiffnessChange, Update,
 };
 
 /// The lengths of the batches that a maintainer got.
@@ -67,6 +68,10 @@ impl InverseMaintainer for Batched {
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         self.inner.columns(slots)
+    }
+
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.inner.refresh(rows)
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
