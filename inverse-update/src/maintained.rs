@@ -77,6 +77,9 @@ pub trait Method: Send + Sized {
     }
 }
 
+/// An inverse that has drifted this many times as far as a fresh one is worth another rebuild.
+const WORSE: f64 = 10.0;
+
 /// Keeps K and, by one of the methods of this crate, its inverse.
 ///
 /// Where a method can't follow an update (a nearly singular change, pivots of other signs) the new
@@ -86,6 +89,9 @@ pub struct Maintained<M> {
     /// Behind a lock, so that a solution that can't be refined may replace the inverse.
     kept: RwLock<Kept<M>>,
     counts: Mutex<Counts>,
+    /// What [`watch`](InverseMaintainer::watch) found of the inverse that it had computed last: what
+    /// even a fresh one is off by where K is badly conditioned.
+    fresh_drift: f64,
 }
 
 struct Kept<M> {
@@ -121,7 +127,7 @@ impl<M: Method> Maintained<M> {
     pub(crate) fn by(mut method: M, stiffness: SparseStiffness) -> Result<Self, InverseError> {
         method.invert(&stiffness)?;
         let kept = RwLock::new(Kept { method, is_rebuilt: true });
-        Ok(Self { stiffness, kept, counts: Mutex::default() })
+        Ok(Self { stiffness, kept, counts: Mutex::default(), fresh_drift: 0.0 })
     }
 
     fn kept(&self) -> RwLockReadGuard<'_, Kept<M>> {
@@ -140,6 +146,11 @@ impl<M: Method> Maintained<M> {
     /// Reads of the method.
     pub(crate) fn read<T>(&self, read: impl FnOnce(&M) -> T) -> T {
         read(&self.kept().method)
+    }
+
+    /// See [`InverseMaintainer::watch`].
+    fn drift(&self, seed: u64) -> Result<f64, InverseError> {
+        self.read(|m| watched_drift(&self.stiffness, seed, |loads| m.multiply(loads)))
     }
 
     /// Makes an update of any kind.
@@ -300,10 +311,10 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        let k = &self.stiffness;
-        let drift = self.read(|m| watched_drift(k, seed, |loads| m.multiply(loads)))?;
-        if is_too_far(self.name(), drift, M::DRIFT_LIMIT) {
+        let drift = self.drift(seed)?;
+        if is_too_far(self.name(), drift, M::DRIFT_LIMIT.max(WORSE * self.fresh_drift)) {
             self.rebuild()?;
+            self.fresh_drift = self.drift(seed)?;
             let mut counts = self.count();
             counts.rebuilds += 1;
             counts.drift_rebuilds += 1;

@@ -216,8 +216,8 @@ pub trait InverseMaintainer: Send {
     /// Measures by how much K C f misses f for random loads f on all rows, each in units of √|K_ii|,
     /// and rebuilds the inverse if a row misses by more than [`DRIFT_LIMIT`] of its unit, or
     /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the most that a
-    /// row misses; what may be rounding of K u, entry by entry, is not counted. [`Counts`] tell of
-    /// the rebuild.
+    /// row misses; what may be rounding of K u, entry by entry, is not counted. An inverse that a
+    /// rebuild makes no better is let be. [`Counts`] tell of the rebuild.
     ///
     /// Every row of K C − I shows, whatever the stiffness there, for the loads come together as no
     /// row expects them. To be called now and then, best after updates, each time with another

@@ -59,10 +59,11 @@ impl ClampedBody {
         self.link.flush(&of(&self.body)).unwrap();
     }
 
-    /// Several of these in one batch.
+    /// Several of these in one batch; then the inverse watches itself.
     pub fn batch(&mut self, steps: &[(bool, Index)]) {
         steps.iter().for_each(|(split, pick)| self.change(*split, pick));
         self.link.flush(&of(&self.body)).unwrap();
+        self.link.watch(steps.len() as u64, &of(&self.body)).unwrap();
     }
 
     fn change(&mut self, split: bool, pick: &Index) {

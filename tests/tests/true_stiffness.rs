@@ -110,7 +110,7 @@ proptest! {
         }
     }
 
-    /// An inverse of a K of which one soft element is a thousandth too stiff.
+    /// An inverse of a K of which one soft vertex is a thousandth too stiff.
     #[test]
     fn a_soft_row_that_is_wrong_is_seen_by_every_watch(
         organ in organs([2, 1, 1], 3, 3.0..6.0, 0.3..0.45),
@@ -130,42 +130,38 @@ proptest! {
                 let seen = maintainer.watch(seed).unwrap();
                 let counts = maintainer.counts();
                 prop_assert_eq!(counts.drift_rebuilds, 1, "{:e}, {}, {}: {:e}", ratio, element, name, seen);
-                let left = maintainer.watch(seed).unwrap();
-                prop_assert!(left <= 1e-8, "{ratio:e}, {element}, {name}: {left:e}");
+                // A fresh one is let be, however badly conditioned K is.
+                let left = maintainer.watch(seed + 100).unwrap();
+                println!("{ratio:e}, {element}, {name}: {seen:.1e}, then {left:.1e}");
+                prop_assert_eq!(maintainer.counts().drift_rebuilds, 1, "{:e}", left);
             }
         }
     }
 }
 
-/// K with the softest element between free vertices a thousandth stiffer, and the rows that it has
+/// K with the block of the vertex that has the softest one a thousandth larger, and the vertex's row as it is
 /// without.
 fn spoilt(body: &ClampedBody) -> (SparseStiffness, FreshRows) {
-    let link = &body.link;
-    let is_free = |v: &usize| !body.is_fixed(*v);
-    let between = body.body.elements().iter().filter(|e| e.vertices.iter().all(is_free));
-    let softest =
-        between.min_by(|a, b| a.elasticity.amax().total_cmp(&b.elasticity.amax())).unwrap();
-    let slots = softest.vertices.map(|v| link.slot(v).unwrap());
-    let own = link.element().stiffness(&softest.geometry, &softest.elasticity);
-    let mut spoilt = link.maintainer().stiffness().clone();
-    spoilt.add(&slots, (own * faer::Scale(1e-3)).as_ref()).unwrap();
-    let (k, m) = (link.maintainer().stiffness(), link.element().unknowns());
-    let mut fresh = FreshRows::new(k.vertices(), m, slots.to_vec()).unwrap();
-    for slot in slots {
-        for &other in k.neighbours(slot) {
-            let block = k.block_at(slot, other).unwrap();
-            if other == slot {
-                let own = Mat::from_fn(m, m, |i, j| block[m * i + j]);
-                fresh.add(&[slot], own.as_ref()).unwrap();
-            } else if !slots.contains(&other) || slot < other {
-                let pair = Mat::from_fn(2 * m, 2 * m, |i, j| match (i < m, j < m) {
-                    (true, false) => block[m * i + j - m],
-                    (false, true) => block[m * j + i - m],
-                    _ => 0.0,
-                });
-                fresh.add(&[slot, other], pair.as_ref()).unwrap();
-            }
-        }
+    let (k, m) = (body.link.maintainer().stiffness(), body.link.element().unknowns());
+    let free = body.forest.vertices().filter(|v| !body.is_fixed(v.index()));
+    let slots = free.map(|v| body.link.slot(v.index()).unwrap());
+    let slot = slots.min_by(|&a, &b| k.diagonal(m * a).total_cmp(&k.diagonal(m * b))).unwrap();
+    let block = |other: usize| {
+        let values = k.block_at(slot, other).unwrap();
+        Mat::from_fn(m, m, |i, j| values[m * i + j])
+    };
+    let mut spoilt = k.clone();
+    spoilt.add(&[slot], (block(slot) * faer::Scale(1e-3)).as_ref()).unwrap();
+    let mut fresh = FreshRows::new(k.vertices(), m, vec![slot]).unwrap();
+    fresh.add(&[slot], block(slot).as_ref()).unwrap();
+    for &other in k.neighbours(slot).iter().filter(|&&other| other != slot) {
+        let block = block(other);
+        let pair = Mat::from_fn(2 * m, 2 * m, |i, j| match (i < m, j < m) {
+            (true, false) => block[(i, j - m)],
+            (false, true) => block[(j, i - m)],
+            _ => 0.0,
+        });
+        fresh.add(&[slot, other], pair.as_ref()).unwrap();
     }
     (spoilt, fresh)
 }

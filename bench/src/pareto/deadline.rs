@@ -9,8 +9,7 @@ use yawara::{InverseFactory, SimError};
 use yawara_embed::EmbedError;
 use yawara_inverse_update::{
     Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
-    StiffnessChange,
-    StorageError, Update,
+    StiffnessChange, StorageError, Update,
 };
 
 /// The time of a case is up.

@@ -186,12 +186,12 @@ impl InverseLink {
         Ok(())
     }
 
-    /// Lets the maintainer check a few random columns, and rebuild if they have drifted too far;
-    /// keeps the largest drift seen.
+    /// Lets the maintainer measure its drift from K, and rebuild if it has drifted too far; keeps the
+    /// largest drift seen. Best after a [`flush`](Self::flush): K is true then.
     ///
     /// # Errors
     /// As [`flush`](Self::flush).
-    pub(crate) fn watch(&mut self, seed: u64, elements: &Elements<'_>) -> Result<(), SimError> {
+    pub fn watch(&mut self, seed: u64, elements: &Elements<'_>) -> Result<(), SimError> {
         let rebuilds = self.maintainer.counts().rebuilds;
         match self.maintainer.watch(seed) {
             Ok(drift) => self.drift_max = self.drift_max.max(drift),
