@@ -11,7 +11,8 @@ use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::pareto::{Candidate, Options, Study};
 use yawara_embed::{ChildPair, Excess, Homogenisation, ParentMaterial};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+    Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
+    StiffnessChange,
 };
 
 // begin: homogenisation
@@ -59,6 +60,9 @@ impl InverseMaintainer for Gradients {
     }
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
         self.0.change(change)
+    }
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.0.refresh(rows)
     }
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

@@ -12,6 +12,8 @@
 //! - A [`StiffnessChange`] is a change of *content*: an element gets another material, and all
 //!   vertices stay.
 //! - A *batch* is a sequence of such [`Update`]s made in one call, which a maintainer may combine.
+//! - [`FreshRows`] are block rows of K summed anew from their elements, in the place of what rounding in
+//!   updates has left of them.
 //!
 //! [`InverseMaintainer`] is the stage, [`build`] makes one by name. `matrix` holds K itself,
 //! `change` the updates of K, `dense` and `sparse` the methods by which a [`Maintained`] keeps its
@@ -40,5 +42,5 @@ pub use dense::{
 pub use error::{InverseError, StorageError};
 pub use maintained::Maintained;
 pub use maintainer::{Counts, InverseMaintainer, drift};
-pub use matrix::{SYMMETRY_LIMIT, SparseStiffness};
+pub use matrix::{FreshRows, SYMMETRY_LIMIT, SparseStiffness};
 pub use sparse::{RebaseOptions, Sparse, elimination_order};

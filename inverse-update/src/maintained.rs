@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use faer::{Mat, MatRef};
 
 use crate::InverseError;
-use crate::accuracy::{DRIFT_LIMIT, WATCHED, is_too_far, kept_drift, refine_columns, refine_each};
+use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
 use crate::maintainer::{Counts, InverseMaintainer, compliance_by_columns};
-use crate::matrix::{SparseStiffness, check_length, check_range, check_vector};
+use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.
 pub trait Method: Send + Sized {
@@ -65,7 +65,20 @@ pub trait Method: Send + Sized {
     fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
         Update::make_all(updates, whole)
     }
+
+    /// See [`InverseMaintainer::batch_to`].
+    fn batch_to(
+        whole: &mut Maintained<Self>,
+        updates: &[Update],
+        rows: &FreshRows,
+    ) -> Result<(), InverseError> {
+        Self::batch(whole, updates)?;
+        whole.refresh(rows)
+    }
 }
+
+/// An inverse that has drifted this many times as far as a fresh one is worth another rebuild.
+const WORSE: f64 = 10.0;
 
 /// Keeps K and, by one of the methods of this crate, its inverse.
 ///
@@ -76,6 +89,9 @@ pub struct Maintained<M> {
     /// Behind a lock, so that a solution that can't be refined may replace the inverse.
     kept: RwLock<Kept<M>>,
     counts: Mutex<Counts>,
+    /// What [`watch`](InverseMaintainer::watch) found of the inverse that it had computed last: what
+    /// even a fresh one is off by where K is badly conditioned.
+    fresh_drift: f64,
 }
 
 struct Kept<M> {
@@ -111,7 +127,7 @@ impl<M: Method> Maintained<M> {
     pub(crate) fn by(mut method: M, stiffness: SparseStiffness) -> Result<Self, InverseError> {
         method.invert(&stiffness)?;
         let kept = RwLock::new(Kept { method, is_rebuilt: true });
-        Ok(Self { stiffness, kept, counts: Mutex::default() })
+        Ok(Self { stiffness, kept, counts: Mutex::default(), fresh_drift: 0.0 })
     }
 
     fn kept(&self) -> RwLockReadGuard<'_, Kept<M>> {
@@ -130,6 +146,11 @@ impl<M: Method> Maintained<M> {
     /// Reads of the method.
     pub(crate) fn read<T>(&self, read: impl FnOnce(&M) -> T) -> T {
         read(&self.kept().method)
+    }
+
+    /// See [`InverseMaintainer::watch`].
+    fn drift(&self, seed: u64) -> Result<f64, InverseError> {
+        self.read(|m| watched_drift(&self.stiffness, seed, |loads| m.multiply(loads)))
     }
 
     /// Makes an update of any kind.
@@ -237,8 +258,18 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         self.update(UpdateRef::Content(change))
     }
 
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.stiffness.refresh(rows)?;
+        unlocked(&mut self.kept).is_rebuilt = false;
+        Ok(())
+    }
+
     fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
         M::batch(self, updates)
+    }
+
+    fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
+        M::batch_to(self, updates, rows)
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
@@ -280,10 +311,10 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        let k = &self.stiffness;
-        let drift = self.read(|m| kept_drift(k, seed, WATCHED, |rows| m.columns(k, rows)))?;
-        if is_too_far(self.name(), drift, M::DRIFT_LIMIT) {
+        let drift = self.drift(seed)?;
+        if is_too_far(self.name(), drift, M::DRIFT_LIMIT.max(WORSE * self.fresh_drift)) {
             self.rebuild()?;
+            self.fresh_drift = self.drift(seed)?;
             let mut counts = self.count();
             counts.rebuilds += 1;
             counts.drift_rebuilds += 1;

@@ -1,11 +1,13 @@
 //! The stage: what keeps C = K⁻¹ while K changes.
 
+use std::ops::AddAssign;
+
 use faer::{Mat, MatRef};
 
 use crate::InverseError;
-use crate::accuracy::{DRIFT_LIMIT, WATCHED, is_too_far, kept_drift};
+use crate::accuracy::{DRIFT_LIMIT, drift_of_columns, is_too_far, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update};
-use crate::matrix::{SparseStiffness, check_range};
+use crate::matrix::{FreshRows, SparseStiffness, check_range};
 
 /// Keeps what it takes to apply C = K⁻¹ while K changes by rings of tetrahedra.
 ///
@@ -18,7 +20,7 @@ use crate::matrix::{SparseStiffness, check_range};
 /// ```
 /// use faer::linalg::solvers::{PartialPivLu, Solve};
 /// use yawara_inverse_update::{
-///     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
+///     FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange,
 /// };
 ///
 /// struct Refactored {
@@ -43,6 +45,10 @@ use crate::matrix::{SparseStiffness, check_range};
 ///     }
 ///     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError> {
 ///         self.stiffness.change(change)?;
+///         self.rebuild()
+///     }
+///     fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+///         self.stiffness.refresh(rows)?;
 ///         self.rebuild()
 ///     }
 ///     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
@@ -119,6 +125,14 @@ pub trait InverseMaintainer: Send {
     /// As [`split`](Self::split).
     fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
 
+    /// Rows of K get the values that their elements sum up to; rounding aside, K has them already. C
+    /// may stay: the next [`watch`](Self::watch) finds what rounding has made of it.
+    ///
+    /// Cost: O(blocks of the rows).
+    /// # Errors
+    /// As [`SparseStiffness::refresh`].
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError>;
+
     /// u = C f; both of length `block · vertices()`.
     ///
     /// Where ‖D^(−½)(K u − f)‖ exceeds
@@ -176,6 +190,18 @@ pub trait InverseMaintainer: Send {
         Update::make_all(updates, self)
     }
 
+    /// A [`batch`](Self::batch), and the rows of K that it leads to: those of all vertices that an
+    /// update concerns and that are left, in the slots at the end.
+    ///
+    /// A maintainer that inverts the last K from scratch may take that K from `rows`, and not look at
+    /// what the updates say about it.
+    /// # Errors
+    /// As [`batch`](Self::batch) and [`refresh`](Self::refresh).
+    fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
+        self.batch(updates)?;
+        self.refresh(rows)
+    }
+
     /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with
     /// the right-hand side w than from the columns.
     fn holds_columns(&self) -> bool {
@@ -187,17 +213,21 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Singular`].
     fn rebuild(&mut self) -> Result<(), InverseError>;
 
-    /// Measures the drift s_j = √|K_jj| ‖D^(−½)(K c_j − e_j)‖, D = |diag K|, of 8 random columns as
-    /// they are kept, and rebuilds the inverse if it is above [`DRIFT_LIMIT`], or
-    /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the largest s_j
-    /// found; [`Counts`] tell of the rebuild.
+    /// Measures by how much K C f misses f for random loads f on all rows, each in units of √|K_ii|,
+    /// and rebuilds the inverse if a row misses by more than [`DRIFT_LIMIT`] of its unit, or
+    /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the most that a
+    /// row misses; what may be rounding of K u, entry by entry, is not counted. An inverse that a
+    /// rebuild makes no better is let be. [`Counts`] tell of the rebuild.
     ///
-    /// To be called now and then, best after updates. `seed` picks the columns: another one each
-    /// time sees all of them sooner or later. Cost: 8 columns and products with the sparse K.
+    /// Every row of K C − I shows, whatever the stiffness there, for the loads come together as no
+    /// row expects them. To be called now and then, best after updates, each time with another
+    /// `seed`. Cost: two applications of C as it is kept, and products with the sparse K.
     /// # Errors
     /// As [`rebuild`](Self::rebuild); the drifted inverse is then kept.
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        let drift = drift_of(self, seed, WATCHED);
+        let k = self.stiffness();
+        let drift = watched_drift(k, seed, |loads| self.solve_many(loads));
+        let drift = drift.unwrap_or(f64::INFINITY);
         if is_too_far(self.name(), drift, DRIFT_LIMIT) {
             self.rebuild()?;
         }
@@ -222,6 +252,15 @@ pub struct Counts {
     pub failed_pivots: usize,
     /// Corrections of a solution by its residual, one per right-hand side and step.
     pub refinement_steps: usize,
+}
+
+impl AddAssign for Counts {
+    fn add_assign(&mut self, more: Self) {
+        self.rebuilds += more.rebuilds;
+        self.drift_rebuilds += more.drift_rebuilds;
+        self.failed_pivots += more.failed_pivots;
+        self.refinement_steps += more.refinement_steps;
+    }
 }
 
 impl Update {
@@ -258,10 +297,6 @@ impl Update {
 /// columns. Cost: O(samples) columns and products with the sparse K.
 #[must_use]
 pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f64 {
-    drift_of(maintainer, seed, samples)
-}
-
-fn drift_of<M: InverseMaintainer + ?Sized>(maintainer: &M, seed: u64, samples: usize) -> f64 {
     let k = maintainer.stiffness();
     let block = k.block();
     let columns = |rows: &[usize]| {
@@ -270,7 +305,7 @@ fn drift_of<M: InverseMaintainer + ?Sized>(maintainer: &M, seed: u64, samples: u
         let own = |at: usize| block * at + rows[at] % block;
         Ok(Mat::from_fn(all.nrows(), rows.len(), |i, at| all[(i, own(at))]))
     };
-    kept_drift(k, seed, samples, columns).unwrap_or(f64::INFINITY)
+    drift_of_columns(k, seed, samples, columns).unwrap_or(f64::INFINITY)
 }
 
 /// The block of C on some slots from their columns.

@@ -49,7 +49,7 @@ pub use body::{BodyState, ScannerAxes};
 pub use choice::{MIXED_FROM, Stages, choose_element};
 pub use error::SimError;
 pub use haptic::{ForceModel, VirtualCoupling};
-pub use inverse::{InverseFactory, InverseLink};
+pub use inverse::{Elements, InverseFactory, InverseLink};
 pub use report::{Fields, Probe};
 pub use scene::file as scene_file;
 pub use step::{Simulation, SimulationBuilder, indicator};

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 use faer::Mat;
 use yawara::{SimError, Simulation, Stages, scene_file};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
+    Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
+    StiffnessChange, Update,
 };
 
 /// The lengths of the batches that a maintainer got.
@@ -67,6 +68,10 @@ impl InverseMaintainer for Batched {
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         self.inner.columns(slots)
+    }
+
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.inner.refresh(rows)
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
@@ -145,17 +150,42 @@ fn in_real_time_every_split_is_made_before_the_clock_is_read() {
 }
 
 #[test]
-fn a_batch_that_is_refused_on_the_way_ends_the_step_with_its_cause() {
-    let (mut simulation, lengths) = beam(&["time.steps=6"], false, START + 2);
+fn after_a_refused_update_a_run_goes_on_from_its_elements() {
+    let set = ["time.steps=6", "solver.residual=1e-9"];
+    let (mut refusing, lengths) = beam(&set, false, START + 2);
+    let (mut other, _) = beam(&set, false, usize::MAX);
+    while other.steps_left() > 0 {
+        let (first, second) = (refusing.step().unwrap(), other.step().unwrap());
+        assert_eq!((first.splits, first.vertices), (second.splits, second.vertices));
+        assert!(first.converged && second.converged);
+        for (got, want) in first.force_n.iter().zip(second.force_n) {
+            assert!((got - want).abs() <= 1e-6 * want.abs().max(1e-3), "{got} instead of {want}");
+        }
+    }
+    assert!(lengths.lock().unwrap().iter().any(|&length| length > 2));
+    assert_eq!(refusing.summary().unwrap().inverse.reassemblies, 1);
+    assert_eq!(other.summary().unwrap().inverse.reassemblies, 0);
+}
+
+#[test]
+fn a_stiffness_that_can_not_be_inverted_afresh_ends_the_step() {
+    let (scene, _) = scene_file::load("beam", &["time.steps=6".into()]).unwrap();
+    let mut stages = Stages::by_name(&scene.stages).unwrap();
+    stages.inverse = Box::new(|k| match k.vertices() {
+        START => {
+            let inner = yawara_inverse_update::build("woodbury", k)?;
+            let most = START + 2;
+            Ok(Box::new(Batched { inner, at_once: false, most, lengths: Lengths::default() }))
+        }
+        limit => Err(InverseError::Slot { slot: 0, limit }),
+    });
+    let mut simulation = Simulation::new(&scene, stages).unwrap();
     let error = loop {
-        match simulation.step() {
-            Ok(report) => assert!(report.vertices <= START + 2),
-            Err(error) => break error,
+        if let Err(error) = simulation.step() {
+            break error;
         }
     };
-    assert!(matches!(error, SimError::Inverse(InverseError::EmptyBlock)), "{error}");
-    let lengths = lengths.lock().unwrap();
-    assert!(lengths.last().is_some_and(|&length| length > 2), "{lengths:?}");
+    assert!(matches!(error, SimError::Inverse(InverseError::Slot { .. })), "{error}");
     simulation.frame().unwrap();
     simulation.summary().unwrap();
 }

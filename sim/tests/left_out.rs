@@ -8,7 +8,8 @@ use yawara::indicator::{Energy, Indicator, RingMember};
 use yawara::{Simulation, Stages, scene_file};
 use yawara_embed::{ChildPair, Homogenisation, Laminate, ParentMaterial};
 use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, Update,
+    Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
+    StiffnessChange, Update,
 };
 
 /// How often each stage was asked.
@@ -103,6 +104,10 @@ impl InverseMaintainer for CountedInverse {
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         Calls::add(&self.0.column, slots.len());
         self.1.columns(slots)
+    }
+
+    fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError> {
+        self.1.refresh(rows)
     }
 
     fn rebuild(&mut self) -> Result<(), InverseError> {

@@ -10,7 +10,7 @@ use yawara_embed::{
 };
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, VertexId,
+    BisectionForest, CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, Tet, VertexId,
 };
 
 /// A box of base cells of 4³ voxels whose labels are drawn freely.
@@ -110,13 +110,23 @@ pub fn elements(
     placement: &Placement,
     embedding: &Embedding,
 ) -> impl Iterator<Item = Element> {
-    forest.leaves().map(|tet| Element {
+    forest.leaves().map(|tet| element(forest, placement, embedding, &tet))
+}
+
+/// One of them.
+pub fn element(
+    forest: &BisectionForest,
+    placement: &Placement,
+    embedding: &Embedding,
+    tet: &Tet,
+) -> Element {
+    Element {
         tet: tet.id,
         vertices: tet.vertices.map(VertexId::index),
         geometry: LinearTet::new(&tet.vertices.map(|v| placement.position(forest.point(v)))),
         elasticity: embedding.elasticity(tet.node),
         rotation: Matrix3::identity(),
-    })
+    }
 }
 
 /// The hand-over of a split or merge of an organ's forest.

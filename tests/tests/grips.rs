@@ -6,7 +6,7 @@ use faer::linalg::solvers::DenseSolveCore;
 use nalgebra::{DVector, Isometry3, Matrix3, Matrix4, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
-use yawara::{InverseFactory, InverseLink};
+use yawara::{Elements, InverseFactory, InverseLink};
 use yawara_corot::{Body, Element, Grip, WeightedPoint};
 use yawara_embed::{Embedding, LinearTet, formulation_by_name};
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, RingTet, Tet, VertexId};
@@ -39,6 +39,10 @@ struct Felt {
     lack: DVector<f64>,
 }
 
+fn elements(body: &Body) -> Elements<'_> {
+    Elements { body, density: &|_| 0.0 }
+}
+
 impl Gripped {
     fn new(organ: &Organ, element: &str, points: Vec<WeightedPoint>) -> Self {
         let forest = organ.forest(0, MAX_LEVEL);
@@ -62,7 +66,7 @@ impl Gripped {
         let formulation = formulation_by_name(element).unwrap();
         let vertices = forest.vertices();
         let link =
-            InverseLink::new(&body, &|_| 0.0, formulation, vertices, |_| false, key, &factory)
+            InverseLink::new(&elements(&body), formulation, vertices, |_| false, key, factory)
                 .unwrap();
         Self { forest, placement, embedding, body, link, positions, delta: MeshDelta::empty() }
     }
@@ -93,6 +97,7 @@ impl Gripped {
         }
         self.body.grips_follow(&self.delta);
         self.update(v);
+        self.link.flush(&elements(&self.body)).unwrap();
         self.same(&before);
     }
 
@@ -114,6 +119,7 @@ impl Gripped {
         }
         self.update(v);
         self.body.grips_follow(&self.delta);
+        self.link.flush(&elements(&self.body)).unwrap();
         self.same(&before);
     }
 
@@ -127,8 +133,7 @@ impl Gripped {
         let ring = self.link.element().ring(&self.delta, &self.embedding, &position);
         let ring = ring.with_springs(&self.delta, &|tet| self.body.grip_matrix(tet));
         let key = Lattice::key(self.forest.point(v));
-        self.link.push(self.delta.change, v, |_| false, key, ring);
-        self.link.flush().unwrap();
+        self.link.push(self.delta.change, v, false, key, ring);
     }
 
     /// Rounding: a split halves and subtracts barycentric coordinates.
@@ -230,7 +235,8 @@ proptest! {
         let error = gripped.error();
         prop_assert!(error < 1e-6, "{error:e}");
         // The second pad lets go: the first one's stiffness is left.
-        gripped.link.remove_springs(&gripped.body.grips_mut()[2].release()).unwrap();
+        let springs = gripped.body.grips_mut()[2].release();
+        gripped.link.remove_springs(&springs, &elements(&gripped.body)).unwrap();
         prop_assert!((gripped.total() - total).abs() <= 1e-11 * total);
         let error = gripped.error();
         prop_assert!(error < 1e-6, "with one pad: {error:e}");

@@ -5,139 +5,33 @@ use faer::linalg::solvers::{DenseSolveCore, Solve};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
-use yawara::{InverseFactory, InverseLink};
-use yawara_corot::Body;
-use yawara_embed::{Embedding, formulation_by_name};
 use yawara_inverse_update::InverseMaintainer;
-use yawara_mesh::kuhn::Point;
-use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, VertexId};
-use yawara_tests::organ::{Organ, elements, organs};
+use yawara_tests::clamped_body::ClampedBody;
+use yawara_tests::organ::{Organ, organs};
 
-const MAX_LEVEL: u8 = 8;
-
-/// An organ clamped in a slab of a third of a base cell at its low x side, with an inverse that
-/// follows its mesh.
-struct Clamped {
-    forest: BisectionForest,
-    placement: Placement,
-    embedding: Embedding,
-    fixed: Vec<bool>,
-    link: InverseLink,
-    delta: MeshDelta,
-}
-
-impl Clamped {
-    fn new(organ: &Organ, homogenisation: &str, maintainer: &'static str) -> Self {
-        Self::of(organ, homogenisation, maintainer, "p1")
-    }
-
-    fn of(
-        organ: &Organ,
-        homogenisation: &str,
-        maintainer: &'static str,
-        element: &'static str,
-    ) -> Self {
-        let forest = organ.forest(0, MAX_LEVEL);
-        let placement = organ.placement(MAX_LEVEL);
-        let embedding = organ.embedding(homogenisation);
-        let mut fixed = vec![false; forest.vertex_capacity()];
-        for v in forest.vertices() {
-            fixed[v.index()] = is_in_slab(&forest, forest.point(v));
+/// Largest difference from a dense LU inverse of the stiffness assembled afresh, entry by
+/// entry relative to √|C_ii C_jj|, over unknowns that are not fixed.
+fn error(body: &ClampedBody) -> f64 {
+    let mut k = body.stiffness();
+    let n = k.nrows();
+    let clamped: Vec<bool> = (0..n).map(|i| (0..n).all(|j| k[(i, j)] == 0.0)).collect();
+    (0..n).filter(|&i| clamped[i]).for_each(|i| k[(i, i)] = 1.0);
+    let expected = k.partial_piv_lu().inverse();
+    let slots: Vec<usize> = (0..body.link.maintainer().vertices()).collect();
+    let got = body.link.maintainer().columns(&slots).unwrap();
+    let mut worst = 0.0;
+    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        if clamped[i] || clamped[j] {
+            let bar = 1e-8 * (got[(i, i)] * got[(j, j)]).abs().sqrt();
+            assert!(i == j || got[(i, j)].abs() <= bar);
+            continue;
         }
-        let body = body(&forest, &placement, &embedding);
-        let factory: InverseFactory = Box::new(|k| yawara_inverse_update::build(maintainer, k));
-        let key = |v| Lattice::key(forest.point(v));
-        let formulation = formulation_by_name(element).unwrap();
-        let is_fixed = |v: usize| fixed[v];
-        let vertices = forest.vertices();
-        let link =
-            InverseLink::new(&body, &|_| 0.0, formulation, vertices, is_fixed, key, &factory)
-                .unwrap();
-        Self { forest, placement, embedding, fixed, link, delta: MeshDelta::empty() }
+        let scale = (expected[(i, i)] * expected[(j, j)]).abs().sqrt();
+        let error = (got[(i, j)] - expected[(i, j)]).abs() / scale;
+        assert!(error.is_finite());
+        worst = f64::max(worst, error);
     }
-
-    fn split(&mut self, pick: &Index) {
-        let candidates = self.forest.candidates();
-        if candidates.is_empty() {
-            return;
-        }
-        let p = candidates[pick.index(candidates.len())];
-        let v = self.forest.split(p, &mut self.delta).unwrap();
-        if self.fixed.len() <= v.index() {
-            self.fixed.resize(v.index() + 1, false);
-        }
-        // Mostly with one end outside of the slab.
-        self.fixed[v.index()] = is_in_slab(&self.forest, p);
-        self.update(v);
-    }
-
-    fn merge(&mut self, pick: &Index) {
-        let ready: Vec<VertexId> =
-            self.forest.vertices().filter(|&v| self.forest.is_mergeable(v)).collect();
-        if ready.is_empty() {
-            return;
-        }
-        let v = ready[pick.index(ready.len())];
-        self.forest.merge(v, &mut self.delta).unwrap();
-        self.update(v);
-    }
-
-    fn update(&mut self, v: VertexId) {
-        let position = |v: VertexId| self.placement.position(self.forest.point(v));
-        let ring = self.link.element().ring(&self.delta, &self.embedding, &position);
-        let key = Lattice::key(self.forest.point(v));
-        let is_fixed = |v: VertexId| self.fixed[v.index()];
-        self.link.push(self.delta.change, v, is_fixed, key, ring);
-        self.link.flush().unwrap();
-    }
-
-    /// Largest difference from a dense LU inverse of the stiffness assembled afresh, entry by
-    /// entry relative to √|C_ii C_jj|, over unknowns that are not fixed.
-    fn error(&self) -> f64 {
-        let body = body(&self.forest, &self.placement, &self.embedding);
-        let m = self.link.element().unknowns();
-        let n = m * self.link.maintainer().vertices();
-        let mut k = Mat::<f64>::zeros(n, n);
-        for e in body.elements() {
-            let ke = self.link.element().stiffness(&e.geometry, &e.elasticity);
-            let is_fixed = |i: usize| i % m < 3 && self.fixed[e.vertices[i / m]];
-            let slot = |i: usize| self.link.slot(e.vertices[i / m]).filter(|_| !is_fixed(i));
-            let row = |i: usize| slot(i).map(|s| m * s + i % m);
-            for (i, j) in (0..4 * m).flat_map(|i| (0..4 * m).map(move |j| (i, j))) {
-                if let (Some(r), Some(c)) = (row(i), row(j)) {
-                    k[(r, c)] += ke[(i, j)];
-                }
-            }
-        }
-        let clamped: Vec<bool> = (0..n).map(|i| (0..n).all(|j| k[(i, j)] == 0.0)).collect();
-        (0..n).filter(|&i| clamped[i]).for_each(|i| k[(i, i)] = 1.0);
-        let expected = k.partial_piv_lu().inverse();
-        let slots: Vec<usize> = (0..self.link.maintainer().vertices()).collect();
-        let got = self.link.maintainer().columns(&slots).unwrap();
-        let mut worst = 0.0;
-        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-            if clamped[i] || clamped[j] {
-                let bar = 1e-8 * (got[(i, i)] * got[(j, j)]).abs().sqrt();
-                assert!(i == j || got[(i, j)].abs() <= bar);
-                continue;
-            }
-            let scale = (expected[(i, i)] * expected[(j, j)]).abs().sqrt();
-            let error = (got[(i, j)] - expected[(i, j)]).abs() / scale;
-            assert!(error.is_finite());
-            worst = f64::max(worst, error);
-        }
-        worst
-    }
-}
-
-fn is_in_slab(forest: &BisectionForest, p: Point) -> bool {
-    3 * p[0] <= forest.domain().lattice().units
-}
-
-fn body(forest: &BisectionForest, placement: &Placement, embedding: &Embedding) -> Body {
-    let mut body = Body::new();
-    elements(forest, placement, embedding).for_each(|element| body.insert(element));
-    body
+    worst
 }
 
 /// Splits and merges, a little more of the former: the mesh grows to some 150 vertices.
@@ -152,16 +46,12 @@ fn run(
     maintainer: &'static str,
     steps: &[(bool, Index)],
 ) -> (f64, usize) {
-    let mut clamped = Clamped::new(organ, rule, maintainer);
+    let mut clamped = ClampedBody::new(organ, rule, maintainer, "p1");
     let mut worst = 0.0;
-    for (count, (split, pick)) in steps.iter().enumerate() {
-        if *split {
-            clamped.split(pick)
-        } else {
-            clamped.merge(pick)
-        }
+    for (count, step) in steps.iter().enumerate() {
+        clamped.step(step);
         if (count + 1) % 250 == 0 {
-            worst = f64::max(worst, clamped.error());
+            worst = f64::max(worst, error(&clamped));
         }
     }
     (worst, clamped.link.maintainer().counts().rebuilds)
@@ -249,14 +139,10 @@ fn subtract_product((s, t): (f64, f64), a: f64, b: f64) -> (f64, f64) {
 
 fn extreme_history(organ: &Organ, maintainer: &'static str, steps: &[(bool, Index)]) {
     for rule in ["laminate", "linear"] {
-        let mut clamped = Clamped::new(organ, rule, maintainer);
+        let mut clamped = ClampedBody::new(organ, rule, maintainer, "p1");
         let (mut worst, mut lowest) = (0.0, 0.0);
-        for (count, (split, pick)) in steps.iter().enumerate() {
-            if *split {
-                clamped.split(pick)
-            } else {
-                clamped.merge(pick)
-            }
+        for (count, step) in steps.iter().enumerate() {
+            clamped.step(step);
             if (count + 1) % 100 == 0 {
                 let (error, floor) = solution_error(clamped.link.maintainer());
                 assert!(error <= f64::max(1e-10, floor), "{rule}: {error:e}, {floor:e}");
@@ -304,11 +190,9 @@ proptest! {
         rule in proptest::sample::select(vec!["laminate", "linear", "paper"]),
     ) {
         for maintainer in ["lu", "paper", "woodbury", "sparse"] {
-            let mut clamped = Clamped::new(&organ, rule, maintainer);
-            for (split, pick) in &steps {
-                if *split { clamped.split(pick) } else { clamped.merge(pick) }
-            }
-            prop_assert!(clamped.error() < 1e-8, "{}: {:e}", maintainer, clamped.error());
+            let mut clamped = ClampedBody::new(&organ, rule, maintainer, "p1");
+            steps.iter().for_each(|step| clamped.step(step));
+            prop_assert!(error(&clamped) < 1e-8, "{}: {:e}", maintainer, error(&clamped));
         }
     }
 
@@ -319,12 +203,10 @@ proptest! {
         rule in proptest::sample::select(vec!["laminate", "linear"]),
     ) {
         for maintainer in ["lu", "woodbury", "sparse"] {
-            let mut clamped = Clamped::of(&organ, rule, maintainer, "p1p1");
+            let mut clamped = ClampedBody::new(&organ, rule, maintainer, "p1p1");
             prop_assert_eq!(clamped.link.maintainer().vertices(), clamped.forest.vertex_count());
-            for (split, pick) in &steps {
-                if *split { clamped.split(pick) } else { clamped.merge(pick) }
-            }
-            prop_assert!(clamped.error() < 1e-8, "{}: {:e}", maintainer, clamped.error());
+            steps.iter().for_each(|step| clamped.step(step));
+            prop_assert!(error(&clamped) < 1e-8, "{}: {:e}", maintainer, error(&clamped));
         }
     }
 }

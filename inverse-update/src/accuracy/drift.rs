@@ -1,6 +1,6 @@
 //! How far a kept inverse has drifted from the matrix.
 
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 use super::residual::residual;
 use crate::InverseError;
@@ -13,12 +13,54 @@ pub const DRIFT_LIMIT: f64 = 1e-8;
 /// The same for one kept in f32, whose solutions are refined.
 pub const DRIFT_LIMIT_F32: f64 = 1e-2;
 
-/// Columns that [`watch`](crate::InverseMaintainer::watch) looks at.
-pub(crate) const WATCHED: usize = 8;
+/// Loads by which [`watch`](crate::InverseMaintainer::watch) looks at all rows: where what two
+/// columns of C are off by cancels under one, it does not under the other.
+const WATCHED: usize = 2;
+
+/// Rounding that a fresh inverse may leave in a row of K u, in units of ε (|K| |u| + |f|).
+const ROUNDED: f64 = 1024.0;
+
+/// By how much a row of K u = f is missed at most, u = C f as `apply` gives it, for loads of ½ to 1 and
+/// either sign in units of √|K_ii|; 0 for what may be rounding, infinite where anything is not finite.
+/// Fails as `apply` does.
+pub(crate) fn watched_drift(
+    k: &SparseStiffness,
+    seed: u64,
+    apply: impl FnOnce(MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>,
+) -> Result<f64, InverseError> {
+    let (n, mut state) = (k.dofs(), seed);
+    if n == 0 {
+        return Ok(0.0);
+    }
+    let unit: Vec<f64> = (0..n).map(|i| k.diagonal(i).abs().sqrt()).collect();
+    let loads = Mat::from_fn(n, WATCHED, |i, _| {
+        let bits = random(&mut state);
+        let size = 0.5 + (bits >> 12) as f64 * f64::EPSILON / 2.0;
+        unit[i] * if bits & 1 == 0 { size } else { -size }
+    });
+    let solutions = apply(loads.as_ref())?;
+    let (mut product, mut rounding, mut worst) = (vec![0.0; n], vec![0.0; n], 0.0_f64);
+    for (load, u) in (0..WATCHED).map(|j| (loads.col_as_slice(j), solutions.col_as_slice(j))) {
+        if k.apply(u, &mut product).is_err() {
+            return Ok(f64::INFINITY);
+        }
+        k.apply_absolute(u, &mut rounding);
+        for i in 0..n {
+            let left = (load[i] - product[i]).abs();
+            let allowed = ROUNDED * f64::EPSILON * (rounding[i] + load[i].abs());
+            // An infinite row, or a NaN, is no rounding.
+            if !(left <= allowed) || !left.is_finite() {
+                let missed = left / unit[i];
+                worst = if missed.is_finite() { worst.max(missed) } else { f64::INFINITY };
+            }
+        }
+    }
+    Ok(worst)
+}
 
 /// The largest drift of some random columns, which `columns` gives by row number; infinite where
 /// anything is not finite. Fails as `columns` does.
-pub(crate) fn kept_drift(
+pub(crate) fn drift_of_columns(
     k: &SparseStiffness,
     seed: u64,
     samples: usize,

@@ -7,7 +7,7 @@ mod refinement;
 mod residual;
 
 pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32};
-pub(crate) use drift::{WATCHED, is_too_far, kept_drift};
+pub(crate) use drift::{drift_of_columns, is_too_far, watched_drift};
 pub use refinement::{MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT};
 pub(crate) use refinement::{refine_columns, refine_each};
 #[cfg(test)]

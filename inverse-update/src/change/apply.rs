@@ -5,7 +5,7 @@ use faer::{Mat, MatRef};
 use super::batch::{StiffnessChange, Update, UpdateRef};
 use super::ring_change::{CONSISTENCY_LIMIT, RingChange};
 use crate::InverseError;
-use crate::matrix::{SparseStiffness, check_slots, scaled_difference};
+use crate::matrix::{FreshRows, SparseStiffness, check_slots, scaled_difference};
 
 impl SparseStiffness {
     /// K becomes [K + K_c − K_p, a12; a12ᵀ, A22]; the new vertex has the last slot.
@@ -47,6 +47,34 @@ impl SparseStiffness {
     /// Those of [`split`](Self::split), [`merge`](Self::merge) and [`change`](Self::change).
     pub fn update(&mut self, update: &Update) -> Result<(), InverseError> {
         self.check_and_apply(update.borrowed())
+    }
+
+    /// Lets vertices come and go as by updates, and takes the rows that these lead to from elsewhere.
+    ///
+    /// Cost: O(blocks of the rows), that of the updates' own matrices not included.
+    /// # Errors
+    /// [`InverseError::Slot`] for a merge of what is not there; those of [`refresh`](Self::refresh). K is
+    /// spoilt then.
+    pub(crate) fn arrange(
+        &mut self,
+        updates: &[Update],
+        rows: &FreshRows,
+    ) -> Result<(), InverseError> {
+        let m = self.block();
+        for update in updates {
+            match update {
+                Update::Split(change) => {
+                    let (none, own) = (Mat::zeros(0, m), Mat::zeros(m, m));
+                    self.append(&[], none.as_ref(), own.as_ref(), change.order_key);
+                }
+                Update::Merge { slot, .. } => {
+                    check_slots(&[*slot], self.vertices())?;
+                    self.swap_remove(*slot);
+                }
+                Update::Content(_) => {}
+            }
+        }
+        self.refresh(rows)
     }
 
     fn check_and_apply(&mut self, update: UpdateRef<'_>) -> Result<(), InverseError> {

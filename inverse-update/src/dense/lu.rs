@@ -5,9 +5,10 @@ use faer::{Mat, MatRef};
 use super::from_stiffness::lu_inverse;
 use super::full_storage::Full;
 use crate::InverseError;
-use crate::change::UpdateRef;
+use crate::InverseMaintainer;
+use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
-use crate::matrix::SparseStiffness;
+use crate::matrix::{FreshRows, SparseStiffness};
 
 /// Keeps K and its inverse by LU with partial pivoting, computed anew after every change.
 ///
@@ -45,5 +46,15 @@ impl Method for LuMethod {
 
     fn columns(&self, _: &SparseStiffness, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
         Ok(self.0.columns(rows))
+    }
+
+    fn batch_to(
+        whole: &mut Maintained<Self>,
+        updates: &[Update],
+        rows: &FreshRows,
+    ) -> Result<(), InverseError> {
+        whole.batch(updates)?;
+        whole.refresh(rows)?;
+        whole.rebuild()
     }
 }

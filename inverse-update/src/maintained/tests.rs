@@ -119,7 +119,6 @@ fn what_is_not_finite_has_drifted_for_ever() {
     assert_eq!(drift(&maintainer, 0, 40), f64::INFINITY);
     let error = maintainer.solve(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], &mut [0.0; 6]).unwrap_err();
     assert!(matches!(error, InverseError::NotFinite { what: "the solution", .. }), "{error}");
-    // All columns have the rows of the first slot.
-    assert_eq!(maintainer.watch(0), Ok(f64::INFINITY));
+    assert!(maintainer.watch(0).unwrap() > 1e150);
     assert!(maintainer.watch(0).unwrap() < 1e-12);
 }

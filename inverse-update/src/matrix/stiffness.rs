@@ -9,7 +9,7 @@ use crate::InverseError;
 ///
 /// The comparison is with the same block's own operands, never with other entries: a real
 /// coupling below it has been rounded away by the subtraction itself, at any ratio of moduli.
-const CANCELLED: f64 = 16.0 * f64::EPSILON;
+pub(super) const CANCELLED: f64 = 16.0 * f64::EPSILON;
 
 /// A symmetric matrix of square blocks, stored by block rows; both halves are held and equal
 /// to the last bit.
@@ -21,15 +21,15 @@ const CANCELLED: f64 = 16.0 * f64::EPSILON;
 pub struct SparseStiffness {
     block: usize,
     negative: usize,
-    rows: Vec<BlockRow>,
+    pub(super) rows: Vec<BlockRow>,
     order_keys: Vec<u64>,
 }
 
 /// One block row: columns ascending, `values` one row-major block per column.
 #[derive(Debug, Clone, Default)]
-struct BlockRow {
-    columns: Vec<usize>,
-    values: Vec<f64>,
+pub(super) struct BlockRow {
+    pub columns: Vec<usize>,
+    pub values: Vec<f64>,
 }
 
 impl BlockRow {
@@ -38,13 +38,13 @@ impl BlockRow {
         Some(&self.values[at * size..(at + 1) * size])
     }
 
-    fn remove(&mut self, column: usize, size: usize) -> Option<Vec<f64>> {
+    pub fn remove(&mut self, column: usize, size: usize) -> Option<Vec<f64>> {
         let at = self.columns.binary_search(&column).ok()?;
         self.columns.remove(at);
         Some(self.values.drain(at * size..(at + 1) * size).collect())
     }
 
-    fn set(&mut self, column: usize, value: &[f64]) {
+    pub fn set(&mut self, column: usize, value: &[f64]) {
         let size = value.len();
         match self.columns.binary_search(&column) {
             Ok(at) => self.values[at * size..(at + 1) * size].copy_from_slice(value),

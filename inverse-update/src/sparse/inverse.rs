@@ -18,7 +18,8 @@ use super::substitution::TOGETHER;
 use crate::InverseError;
 use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
-use crate::matrix::SparseStiffness;
+use crate::maintainer::InverseMaintainer;
+use crate::matrix::{FreshRows, SparseStiffness};
 
 /// The most rows per vertex that the kernels are made for.
 const MOST_ROWS: usize = 4;
@@ -252,26 +253,48 @@ impl Method for SparseMethod {
     }
 
     fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
-        let scratch = &whole.method().scratch;
+        whole.update_all(updates, None)
+    }
+
+    fn batch_to(
+        whole: &mut Maintained<Self>,
+        updates: &[Update],
+        rows: &FreshRows,
+    ) -> Result<(), InverseError> {
+        whole.update_all(updates, Some(rows))
+    }
+}
+
+impl Sparse {
+    /// Makes a batch, to `rows` of K if they are known.
+    fn update_all(
+        &mut self,
+        updates: &[Update],
+        rows: Option<&FreshRows>,
+    ) -> Result<(), InverseError> {
+        let scratch = &self.method().scratch;
         let before = (scratch.walks, scratch.operations);
         let mut is_walked = false;
         for (done, update) in updates.iter().enumerate() {
             let rest = &updates[done..];
-            if !is_walked && whole.read(|method| method.is_many(&whole.stiffness, rest, before)) {
+            if !is_walked && self.read(|method| method.is_many(&self.stiffness, rest, before)) {
                 // The new factor can have its memory: to get more from the system takes as long as
                 // half of the work.
-                whole.method().old = None;
-                let mut k = whole.stiffness.clone();
-                let changed = rest.iter().try_for_each(|update| k.update(update));
-                if changed.is_ok() && whole.replace(k).is_ok() {
-                    whole.method().rebases += 1;
+                self.method().old = None;
+                let mut k = self.stiffness.clone();
+                let changed = match rows {
+                    Some(rows) => k.arrange(rest, rows),
+                    None => rest.iter().try_for_each(|update| k.update(update)),
+                };
+                if changed.is_ok() && self.replace(k).is_ok() {
+                    self.method().rebases += 1;
                     return Ok(());
                 }
                 // One update after the other: that tells which one fails, or succeeds.
                 is_walked = true;
             }
-            update.make(whole).map_err(|source| InverseError::in_batch(done, source))?;
+            update.make(self).map_err(|source| InverseError::in_batch(done, source))?;
         }
-        Ok(())
+        rows.map_or(Ok(()), |rows| self.refresh(rows))
     }
 }

@@ -147,6 +147,11 @@ impl BodyState {
         self.is_active.len()
     }
 
+    /// Density of the material in a tetrahedron of the current mesh, kg/m³.
+    pub(crate) fn density(&self, tet: TetId) -> f64 {
+        self.cell(tet).density_kg_m3
+    }
+
     pub(crate) fn cell(&self, tet: TetId) -> &Cell {
         &self.cells[tet.index()]
     }

@@ -106,6 +106,7 @@ fn inverse_words(inverse: &InverseSummary) -> String {
     for (count, what) in [
         (inverse.drift_rebuilds, "for drift"),
         (inverse.failed_pivots, "failed pivots"),
+        (inverse.reassemblies, "reassemblies"),
         (inverse.refinement_steps, "refinement steps"),
     ] {
         if count > 0 {

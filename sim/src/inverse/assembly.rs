@@ -6,7 +6,7 @@ use faer::Mat;
 use nalgebra::Matrix4;
 use yawara_corot::Element;
 use yawara_embed::{ElementFormulation, clamp};
-use yawara_inverse_update::{InverseError, SparseStiffness};
+use yawara_inverse_update::{FreshRows, InverseError, SparseStiffness};
 use yawara_mesh::{TetId, VertexId};
 
 use super::DISPLACEMENTS;
@@ -68,23 +68,57 @@ impl<'a> Assembly<'a> {
         let keys: Vec<u64> = slots.vertices().iter().map(|&v| (self.order_key)(v)).collect();
         stiffness.set_order_keys(&keys)?;
         for element in elements {
-            self.add(element.borrow(), slots, &mut stiffness)?;
+            let (slots, dense) = self.matrix(element.borrow(), slots);
+            stiffness.add(&slots, dense.as_ref())?;
         }
-        let is_displacement = |i: usize, j: usize| i == j && i < DISPLACEMENTS;
-        let anchor =
-            Mat::from_fn(m, m, |i, j| if is_displacement(i, j) { self.anchor } else { 0.0 });
         for (slot, _) in slots.vertices().iter().enumerate().filter(|(_, v)| (self.is_fixed)(**v)) {
-            stiffness.add(&[slot], anchor.as_ref())?;
+            stiffness.add(&[slot], self.anchoring().as_ref())?;
         }
         Ok(stiffness)
     }
 
-    fn add(
+    /// The rows of some vertices as [`assemble`](Self::assemble) has them, of all elements too.
+    ///
+    /// Cost: an element's matrix for each element that has one of the vertices.
+    /// # Errors
+    /// [`InverseError`] if an element's matrix has a wrong shape.
+    pub fn rows(
         &self,
-        element: &Element,
+        elements: impl IntoIterator<Item = impl Borrow<Element>>,
         slots: &SlotMap,
-        stiffness: &mut SparseStiffness,
-    ) -> Result<(), InverseError> {
+        vertices: impl IntoIterator<Item = VertexId>,
+    ) -> Result<FreshRows, InverseError> {
+        let mut wanted: Vec<usize> = vertices.into_iter().filter_map(|v| slots.get(v)).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let is_fixed = |slot: &usize| (self.is_fixed)(slots.vertices()[*slot]);
+        let fixed: Vec<usize> = wanted.iter().copied().filter(is_fixed).collect();
+        let mut rows = FreshRows::new(slots.len(), self.element.unknowns(), wanted)?;
+        let has = |rows: &FreshRows, v: usize| {
+            slots.get(VertexId(v as u32)).is_some_and(|slot| rows.has(slot))
+        };
+        for element in elements {
+            let element = element.borrow();
+            if element.vertices.iter().any(|&v| has(&rows, v)) {
+                let (slots, dense) = self.matrix(element, slots);
+                rows.add(&slots, dense.as_ref())?;
+            }
+        }
+        for slot in fixed {
+            rows.add(&[slot], self.anchoring().as_ref())?;
+        }
+        Ok(rows)
+    }
+
+    /// What holds fixed displacements of a vertex that has rows.
+    fn anchoring(&self) -> Mat<f64> {
+        let m = self.element.unknowns();
+        let is_displacement = |i: usize, j: usize| i == j && i < DISPLACEMENTS;
+        Mat::from_fn(m, m, |i, j| if is_displacement(i, j) { self.anchor } else { 0.0 })
+    }
+
+    /// The slots of an element's corners that have one, and its matrix there.
+    fn matrix(&self, element: &Element, slots: &SlotMap) -> (Vec<usize>, Mat<f64>) {
         let vertices = element.vertices.map(|v| VertexId(v as u32));
         let density = (self.density)(element.tet);
         let mut k = self.element.matrix(&element.geometry, &element.elasticity, density);
@@ -97,11 +131,11 @@ impl<'a> Assembly<'a> {
         clamp(&mut k, &vertices.map(self.is_fixed));
         let slot_of = vertices.map(|v| slots.get(v));
         let kept: Vec<usize> = (0..4).filter(|&i| slot_of[i].is_some()).collect();
-        let row = |i: usize| m * kept[i / m] + i % m;
-        let rows = m * kept.len();
-        let dense = Mat::from_fn(rows, rows, |i, j| k[(row(i), row(j))]);
-        let slots: Vec<usize> = slot_of.into_iter().flatten().collect();
-        stiffness.add(&slots, dense.as_ref())
+        if kept.len() < 4 {
+            let (row, rows) = (|i: usize| m * kept[i / m] + i % m, m * kept.len());
+            k = Mat::from_fn(rows, rows, |i, j| k[(row(i), row(j))]);
+        }
+        (slot_of.into_iter().flatten().collect(), k)
     }
 }
 

@@ -1,34 +1,37 @@
 //! A maintained inverse that follows the splits and merges of a mesh.
 
+use std::mem::take;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use faer::Mat;
 use nalgebra::Matrix4;
-use yawara_corot::Body;
 use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
-use yawara_inverse_update::{InverseError, InverseMaintainer, SparseStiffness, Update};
-use yawara_mesh::{Change, TetId, VertexId};
+use yawara_inverse_update::{Counts, InverseError, InverseMaintainer, SparseStiffness, Update};
+use yawara_mesh::{Change, VertexId};
 
 use super::DISPLACEMENTS;
-use super::assembly::{Assembly, needs_slot};
 use super::hand_over::hold;
 use super::held::{Constrained, Held};
-use super::slots::SlotMap;
+use super::layout::{Elements, Layout};
 use crate::error::SimError;
 
 /// Makes a maintainer of the inverse of a stiffness matrix.
 pub type InverseFactory =
-    Box<dyn Fn(SparseStiffness) -> Result<Box<dyn InverseMaintainer>, InverseError>>;
+    Box<dyn Fn(SparseStiffness) -> Result<Box<dyn InverseMaintainer>, InverseError> + Send>;
 
 /// The inverse with the map from vertices to its slots. Fixed vertices have none, unless their
 /// element has more unknowns than displacements: those stay, and the displacements are clamped.
+///
+/// After each batch the rows of K that it has touched are summed afresh from the elements, so that
+/// what updates round away does not add up; and where an update is refused, K is assembled from them
+/// and inverted anew.
 pub struct InverseLink {
     maintainer: Box<dyn InverseMaintainer>,
-    element: Box<dyn ElementFormulation>,
-    /// Stiffness that holds clamped displacements, N/m.
-    anchor: f64,
-    slots: SlotMap,
+    factory: InverseFactory,
+    layout: Layout,
+    /// Vertices whose rows the pending updates change; some may be gone.
+    touched: Vec<VertexId>,
     held: Mutex<Option<Arc<Held>>>,
     /// Updates that the maintainer has not been given yet, and the time spent on them so far.
     pending: Vec<Update>,
@@ -42,42 +45,38 @@ pub struct InverseLink {
     pub(crate) updates: usize,
     pub(crate) batches: usize,
     pub(crate) drift_max: f64,
+    /// Times that an update was refused and K assembled and inverted anew.
+    pub(crate) reassemblies: usize,
+    /// The counts of the maintainers before.
+    earlier: Counts,
 }
 
 impl InverseLink {
-    /// Assembles the stiffness of `body` in the unknowns of `element` on `vertices` and inverts it.
+    /// Assembles the stiffness of `elements` in the unknowns of `element` on `vertices` and inverts it.
     ///
-    /// `density` of a tetrahedron, kg/m³, is asked where the element's
-    /// [matrix](ElementFormulation::matrix) has a mass. `is_fixed` tells by vertex number whose
-    /// displacements are fixed, `order_key` where a vertex lies, see
-    /// [`SparseStiffness::set_order_keys`].
+    /// `is_fixed` tells by vertex number whose displacements are fixed, `order_key` where a vertex
+    /// lies, see [`SparseStiffness::set_order_keys`].
     /// # Errors
     /// [`SimError::Inverse`] if that stiffness is not (quasi-)definite.
     pub fn new(
-        body: &Body,
-        density: &dyn Fn(TetId) -> f64,
+        elements: &Elements<'_>,
         element: Box<dyn ElementFormulation>,
         vertices: impl Iterator<Item = VertexId>,
         is_fixed: impl Fn(usize) -> bool,
         order_key: impl Fn(VertexId) -> u64,
-        factory: &InverseFactory,
+        factory: InverseFactory,
     ) -> Result<Self, SimError> {
-        let anchor = body.stiffness_scale();
-        let assembly = Assembly {
-            element: element.as_ref(),
-            is_fixed: &|v| is_fixed(v.index()),
-            anchor,
-            density,
-            springs: &|tet| body.grip_matrix(tet),
-            order_key: &order_key,
-        };
-        let slots = assembly.slots(vertices);
-        let stiffness = assembly.assemble(body.elements(), &slots)?;
+        let mut layout = Layout::new(element, elements.body.stiffness_scale());
+        for v in vertices {
+            if layout.note(v, is_fixed(v.index()), order_key(v)) {
+                layout.slots.push(v);
+            }
+        }
         Ok(Self {
-            maintainer: factory(stiffness)?,
-            element,
-            anchor,
-            slots,
+            maintainer: factory(layout.assemble(elements)?)?,
+            factory,
+            layout,
+            touched: Vec::new(),
             held: Mutex::new(None),
             pending: Vec::new(),
             pending_ms: 0.0,
@@ -87,6 +86,8 @@ impl InverseLink {
             updates: 0,
             batches: 0,
             drift_max: 0.0,
+            reassemblies: 0,
+            earlier: Counts::default(),
         })
     }
 
@@ -97,97 +98,139 @@ impl InverseLink {
 
     /// The unknowns of a tetrahedron.
     pub fn element(&self) -> &dyn ElementFormulation {
-        self.element.as_ref()
+        self.layout.element.as_ref()
     }
 
     /// Slot of a vertex, if it has one.
     pub fn slot(&self, vertex: usize) -> Option<usize> {
-        self.slots.get(VertexId(vertex as u32))
+        self.layout.slots.get(VertexId(vertex as u32))
+    }
+
+    /// The safeguards that took effect in the maintainer, and in those before it.
+    pub(crate) fn counts(&self) -> Counts {
+        let mut counts = self.earlier;
+        counts += self.maintainer.counts();
+        counts
     }
 
     /// Takes a split or merge with the hand-over of [`element`](Self::element); `is_fixed` tells
-    /// whose displacements are fixed, `order_key` where the vertex lies. [`flush`](Self::flush)
-    /// gives it to the maintainer.
+    /// whether the vertex's displacements are fixed, `order_key` where it lies.
+    /// [`flush`](Self::flush) gives it to the maintainer.
     pub fn push(
         &mut self,
         change: Change,
         vertex: VertexId,
-        is_fixed: impl Fn(VertexId) -> bool,
+        is_fixed: bool,
         order_key: u64,
         ring: RingStiffness,
     ) {
         let begin = Instant::now();
-        let new_is_fixed = is_fixed(vertex);
-        let has_unknowns = needs_slot(self.element.as_ref(), new_is_fixed);
-        let ring = hold(ring, self.element.unknowns(), new_is_fixed, is_fixed, self.anchor);
-        self.pending.extend(self.slots.update(change, vertex, has_unknowns, ring, order_key));
+        self.touched.extend(ring.vertices.iter().copied().chain([vertex]));
+        let layout = &mut self.layout;
+        let has_unknowns = layout.note(vertex, is_fixed, order_key);
+        let (unknowns, anchor) = (layout.element.unknowns(), layout.anchor);
+        let ring = hold(ring, unknowns, is_fixed, |v| layout.is_fixed(v), anchor);
+        self.pending.extend(layout.slots.update(change, vertex, has_unknowns, ring, order_key));
         self.pending_count += 1;
         self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
     }
 
     /// Takes springs on the corners of tetrahedra out of the stiffness: κ Σ w λλᵀ of each, N/m, the
-    /// same for each axis.
+    /// same for each axis. `elements` are without them already.
     ///
     /// # Errors
-    /// [`SimError::Embed`] if they are not finite; [`SimError::Inverse`] if the maintainer refuses.
+    /// [`SimError::Embed`] if they are not finite; those of [`flush`](Self::flush).
     pub fn remove_springs(
         &mut self,
         springs: &[([usize; 4], Matrix4<f64>)],
+        elements: &Elements<'_>,
     ) -> Result<(), SimError> {
-        let m = self.element.unknowns();
+        let m = self.layout.element.unknowns();
         for (corners, springs) in springs {
             let alike = |i: usize, j: usize| i % m == j % m && i % m < DISPLACEMENTS;
             let entry = |i, j| if alike(i, j) { springs[(i / m, j / m)] } else { 0.0 };
             let matrices = [Mat::from_fn(4 * m, 4 * m, entry), Mat::zeros(4 * m, 4 * m)];
             let vertices = corners.map(|v| VertexId(v as u32));
+            self.touched.extend(vertices);
             let content = ContentStiffness::new(vertices, [false; 4], matrices)?;
-            self.pending.extend(self.slots.content_change(&content).map(Update::Content));
+            let change = self.layout.slots.content_change(&content);
+            self.pending.extend(change.map(Update::Content));
             self.pending_count += 1;
         }
-        self.flush()
+        self.flush(elements)
     }
 
-    /// Makes all splits and merges since the last call, in one batch.
+    /// Makes all splits and merges since the last call, in one batch, after which K is the sum of
+    /// `elements`. Where the maintainer refuses, another one takes its place, of K assembled afresh.
+    ///
+    /// Cost: the batch, and the matrix of each element around a vertex that is touched.
     /// # Errors
-    /// [`SimError::Inverse`] if the maintainer refuses one: those before it are made, and the body
-    /// can't go on.
-    pub fn flush(&mut self) -> Result<(), SimError> {
-        let count = std::mem::take(&mut self.pending_count);
+    /// [`SimError::Inverse`] if K can't be inverted, or what holds the inverse is lost.
+    pub fn flush(&mut self, elements: &Elements<'_>) -> Result<(), SimError> {
+        let count = take(&mut self.pending_count);
         if count == 0 {
             return Ok(());
         }
         let begin = Instant::now();
         self.updates += count;
         self.batches += 1;
-        let made = self.maintainer.batch(&std::mem::take(&mut self.pending));
-        // The caller made single splits and merges: its error is that of the one refused.
-        made.map_err(|error| match error {
-            InverseError::Batch { source, .. } => *source,
-            other => other,
-        })?;
-        let before_ms = std::mem::take(&mut self.pending_ms);
+        let (updates, touched) = (take(&mut self.pending), take(&mut self.touched));
+        let rows = self.layout.rows(elements, touched)?;
+        if let Err(cause) = self.maintainer.batch_to(&updates, &rows) {
+            self.reassemble(cause, elements)?;
+        }
+        let before_ms = take(&mut self.pending_ms);
         let elapsed_ms = before_ms + begin.elapsed().as_secs_f64() * 1e3;
         self.update_ms.extend(std::iter::repeat_n(elapsed_ms / count as f64, count));
         self.total_ms += elapsed_ms;
         Ok(())
     }
 
-    /// Lets the maintainer check a few random columns, and rebuild if they have drifted too far;
-    /// keeps the largest drift seen.
-    pub(crate) fn watch(&mut self, seed: u64) -> Result<(), SimError> {
+    /// Lets the maintainer measure its drift from K, and rebuild if it has drifted too far; keeps the
+    /// largest drift seen. Best after a [`flush`](Self::flush): K is true then.
+    ///
+    /// # Errors
+    /// As [`flush`](Self::flush).
+    pub fn watch(&mut self, seed: u64, elements: &Elements<'_>) -> Result<(), SimError> {
         let rebuilds = self.maintainer.counts().rebuilds;
-        self.drift_max = self.drift_max.max(self.maintainer.watch(seed)?);
+        match self.maintainer.watch(seed) {
+            Ok(drift) => self.drift_max = self.drift_max.max(drift),
+            Err(cause) => self.reassemble(cause, elements)?,
+        }
         if self.maintainer.counts().rebuilds > rebuilds {
-            // The held vertices' columns are of the inverse before.
-            *self.held.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
+            self.forget_held();
         }
         Ok(())
+    }
+
+    /// A maintainer of K as its elements sum up to, in the place of one that has refused an update.
+    fn reassemble(&mut self, cause: InverseError, elements: &Elements<'_>) -> Result<(), SimError> {
+        let cause = match cause {
+            InverseError::Batch { source, .. } => *source,
+            other => other,
+        };
+        // What is lost with a device, another matrix does not bring back.
+        if matches!(cause, InverseError::Storage { .. }) {
+            return Err(cause.into());
+        }
+        tracing::warn!(%cause, "an update of the inverse was refused: K is assembled afresh");
+        let maintainer = (self.factory)(self.layout.assemble(elements)?)?;
+        self.earlier += self.maintainer.counts();
+        self.maintainer = maintainer;
+        self.reassemblies += 1;
+        self.forget_held();
+        Ok(())
+    }
+
+    /// The held vertices' columns are of an inverse before.
+    fn forget_held(&mut self) {
+        *self.held.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// The inverse with `held` vertices (not fixed ones) fixed as well.
     pub(crate) fn constrained(&self, held: &[usize]) -> Result<Constrained<'_>, SimError> {
         let slots: Vec<usize> = held.iter().filter_map(|&v| self.slot(v)).collect();
-        let unknowns = self.element.unknowns();
+        let unknowns = self.layout.element.unknowns();
         let maintainer = self.maintainer.as_ref();
         let mut known = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         let is_current = |known: &&Arc<Held>| known.updates == self.updates && known.slots == slots;
@@ -196,6 +239,6 @@ impl InverseLink {
             None => Arc::new(Held::new(maintainer, unknowns, self.updates, slots)?),
         };
         *known = Some(Arc::clone(&held));
-        Ok(Constrained { maintainer, slots: &self.slots, unknowns, held })
+        Ok(Constrained { maintainer, slots: &self.layout.slots, unknowns, held })
     }
 }

@@ -5,6 +5,7 @@
 //! vertex has which slot of the matrix, [`Assembly`] (`assembly.rs`) makes the matrix from elements,
 //! [`SlotMap::update`] and [`SlotMap::content_change`] (`hand_over.rs`) turn a ring of the mesh, or
 //! a leaf of another material, into an update of the inverse.
+//! `layout.rs` keeps what it takes to assemble K, or rows of it, at any time.
 //! `held.rs` holds further vertices in a solve, without a change of the inverse; `compliance.rs`
 //! says how far vertices give way to forces.
 
@@ -12,12 +13,14 @@ mod assembly;
 mod compliance;
 mod hand_over;
 mod held;
+mod layout;
 mod link;
 mod slots;
 
 pub use assembly::Assembly;
 pub use hand_over::hold;
 pub(crate) use held::Constrained;
+pub use layout::Elements;
 pub use link::{InverseFactory, InverseLink};
 pub use slots::SlotMap;
 

@@ -59,7 +59,7 @@ impl Recorder {
         inverse: &InverseLink,
     ) -> Result<Summary, SimError> {
         let RunStatistics { mesh, worst, steps, step_ms, solve_ms, .. } = &self.statistics;
-        let counts = inverse.maintainer().counts();
+        let counts = inverse.counts();
         Ok(Summary {
             schema: SCHEMA,
             scene: scene.name.clone(),
@@ -78,6 +78,7 @@ impl Recorder {
                 rebuilds: counts.rebuilds,
                 drift_rebuilds: counts.drift_rebuilds,
                 failed_pivots: counts.failed_pivots,
+                reassemblies: inverse.reassemblies,
                 refinement_steps: counts.refinement_steps,
                 batches: inverse.batches,
                 time_ms: Percentiles::of(&inverse.update_ms),

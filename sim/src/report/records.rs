@@ -243,6 +243,8 @@ pub struct InverseSummary {
     pub drift_rebuilds: usize,
     /// Updates whose small factor failed.
     pub failed_pivots: usize,
+    /// How often K was assembled from all elements and inverted afresh, as an update was refused.
+    pub reassemblies: usize,
     /// Corrections of solutions by their residual.
     pub refinement_steps: usize,
     /// Batches that they were made in: all of a step at once unless a clock watches.

@@ -20,7 +20,7 @@ use super::simulation::{SimulatedBody, Simulation};
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
-use crate::inverse::{InverseFactory, InverseLink};
+use crate::inverse::{Elements, InverseFactory, InverseLink};
 use crate::report::{Recorder, RunStatistics, Surfaces};
 use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold};
 use crate::tools::{self, BodyAtRest, MaterialHold, Regions, Tool};
@@ -169,7 +169,7 @@ impl<'a> SimulationBuilder<'a> {
         let motion = Motion::new(scene, integrator, &axes, &mut state);
         let built_in = || dynamics::formulation(scene, element, state.body.law(), motion.as_ref());
         let formulation = own.map_or_else(built_in, Ok)?;
-        let link = invert(formulation, &state, refiner.as_ref(), &organ, &inverse)?;
+        let link = invert(formulation, &state, refiner.as_ref(), &organ, inverse)?;
         plan.push(plan::inverse(scene, &link));
         tools.iter_mut().try_for_each(|tool| tool.follow(&state))?;
         let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
@@ -253,15 +253,14 @@ fn invert(
     state: &BodyState,
     refiner: Option<&Refiner>,
     organ: &OrganBox,
-    factory: &InverseFactory,
+    factory: InverseFactory,
 ) -> Result<InverseLink, SimError> {
     let key = |v: VertexId| match refiner {
         Some(refiner) => Lattice::key(refiner.content.forest.point(v)),
         None => organ.grid_key(&state.rest[v.index()]),
     };
     InverseLink::new(
-        &state.body,
-        &|tet| state.cell(tet).density_kg_m3,
+        &Elements { body: &state.body, density: &|tet| state.density(tet) },
         formulation,
         state.vertices(),
         |v| state.holds[v] == Hold::Fixed,

@@ -8,7 +8,7 @@ use yawara_mesh::VertexId;
 
 use crate::body::BodyState;
 use crate::error::SimError;
-use crate::inverse::{Constrained, InverseLink};
+use crate::inverse::{Constrained, Elements, InverseLink};
 use crate::tools::Tool;
 
 /// Forces on vertices, N.
@@ -273,7 +273,9 @@ impl Grips {
                     self.forces.remove(at);
                 }
             }
-            inverse.remove_springs(&state.body.grips_mut()[number].release())?;
+            let springs = state.body.grips_mut()[number].release();
+            let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
+            inverse.remove_springs(&springs, &elements)?;
         }
         Ok(())
     }

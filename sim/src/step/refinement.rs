@@ -11,7 +11,7 @@ use super::indicator::{Dual, Indicator, Measured, RingMember, Sight};
 use super::marking::{Limits, Wish};
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse::InverseLink;
+use crate::inverse::{Elements, InverseLink};
 use crate::report::{StageTimes, milliseconds};
 use crate::scene::Refinement;
 use crate::tools::{Regions, Tool};
@@ -65,6 +65,14 @@ pub(crate) struct Round<'a> {
     pub loads: &'a Loads,
     /// The figures whose error is asked for.
     pub duals: &'a [Dual],
+}
+
+impl Round<'_> {
+    /// Has the inverse take what has been split and merged.
+    fn flush(&mut self) -> Result<(), SimError> {
+        let Self { state, inverse, .. } = self;
+        inverse.flush(&Elements { body: &state.body, density: &|tet| state.density(tet) })
+    }
 }
 
 /// How far figures are from those on a mesh without end.
@@ -155,10 +163,10 @@ impl Refiner {
             done.splits += 1;
             // A clock has to see what each split costs.
             if round.deadline.is_some() {
-                round.inverse.flush()?;
+                round.flush()?;
             }
         }
-        round.inverse.flush()?;
+        round.flush()?;
         times.inverse_ms = round.inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
         Ok(done)
@@ -398,7 +406,7 @@ impl Refiner {
         if !state.body.grips().is_empty() {
             ring = ring.with_springs(delta, &|tet| state.body.grip_matrix(tet));
         }
-        let is_fixed = |v: VertexId| state.holds[v.index()] == Hold::Fixed;
+        let is_fixed = state.holds[delta.vertex.index()] == Hold::Fixed;
         let key = Lattice::key(self.content.forest.point(delta.vertex));
         inverse.push(delta.change, delta.vertex, is_fixed, key, ring);
     }

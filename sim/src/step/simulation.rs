@@ -16,7 +16,7 @@ use super::span::Span;
 use super::tool_forces::ToolForces;
 use crate::body::BodyState;
 use crate::error::SimError;
-use crate::inverse::InverseLink;
+use crate::inverse::{Elements, InverseLink};
 use crate::report::{
     Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary, ToolReport,
     milliseconds,
@@ -174,7 +174,8 @@ impl Simulation {
             }
         }
         if remeshed.splits + remeshed.merges > 0 {
-            inverse.watch(scene.seed.wrapping_add(step as u64))?;
+            let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
+            inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
             tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
         }
         Ok(remeshed)
