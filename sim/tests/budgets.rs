@@ -56,9 +56,12 @@ fn the_clock_decides_in_real_time_alone() {
     let plan = simulation.plan().iter().find(|row| row.stage == "budget").unwrap();
     assert!(plan.why.contains("do not count"), "{}", plan.why);
     let (none, simulation) = run(&["budget={ step_ms = 1e-6, realtime = true }"]);
-    assert!(none.iter().all(|r| r.splits == 0 && r.converged && r.residual <= 1e-6));
-    assert!(none.last().unwrap().waiting > 0);
-    assert!(simulation.summary().unwrap().mesh.waiting_end > 0);
+    // No equilibrium is looked for, but the body goes along with the tool, which feels it.
+    assert!(none.iter().all(|r| r.splits == 0 && !r.converged && r.residual > 1e-6));
+    let (last, solved) = (none.last().unwrap(), free.last().unwrap());
+    let [force, true_force] = [last, solved].map(|r| r.tools[0].force_n[2]);
+    assert!((force / true_force - 1.0).abs() < 0.5, "{force} N, {true_force} N in equilibrium");
+    assert_eq!(simulation.summary().unwrap().steps.converged, 0);
     let (all, _) = run(&["budget={ step_ms = 1e9, realtime = true }"]);
     assert_eq!(vertices(&free), vertices(&all));
 }

@@ -129,7 +129,7 @@ proptest! {
 }
 
 #[test]
-fn isotropic_forces_balance_in_sum_and_in_torque() {
+fn forces_balance_in_sum_and_in_torque() {
     let (mut body, rest) = setting(&Organ::homogeneous([6, 1, 1], 1e4, 0.49), 1.0);
     let x: Vec<_> = rest
         .iter()

@@ -109,6 +109,11 @@ mod tests {
                 // Away from where rotations jump.
                 let s = body.elements()[0].deformation_gradient(&x);
                 prop_assume!(s.determinant() > 0.05);
+                let at = forces(&mut body, &x);
+                let torque = |(x, f): (&Vector3<f64>, &[f64])| x.cross(&Vector3::from_column_slice(f));
+                let net: Vector3<f64> = x.iter().zip(at.chunks(3)).map(torque).sum();
+                let scale = at.iter().map(|f| f * f).sum::<f64>().sqrt();
+                prop_assert!(net.norm() < 1e-12 * scale.max(1e-3), "torque {net:?}, forces {scale}");
                 let tangent = element_tangent(&body, 0, &x);
                 let h = 1e-5;
                 for column in 0..12 {
