@@ -225,20 +225,19 @@ fn releases() -> Vec<Setting> {
 
 /// Loads that keep their direction and pressures that follow the surface, past buckling.
 fn loads() -> Vec<Setting> {
-    let key = |tool: &str, keys: &str| format!("{{kind='{tool}', region={END}, {keys}}}");
-    let side = |part: f64| {
-        let force = format!("[0, 0, {}]", part * EULER_N);
-        key("load", &format!("load=[{{time_s=0}}, {{time_s=1, force_n={force}}}]"))
+    // Along the beam and across it, in Euler's loads.
+    let load = |along: f64, across: f64| {
+        let force = format!("[{}, 0, {}]", along * EULER_N, across * EULER_N);
+        format!("{{kind='load', region={END}, load=[{{time_s=0}}, {{time_s=1, force_n={force}}}]}}")
     };
-    let dead = |times: f64| {
-        let force = format!("[{}, 0, {}]", -times * EULER_N, 0.01 * EULER_N);
-        let load = format!("load=[{{time_s=0}}, {{time_s=1, force_n={force}}}]");
-        (format!("dead load, {times} times Euler's"), key("load", &load))
-    };
+    let dead = |times: f64| (format!("dead load, {times} times Euler's"), load(-times, 0.01));
     let following = |times: f64| {
         let end = times * EULER_N / 4e-4;
         let push = format!("{{time_s=0, pressure_pa=0}}, {{time_s=1, pressure_pa={end}}}");
-        let tools = format!("{}, {}", key("pressure", &format!("pressure=[{push}]")), side(0.05));
+        // The outline is a little inside of the voxels, and its pieces at the sides push each other out.
+        let face = "{shape='box', min=[0.97, -0.1, -0.1], max=[1.1, 1.1, 1.1]}";
+        let pressure = format!("{{kind='pressure', region={face}, pressure=[{push}]}}");
+        let tools = format!("{pressure}, {}", load(0.0, 0.05));
         (format!("following pressure, {times} times Euler's"), tools)
     };
     let all = [dead(2.0), dead(5.0), dead(20.0), following(2.0), following(20.0)];
