@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, drift, elements, estimates,
-    homogenisation, mesh, meshes, pareto, scaling, table1, validate,
+    homogenisation, mesh, meshes, pareto, robust, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -61,6 +61,8 @@ enum Study {
     Stiff(CaseArguments),
     /// Thin vessels, long voxels, fast tools, long steps, many updates.
     Extremes(CaseArguments),
+    /// Stiff and extreme cases, by element and equilibrium: steps that converge, iterations, times.
+    Robust(robust::Arguments),
     /// What the plan leaves out, against the same with everything switched on.
     Ablation(CaseArguments),
     /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
@@ -79,7 +81,14 @@ impl Study {
 
     /// Whether processes of one mpirun share its cases.
     fn shares_cases(&self) -> bool {
-        matches!(self, Self::Pareto(_) | Self::Stiff(_) | Self::Extremes(_) | Self::Ablation(_))
+        matches!(
+            self,
+            Self::Pareto(_)
+                | Self::Stiff(_)
+                | Self::Extremes(_)
+                | Self::Robust(_)
+                | Self::Ablation(_)
+        )
     }
 }
 
@@ -105,6 +114,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),
         Study::Extremes(arguments) => extremes::run(arguments),
+        Study::Robust(arguments) => robust::run(arguments),
         Study::Ablation(arguments) => ablation::run(arguments),
         Study::Compare(arguments) => {
             let found = compare::compare(arguments)?;

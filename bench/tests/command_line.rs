@@ -54,7 +54,7 @@ fn processes_that_can_not_share_a_study_are_refused() {
     for launcher in ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"] {
         refused(launcher, "drift", &["3 processes", "without mpirun", "`pareto`"]);
         if cfg!(not(feature = "mpi")) {
-            for study in ["pareto", "stiff", "extremes", "ablation"] {
+            for study in ["pareto", "stiff", "extremes", "robust", "ablation"] {
                 refused(launcher, study, &["3 processes", "--features mpi", "--shard"]);
             }
         }

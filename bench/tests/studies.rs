@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
-    Arguments, Common, drift, elements, estimates, homogenisation, meshes, scaling, table1,
+    Arguments, Common, drift, elements, estimates, homogenisation, meshes, robust, scaling, table1,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -309,4 +310,46 @@ fn estimates_go_with_the_error_on_random_scenes() {
     let arguments = estimates::Arguments { common, finest: 10, ..arguments };
     let error = refused(root.path(), estimates::run(&arguments));
     assert!(matches!(error, BenchError::OutOfRange { option: "--finest", .. }), "{error}");
+}
+
+/// A case with a known force and one on a mesh of slivers, by both elements and two equilibria; called
+/// again the study has nothing left to do.
+#[test]
+fn robust_has_a_row_for_every_case_element_and_equilibrium() {
+    let (root, common) = scratch();
+    let out = common.out.clone();
+    let words = |words: [&str; 2]| words.map(str::to_owned).to_vec();
+    let arguments = robust::Arguments {
+        selection: Selection { out: common.out, force: false, shard: Shard::ALL },
+        quick: true,
+        equilibria: words(["anderson", "direct"]),
+        only: words(["slivers", "pull"]),
+        cap_s: Some(600),
+    };
+    let printed = robust::run(&arguments).unwrap();
+    let text = std::fs::read_to_string(out.join("robust.json")).unwrap();
+    let value: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(rows(&value).len(), 2 * 2 * 2);
+    assert_eq!(std::fs::read_to_string(out.join("robust.csv")).unwrap().lines().count(), 9);
+    for row in rows(&value) {
+        let figures = &row["figures"];
+        let steps = number(figures, "steps");
+        let case = row["case"].as_str().unwrap();
+        assert!(printed.contains(case) && row.get("failure").is_none(), "{row}");
+        // The paper's own solver takes one application of the inverse: large turns are not for it.
+        if case.ends_with("anderson") {
+            assert_eq!(number(figures, "converged"), steps, "{row}");
+            assert!(number(figures, "error") < 1e-6, "{row}");
+        }
+        assert!(number(figures, "iterations_p50") <= number(figures, "iterations_max"), "{row}");
+        assert!(number(&row["measured"], "max_over_p50") >= 1.0, "{row}");
+    }
+    assert_eq!(robust::run(&arguments).unwrap(), printed);
+
+    let other = root.path().join("other");
+    let selection = Selection { out: other.clone(), ..arguments.selection.clone() };
+    let bad =
+        robust::Arguments { selection, equilibria: words(["anderson", "newten"]), ..arguments };
+    let error = robust::run(&bad).unwrap_err().to_string();
+    assert!(error.contains("newten") && !other.exists(), "{error}");
 }

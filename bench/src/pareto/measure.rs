@@ -105,7 +105,7 @@ pub(crate) fn choice(simulation: &Simulation, stage: &str) -> String {
 }
 
 /// What an error in a step says: that the time was up, or itself.
-fn ended(error: SimError, cap_s: f64, step: usize, steps: usize) -> BenchError {
+pub(crate) fn ended(error: SimError, cap_s: f64, step: usize, steps: usize) -> BenchError {
     if Deadline::ended(&error) { BenchError::TimeIsUp(cap_s, step, steps) } else { error.into() }
 }
 

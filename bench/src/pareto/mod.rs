@@ -33,7 +33,8 @@ use report::Results;
 
 pub use candidate::Candidate;
 pub(crate) use converged::Reference;
-pub(crate) use measure::measure;
+pub(crate) use deadline::Deadline;
+pub(crate) use measure::{ended, measure, run_steps};
 use path::Path;
 
 /// What a study compares, and how long it may take.

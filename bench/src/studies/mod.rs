@@ -17,6 +17,7 @@ pub mod mesh;
 pub mod meshes;
 pub mod pareto;
 mod race;
+pub mod robust;
 pub mod scaling;
 pub mod sweep;
 pub mod table1;

@@ -96,7 +96,7 @@ fn updates(quick: bool) -> Vec<Point> {
 }
 
 /// An NRRD label map of the block: label 2 within 14 mm of its centre, else 1.
-fn block(ratio: usize) -> Vec<u8> {
+pub(in crate::studies) fn block(ratio: usize) -> Vec<u8> {
     let [nx, ny, nz] = [BLOCK[0], BLOCK[1], BLOCK[2] / ratio];
     let high = FINE_MM * ratio as f64;
     let mut bytes = format!(
