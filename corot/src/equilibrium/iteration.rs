@@ -22,7 +22,7 @@ pub struct Iteration<'a> {
     pub tolerance: &'a Tolerance,
     iterations: usize,
     evaluations: usize,
-    /// Iterations and evaluations of solves that this one made use of.
+    /// Iterations and evaluations before it began anew, and of solves that it made use of.
     before: (usize, usize),
     /// The least size when each iteration began.
     sizes: Vec<f64>,
@@ -91,7 +91,12 @@ impl<'a> Iteration<'a> {
         self.sizes.push(self.best.0);
     }
 
-    /// Counts the work of another solve; the iterations that are allowed begin anew.
+    /// Allows as many iterations again.
+    pub(super) fn begin_anew(&mut self) {
+        self.before.0 += std::mem::take(&mut self.iterations);
+    }
+
+    /// Counts the work of another solve.
     pub(super) fn count(&mut self, other: &Outcome) {
         self.before.0 += other.iterations;
         self.before.1 += other.evaluations;

@@ -5,6 +5,7 @@ use super::line_search::search;
 use super::problem::{Problem, Tolerance};
 use super::solver::Equilibrium;
 use super::tangent_system::TangentSystem;
+use super::vectors::dot;
 
 /// x ← x + α d, d from the tangent with the derivatives of the rotations, α by a line search: what goes down
 /// in energy from anywhere, quadratic near the solution.
@@ -23,7 +24,8 @@ use super::tangent_system::TangentSystem;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Newton;
 
-/// In so many iterations the residual has to fall to [`ENOUGH`] of the least before.
+/// In so many iterations what a step promises of the energy has to fall to [`ENOUGH`] of the least before: a residual
+/// is that of stiff elements, whatever soft ones still have before them.
 const PATIENCE: usize = 25;
 
 const ENOUGH: f64 = 0.5;
@@ -33,7 +35,7 @@ const FLAT: f64 = 0.1;
 
 /// Each of these is the bound on the elements' stiffness, over that of the softest, of a body solved before the true
 /// one where that alone does not converge.
-const BOUNDS: [f64; 4] = [1e1, 1e3, 1e5, 1e7];
+const BOUNDS: [f64; 6] = [1e1, 1e3, 1e5, 1e7, 1e9, 1e11];
 
 /// Relative residual and iterations of such a solve.
 const ROUGH: Tolerance = Tolerance::new(1e-2, 30);
@@ -61,6 +63,7 @@ impl Equilibrium for Newton {
             return;
         }
         problem.return_to(&start, point.positions);
+        point.begin_anew();
         let rough = Tolerance { deadline: point.tolerance.deadline, ..ROUGH };
         for bound in bounds {
             let mut softened = problem.body.softened(bound);
@@ -79,7 +82,7 @@ impl Equilibrium for Newton {
 
 /// Goes down in energy to an equilibrium or to where that takes too long.
 fn descend(problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
-    let mut least = vec![point.size];
+    let mut least = vec![f64::INFINITY];
     let mut system = TangentSystem::new(problem);
     while point.goes_on() {
         point.begin_iteration();
@@ -88,13 +91,14 @@ fn descend(problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         }
         let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
         let direction = system.direction(&point.residual, accuracy);
+        let promise = dot(&point.residual, &direction);
         let is_down = search(problem, point, &direction, FLAT) > 0.0;
         if !is_down && !(search(problem, point, &system.solve(&point.residual), FLAT) > 0.0) {
             break;
         }
         point.keep_if_best(problem);
         let before = least.len().checked_sub(PATIENCE).map(|at| least[at]);
-        least.push(point.size.min(least[least.len() - 1]));
+        least.push(promise.min(least[least.len() - 1]));
         if before.is_some_and(|before| least[least.len() - 1] > ENOUGH * before) {
             break;
         }

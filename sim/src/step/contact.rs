@@ -13,6 +13,10 @@ use crate::tools::Tool;
 /// Points this fraction of the radius outside a probe may come to touch it within a solve.
 const NEAR: f64 = 0.1;
 
+/// A probe that moves farther than this fraction of its radius in a step may touch points that are not near before;
+/// those join when they have come too deep.
+const LEAP: f64 = 0.5;
+
 /// A block of compliance also has the corners of points up to this fraction of the radius outside,
 /// so that it can be used for several steps.
 const AROUND: f64 = 0.3;
@@ -163,7 +167,8 @@ impl ContactState {
     fn near(&self, around: &Surroundings<'_>, positions: &[Vector3<f64>]) -> Vec<Push> {
         let mut pairs = Vec::new();
         for probing in around.probing {
-            let reach = NEAR * probing.sphere.radius + probing.moved.norm();
+            let reach = NEAR * probing.sphere.radius
+                + probing.moved.norm().min(LEAP * probing.sphere.radius);
             each_within(around, probing, positions, reach, |number, point, _| {
                 pairs.push(push(probing.tool, number, *point));
             });

@@ -333,7 +333,8 @@ impl StepSolver {
         let around =
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
         let mut pressed = tool_loads(state, tools, span.to);
-        let mut settling = Settling::new(&tolerance);
+        let left = self.rules.step_iterations.saturating_sub(total.report.iterations);
+        let mut settling = Settling::new(&tolerance, left);
         let inertia = self.motion.as_ref().and_then(Motion::inertia);
         let outcome = loop {
             let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();

@@ -13,11 +13,13 @@ pub(super) struct Settling<'a> {
     iterations: usize,
     evaluations: usize,
     rounds: usize,
+    /// Iterations after which it ends.
+    most: usize,
 }
 
 impl<'a> Settling<'a> {
-    pub fn new(tolerance: &'a Tolerance) -> Self {
-        Self { tolerance, iterations: 0, evaluations: 0, rounds: 0 }
+    pub fn new(tolerance: &'a Tolerance, most: usize) -> Self {
+        Self { tolerance, iterations: 0, evaluations: 0, rounds: 0, most }
     }
 
     /// Adds a solve under the loads `old`, which are `new` in its solution. Returns the sum of all
@@ -39,6 +41,6 @@ impl<'a> Settling<'a> {
             return Some(sum);
         }
         sum.converged = false;
-        (self.rounds == SETTLINGS).then_some(sum)
+        (self.rounds == SETTLINGS || iterations >= self.most).then_some(sum)
     }
 }
