@@ -43,7 +43,8 @@ pub(crate) fn inverse_of_turning(stretch: &Matrix3<f64>) -> Matrix3<f64> {
     let g = Matrix3::identity() * stretch.trace() - 0.5 * (stretch + stretch.transpose());
     let [x, y, z] = [0, 1, 2].map(|axis| g.row(axis).transpose());
     let cofactors = Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)]);
-    cofactors / x.dot(&y.cross(&z)).max(LEAST * stretch.trace().powi(3))
+    let least = (LEAST * stretch.trace().powi(3)).max(f64::MIN_POSITIVE);
+    cofactors / x.dot(&y.cross(&z)).max(least)
 }
 
 /// The axial vector of M − Mᵀ.

@@ -176,7 +176,7 @@ fn turning_stress<S: Simd>(simd: S, stress: &[V<S>; 6], s: &M3<S>) -> V3<S> {
     let least = V::splat(simd, LEAST) * trace * trace * trace;
     let skew = axial(&product);
     let b = [dot(&cofactors[0], &skew), dot(&cofactors[1], &skew), dot(&cofactors[2], &skew)];
-    let determinant = determinant.or_more(least);
+    let determinant = determinant.or_more(least).or_more(V::splat(simd, f64::MIN_POSITIVE));
     [b[0].over(determinant), b[1].over(determinant), b[2].over(determinant)]
 }
 

@@ -7,7 +7,7 @@ use yawara_embed::{Embedding, LinearTet, MixedModuli};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Placement, Tet, VertexId};
 
-use super::indicator::{RingMember, midpoint_of_least_energy};
+use super::indicator::RingMember;
 use crate::body::{BodyState, Cell, Hold};
 
 /// The bisection forest with the embedding of the image's material.
@@ -82,14 +82,18 @@ impl Content {
         }
     }
 
-    /// Where the energy of a ring's midpoint is least while its neighbours stay.
+    /// Where the embedding has the midpoint of a ring: ½(x_a+x_b) + Σ V R X ε / Σ V.
     pub fn embedded_midpoint(&self, state: &BodyState, ring: &[Tet]) -> Vector3<f64> {
         let tet = ring[0];
         let ends = [tet.vertices[0], tet.vertices[bisected_corner(tet.level)]];
         let middle = 0.5 * (state.positions[ends[0].index()] + state.positions[ends[1].index()]);
-        let members: Vec<RingMember> = ring.iter().map(|tet| self.member(state, tet)).collect();
-        let least = midpoint_of_least_energy(&members);
-        middle + least.map_or_else(Vector3::zeros, |(_, offset)| offset)
+        let (mut offset, mut volume) = (Vector3::zeros(), 0.0);
+        for tet in ring {
+            let member = self.member(state, tet);
+            offset += member.midpoint_offset() * member.geometry.volume;
+            volume += member.geometry.volume;
+        }
+        middle + offset / volume
     }
 }
 

@@ -328,15 +328,15 @@ impl Refiner {
         let rest = self.content.placement.position(p);
         let hold = self.regions.hold(&rest, around.iter().map(|&v| state.holds[v]), tools);
         let is_gripped = self.ring.iter().any(|tet| state.body.is_gripped(tet.id));
-        let [a, b] = delta.edge.map(|v| state.positions[v.index()]);
-        let middle = 0.5 * (a + b);
         let position = match hold {
             // The strain around a fixed vertex would put it elsewhere.
             Hold::Fixed => rest,
             // Held material stays where it is, and feels the same force.
-            Hold::Grabbed(_) => middle,
-            Hold::Free if is_gripped => middle,
-            Hold::Free => midpoint,
+            _ if is_gripped => {
+                let [a, b] = delta.edge.map(|v| state.positions[v.index()]);
+                0.5 * (a + b)
+            }
+            _ => midpoint,
         };
         state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));

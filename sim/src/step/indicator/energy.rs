@@ -1,8 +1,11 @@
 //! `energy`: what the new vertex would release.
 
-use super::ring::{Indicator, RingMember, midpoint_of_least_energy};
+use nalgebra::{Matrix3, Vector3};
 
-/// η = ½ rᵀA⁻¹r, r and A⁻¹r those of [`midpoint_of_least_energy`]; J.
+use super::ring::{Indicator, RingMember};
+
+/// η = ½ rᵀA⁻¹r with the out-of-balance force on the midpoint, r = −Σ V_c R G_cᵀD_c ε, and its
+/// stiffness A = Σ V_c R G_cᵀD_cG_c Rᵀ over the ring's halves; J.
 ///
 /// For `linear` exactly the energy that the new vertex would release at frozen neighbours (a
 /// hierarchical-basis residual estimator: Bank and Smith, SIAM J. Numer. Anal. 30(4), 1993).
@@ -19,7 +22,22 @@ impl Indicator for Energy {
     }
 
     fn measure(&self, ring: &[RingMember]) -> f64 {
-        midpoint_of_least_energy(ring).map_or(0.0, |(force, offset)| 0.5 * force.dot(&offset))
+        let mut force = Vector3::zeros();
+        let mut stiffness = Matrix3::zeros();
+        for member in ring {
+            let half_volume = 0.5 * member.geometry.volume;
+            let strain = member.strain();
+            let r = &member.rotation;
+            for (g, d) in member.halves.strain_operators().iter().zip(&member.halves.elasticity) {
+                let coupling = g.transpose() * d * half_volume;
+                force -= r * (coupling * strain);
+                stiffness += r * (coupling * g) * r.transpose();
+            }
+        }
+        match stiffness.cholesky() {
+            Some(chol) => 0.5 * force.dot(&chol.solve(&force)),
+            None => 0.0,
+        }
     }
 
     /// One bisection takes this share of what all after it take: energies of errors go with the square

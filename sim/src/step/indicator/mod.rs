@@ -15,7 +15,6 @@ use crate::error::SimError;
 pub use energy::Energy;
 pub use goal::Goal;
 pub use residual::Residual;
-pub(crate) use ring::midpoint_of_least_energy;
 pub use ring::{Indicator, RingMember};
 pub use rotation::Rotation;
 pub use sight::{Dual, Measured, Sight};

@@ -47,27 +47,6 @@ impl RingMember {
     }
 }
 
-/// The out-of-balance force on a ring's midpoint in the middle of its edge, r = −Σ V_c R G_cᵀD_c ε, N, and
-/// where its energy is least while its neighbours stay, off the middle of the edge: A⁻¹r, m, with its stiffness
-/// A = Σ V_c R G_cᵀD_cG_c Rᵀ over the ring's halves. None where A is no stiffness.
-pub(crate) fn midpoint_of_least_energy(
-    ring: &[RingMember],
-) -> Option<(Vector3<f64>, Vector3<f64>)> {
-    let mut force = Vector3::zeros();
-    let mut stiffness = Matrix3::zeros();
-    for member in ring {
-        let half_volume = 0.5 * member.geometry.volume;
-        let strain = member.strain();
-        let r = &member.rotation;
-        for (g, d) in member.halves.strain_operators().iter().zip(&member.halves.elasticity) {
-            let coupling = g.transpose() * d * half_volume;
-            force -= r * (coupling * strain);
-            stiffness += r * (coupling * g) * r.transpose();
-        }
-    }
-    Some((force, stiffness.cholesky()?.solve(&force)))
-}
-
 /// Measures how much a ring asks for its midpoint.
 ///
 /// # Example
