@@ -65,7 +65,7 @@ impl<'a> Iteration<'a> {
             && !self.tolerance.is_late()
     }
 
-    /// Whether the residual has fallen in the last [`WINDOW`] iterations by so much that it will be as small as
+    /// Whether the residual has fallen in the last 20 iterations by so much that it will be as small as
     /// asked for in those that are left, if it goes on like that.
     pub fn is_on_its_way(&self) -> bool {
         let Some(before) = self.sizes.len().checked_sub(WINDOW) else { return true };
