@@ -78,10 +78,10 @@ impl Run<'_, '_, '_> {
                 *force = pushes.force(i, positions).0;
             }
             self.evaluate(positions);
-            if self.merit() <= 1.0 || !solved.converged {
+            let left = self.merit();
+            if left <= 1.0 || !solved.converged {
                 break;
             }
-            let left = self.merit();
             if !(left <= 0.25 * off) {
                 stiffness.iter_mut().for_each(|stiffness| *stiffness *= STIFFER);
             }

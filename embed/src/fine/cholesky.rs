@@ -141,7 +141,7 @@ pub struct SparseLdl {
 /// Where a [`SparseLdl`] has entries.
 pub struct LdlPattern(SymbolicCholesky<usize>);
 
-/// A pivot below this part of the largest diagonal entry, or of the wrong sign, is made that large.
+/// A pivot below this part of the largest entry, or of the wrong sign, is made that large.
 const LEAST_PIVOT: f64 = 1e-14;
 
 impl SparseLdl {

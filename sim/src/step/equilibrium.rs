@@ -227,7 +227,8 @@ impl StepSolver {
             }
             let is_late = self.tolerance(&total).is_late();
             if outcome.converged || is_late {
-                total.report.converged = outcome.converged;
+                // Solved halves that the clock cuts off are no solved step.
+                total.report.converged = outcome.converged && (waiting.is_empty() || !is_late);
                 total.report.substeps += 1;
                 total.report.residual = total.report.residual.max(outcome.residual);
                 self.reached_s = span.to;
