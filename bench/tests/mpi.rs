@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// A few steps of a small beam, all quick candidates; stopped processes have time enough.
+/// Steps of a small beam, all quick candidates, long enough for a signal to come while they run;
+/// stopped processes have time enough.
 const SMALL: &[&str] = &[
     "pareto",
     "beam",
@@ -21,7 +22,7 @@ const SMALL: &[&str] = &[
     "--set",
     "mesh.max_vertices=200",
     "--set",
-    "time.steps=3",
+    "time.steps=12",
     "--cap-s",
     "600",
 ];
@@ -238,7 +239,7 @@ fn an_error_of_one_process_ends_all() {
     let other = [&[":", "-n", "1", PROGRAM], SMALL, &["--set", "time.steps=2"]].concat();
     let flags = [NO_HELP, &["-n", "1"]].concat();
     let child = mpirun_with(&flags, &[first, other].concat(), &folder);
-    refused(child, &["rank 1: ", "options.json", "time.steps = 3"]);
+    refused(child, &["rank 1: ", "options.json", "time.steps = 12"]);
     assert!(!folder.join("pareto.json").exists());
     let notes = root.path().join("notes");
     std::fs::create_dir(&notes).unwrap();
