@@ -8,7 +8,7 @@ use faer::{Mat, MatRef};
 use crate::InverseError;
 use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
-use crate::maintainer::{Counts, InverseMaintainer, compliance_by_columns};
+use crate::maintainer::{Counts, InverseMaintainer, compliance_by_columns, reply_by_two};
 use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.
@@ -59,6 +59,17 @@ pub trait Method: Send + Sized {
     /// See [`InverseMaintainer::compliance`]; the slots are checked.
     fn compliance(whole: &Maintained<Self>, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
         compliance_by_columns(whole, slots)
+    }
+
+    /// See [`InverseMaintainer::apply_and_reply`]; sides and rows are checked.
+    fn apply_and_reply(
+        whole: &Maintained<Self>,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        reply_by_two(whole, f, rows, reply, u)
     }
 
     /// See [`InverseMaintainer::batch`].
@@ -151,6 +162,13 @@ impl<M: Method> Maintained<M> {
     /// See [`InverseMaintainer::watch`].
     fn drift(&self, seed: u64) -> Result<f64, InverseError> {
         self.read(|m| watched_drift(&self.stiffness, seed, |loads| m.multiply(loads)))
+    }
+
+    /// A load and room for its answer.
+    fn check_sides(&self, f: &[f64], u: &[f64]) -> Result<(), InverseError> {
+        let rows = self.stiffness.dofs();
+        check_vector("f", f, rows)?;
+        check_length("u", u, rows)
     }
 
     /// Makes an update of any kind.
@@ -273,13 +291,34 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
-        let rows = self.stiffness.dofs();
-        check_vector("f", f, rows)?;
-        check_length("u", u, rows)?;
-        let load = MatRef::from_column_major_slice(f, rows, 1);
+        self.check_sides(f, u)?;
+        let load = MatRef::from_column_major_slice(f, f.len(), 1);
         let solution = self.solutions(load, |method| method.multiply(load))?;
         u.copy_from_slice(solution.col_as_slice(0));
         Ok(())
+    }
+
+    fn apply(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        if M::REFINED {
+            return self.solve(f, u);
+        }
+        self.check_sides(f, u)?;
+        let load = MatRef::from_column_major_slice(f, f.len(), 1);
+        let product = self.read(|method| method.multiply(load))?;
+        u.copy_from_slice(product.col_as_slice(0));
+        Ok(())
+    }
+
+    fn apply_and_reply(
+        &self,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        self.check_sides(f, u)?;
+        check_range(rows, self.stiffness.dofs())?;
+        M::apply_and_reply(self, f, rows, reply, u)
     }
 
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {

@@ -144,6 +144,32 @@ pub trait InverseMaintainer: Send {
     /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
 
+    /// u = C f as C is kept, for whoever preconditions with it: nothing is checked by K.
+    ///
+    /// Where C is kept in fewer digits than a solution has, it is refined as in [`solve`](Self::solve).
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    fn apply(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        self.solve(f, u)
+    }
+
+    /// u = C (f + e) as [`apply`](Self::apply) has it, where e acts on some `rows` alone, and `reply`
+    /// chooses it by what C f is there (both in the order of `rows`).
+    ///
+    /// Cost: two applications; one, and what is read of the rows' paths, where a factor is kept.
+    /// # Errors
+    /// As [`solve`](Self::solve); [`InverseError::Slot`] if a row is not one of K.
+    fn apply_and_reply(
+        &self,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        check_range(rows, self.stiffness().dofs())?;
+        reply_by_two(self, f, rows, reply, u)
+    }
+
     /// U = C F for several loads, one per column of the `block · vertices()` rows of F.
     ///
     /// As [`solve`](Self::solve) for each; a maintainer may read what it keeps once for several.
@@ -306,6 +332,23 @@ pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f
         Ok(Mat::from_fn(all.nrows(), rows.len(), |i, at| all[(i, own(at))]))
     };
     drift_of_columns(k, seed, samples, columns).unwrap_or(f64::INFINITY)
+}
+
+/// A load, and what it is replied with, applied one after the other.
+pub(crate) fn reply_by_two<M: InverseMaintainer + ?Sized>(
+    maintainer: &M,
+    f: &[f64],
+    rows: &[usize],
+    reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+    u: &mut [f64],
+) -> Result<(), InverseError> {
+    maintainer.apply(f, u)?;
+    let there: Vec<f64> = rows.iter().map(|&row| u[row]).collect();
+    let (mut load, mut more) = (vec![0.0; f.len()], vec![0.0; f.len()]);
+    rows.iter().zip(reply(&there)).for_each(|(&row, force)| load[row] += force);
+    maintainer.apply(&load, &mut more)?;
+    u.iter_mut().zip(more).for_each(|(u, more)| *u += more);
+    Ok(())
 }
 
 /// The block of C on some slots from their columns.

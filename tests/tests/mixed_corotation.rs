@@ -258,7 +258,7 @@ fn newton_bends_a_mixed_bar() {
                 free: &free,
                 constraints: None,
                 pushes: None,
-                inverse: &|_, y| y.fill(f64::NAN),
+                inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
             };
             // Well above rounding, which ends what is quadratic.
             let tolerance = Tolerance::new(1e-10, most);
@@ -305,7 +305,7 @@ fn what_can_t_take_pressures_says_so() {
         free: &free,
         constraints: None,
         pushes: None,
-        inverse: &|_, y| y.fill(f64::NAN),
+        inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
     };
     let tolerance = Tolerance::new(1e-6, 20);
     let mut internal = external.clone();

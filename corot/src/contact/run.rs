@@ -28,6 +28,8 @@ pub(super) struct Run<'a, 'b, 'p> {
     pub(super) loads: Vec<Vector3<f64>>,
     pub(super) residual: Vec<f64>,
     pub(super) compliance: Vec<f64>,
+    /// Corners of the points that are free to move, ascending.
+    corners: Vec<usize>,
     /// The work so far and the residual of the last evaluation.
     pub(super) outcome: Outcome,
 }
@@ -43,6 +45,10 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         let (n, k) = (problem.rows(), contact.points.len());
         let mut lambda = multipliers.to_vec();
         lambda.resize(k, 0.0);
+        let all = contact.points.iter().flat_map(|(point, _)| point.vertices);
+        let mut corners: Vec<usize> = all.filter(|&v| problem.free[v]).collect();
+        corners.sort_unstable();
+        corners.dedup();
         Self {
             loads: problem.external.to_vec(),
             residual: vec![0.0; n],
@@ -50,6 +56,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             gaps: vec![0.0; k],
             normals: vec![Vector3::zeros(); k],
             compliance: Vec::new(),
+            corners,
             outcome: Outcome { residual: f64::NAN, method: "contact", ..Outcome::default() },
             problem,
             contact,
@@ -105,16 +112,42 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         self.evaluate(positions);
     }
 
-    /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0; renews W.
-    pub(super) fn forces_by_gaps(&mut self, moves: &[f64]) -> Vec<f64> {
-        let k = self.lambda.len();
+    /// moves ← Ĉ(r + Gᵀ(λ' − λ)), with 0 ≤ λ' ⊥ h + G Ĉ r + W(λ' − λ) ≥ 0; renews W and returns λ'.
+    ///
+    /// Where forces balance already, only the contacts move: r counts as 0.
+    pub(super) fn plain_step(&mut self, moves: &mut [f64]) -> Vec<f64> {
         self.compliance = self.contact.compliance(&self.normals, self.problem);
-        let m = self.problem.unknowns_per_vertex();
+        if self.outcome.residual <= self.tolerance.residual {
+            let renewed = self.forces_by_gaps(&vec![Vector3::zeros(); self.corners.len()]);
+            moves.fill(0.0);
+            if renewed != self.lambda {
+                let mut push = vec![0.0; moves.len()];
+                let m = self.problem.unknowns_per_vertex();
+                for (&v, force) in self.corners.iter().zip(self.pushes_by(&renewed)) {
+                    push[m * v..m * v + 3].copy_from_slice(force.as_slice());
+                }
+                self.problem.precondition(&push, &mut vec![0.0; moves.len()], moves);
+            }
+            return renewed;
+        }
+        let mut renewed = Vec::new();
+        let reply = |there: &Field| {
+            renewed = self.forces_by_gaps(there);
+            self.pushes_by(&renewed)
+        };
+        self.problem.precondition_and_reply(&self.residual, &self.corners, reply, moves);
+        renewed
+    }
+
+    /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0, `moves` those of the corners.
+    fn forces_by_gaps(&self, moves: &Field) -> Vec<f64> {
+        let k = self.lambda.len();
         let mut slack = self.gaps.clone();
         for (i, (point, _)) in self.contact.points.iter().enumerate() {
             for (v, weight) in point.vertices.iter().zip(point.weights) {
-                let d = Vector3::from_column_slice(&moves[m * v..m * v + 3]);
-                slack[i] += weight * self.normals[i].dot(&d);
+                if let Ok(at) = self.corners.binary_search(v) {
+                    slack[i] += weight * self.normals[i].dot(&moves[at]);
+                }
             }
             let row = &self.compliance[k * i..k * (i + 1)];
             slack[i] -= row.iter().zip(&self.lambda).map(|(w, l)| w * l).sum::<f64>();
@@ -126,25 +159,18 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         renewed
     }
 
-    /// moves ← moves + Ĉ Gᵀ(λ' − λ).
-    pub(super) fn add_push(&mut self, renewed: &[f64], moves: &mut [f64]) {
-        let m = self.problem.unknowns_per_vertex();
-        let mut push = vec![0.0; moves.len()];
+    /// Gᵀ(λ' − λ) on the corners.
+    fn pushes_by(&self, renewed: &[f64]) -> Vec<Vector3<f64>> {
+        let mut pushes = vec![Vector3::zeros(); self.corners.len()];
         for (i, (point, _)) in self.contact.points.iter().enumerate() {
             let force = self.normals[i] * (renewed[i] - self.lambda[i]);
-            for (&v, weight) in point.vertices.iter().zip(point.weights) {
-                if self.problem.free[v] {
-                    for axis in 0..3 {
-                        push[m * v + axis] += weight * force[axis];
-                    }
+            for (v, weight) in point.vertices.iter().zip(point.weights) {
+                if let Ok(at) = self.corners.binary_search(v) {
+                    pushes[at] += weight * force;
                 }
             }
         }
-        let [mut scratch, mut pushed] = [(); 2].map(|()| vec![0.0; moves.len()]);
-        self.problem.precondition(&push, &mut scratch, &mut pushed);
-        for (d, p) in moves.iter_mut().zip(&pushed) {
-            *d += p;
-        }
+        pushes
     }
 
     pub(super) fn into_outcome(self) -> ContactOutcome {

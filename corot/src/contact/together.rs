@@ -35,7 +35,7 @@ impl Run<'_, '_, '_> {
                 self.return_to(&best, positions);
                 memory.clear();
             }
-            let renewed = self.plain_step(&mut step);
+            let renewed = self.step_and_pushes(&mut step);
             self.outcome.iterations += 1;
             let push = |i: usize| match &self.set {
                 Some(set) => set[i],
@@ -93,20 +93,12 @@ impl Run<'_, '_, '_> {
     }
 
     /// Ĉ(r + Gᵀ(λ' − λ)), and behind it (λ' − λ) W_ii, which is in m too. Returns λ'.
-    fn plain_step(&mut self, step: &mut [f64]) -> Vec<f64> {
+    fn step_and_pushes(&mut self, step: &mut [f64]) -> Vec<f64> {
         let (n, k) = (self.residual.len(), self.lambda.len());
         let (moves, pushes) = step.split_at_mut(n);
-        moves.fill(0.0);
-        // Where forces balance already, only the contacts move.
-        if !(self.outcome.residual <= self.tolerance.residual) {
-            self.problem.precondition(&self.residual, &mut vec![0.0; n], moves);
-        }
-        let renewed = self.forces_by_gaps(moves);
+        let renewed = self.plain_step(moves);
         for i in 0..k {
             pushes[i] = (renewed[i] - self.lambda[i]) * self.compliance[(k + 1) * i];
-        }
-        if renewed != self.lambda {
-            self.add_push(&renewed, moves);
         }
         renewed
     }

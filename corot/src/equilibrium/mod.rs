@@ -1,12 +1,14 @@
 //! How positions are found at which forces balance the loads: the swappable stage [`Equilibrium`].
 //!
 //! `solver.rs` holds the trait, `problem.rs` what every solver works on, `iteration.rs` where an
-//! iteration stands and the best place it has been at; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait, a line in
-//! [`equilibrium_by_name`].
+//! iteration stands and the best place it has been at, `inverse.rs` what they precondition with; one
+//! file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait,
+//! a line in [`equilibrium_by_name`].
 
 pub(crate) mod anderson;
 mod direct;
 mod fallback;
+mod inverse;
 mod iteration;
 mod lbfgs;
 mod line_search;
@@ -19,6 +21,7 @@ mod vectors;
 pub use anderson::Anderson;
 pub use direct::Direct;
 pub use fallback::Fallback;
+pub use inverse::{Inverse, reply_by_two};
 pub use iteration::Iteration;
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;

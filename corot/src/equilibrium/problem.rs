@@ -3,9 +3,10 @@
 use std::borrow::Cow;
 use std::time::Instant;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 
 use crate::body::Body;
+use super::inverse::Inverse;
 use crate::contact::Pushes;
 use crate::field::Field;
 use crate::forces::InternalForces;
@@ -39,7 +40,7 @@ pub struct Problem<'a> {
     ///
     /// For a mixed body the inverse of [K' Gᵀ; G −P], 4 entries each (N and N m, m and 1); q of
     /// vertices that are not free is there too.
-    pub inverse: &'a dyn Fn(&[f64], &mut [f64]),
+    pub inverse: &'a dyn Inverse,
 }
 
 /// When to stop.
@@ -198,34 +199,87 @@ impl Problem<'_> {
     /// With constraints G x = g the step is that of the constrained body, for which G step = 0.
     pub fn precondition(&self, residual: &[f64], scratch: &mut [f64], step: &mut [f64]) {
         let m = self.unknowns_per_vertex();
-        let rotations = self.body.vertex_rotations();
         let turned = self.constraints.map(|constraints| constraints.turned(self.body));
         scratch.copy_from_slice(residual);
         if let Some(turned) = &turned {
             turned.balance(scratch, m, self.free);
         }
-        for (v, r) in rotations.iter().enumerate().take(self.free.len()) {
-            let at = m * v..m * v + 3;
-            let local = r.transpose() * Vector3::from_column_slice(&scratch[at.clone()]);
-            scratch[at].copy_from_slice(local.as_slice());
-            if m > 3 {
-                let (_, weight) = self.body.pressure_row(v);
-                let row = &mut scratch[m * v + 3];
-                *row = if weight > 0.0 { *row / weight } else { 0.0 };
-            }
-        }
-        (self.inverse)(scratch, step);
-        for (v, r) in rotations.iter().enumerate().take(self.free.len()) {
-            let at = m * v..m * v + 3;
-            let world = r * Vector3::from_column_slice(&step[at.clone()]);
-            step[at].copy_from_slice(world.as_slice());
-            if m > 3 {
-                let (_, weight) = self.body.pressure_row(v);
-                step[m * v + 3] = if weight > 0.0 { step[m * v + 3] / weight } else { 0.0 };
-            }
-        }
+        self.turn_back(scratch);
+        self.inverse.apply(scratch, step);
+        self.turn(step);
         if let Some(turned) = turned {
             turned.correct(step, m, None);
+        }
+    }
+
+    /// step = T C Tᵀ (residual + e), where e acts on `vertices` and `reply` chooses it (N, one each) by
+    /// the step there without it (m). Vertices that are not free get nothing of it.
+    ///
+    /// Cost: two applications of the inverse, or one and a part where it [can
+    /// reply](Inverse::apply_and_reply) and there are no constraints.
+    pub(crate) fn precondition_and_reply(
+        &self,
+        residual: &[f64],
+        vertices: &[usize],
+        reply: impl FnOnce(&[Vector3<f64>]) -> Vec<Vector3<f64>>,
+        step: &mut [f64],
+    ) {
+        let m = self.unknowns_per_vertex();
+        let mut scratch = vec![0.0; residual.len()];
+        let entry = |y: &[f64], v: usize| Vector3::from_column_slice(&y[m * v..m * v + 3]);
+        if self.constraints.is_some() {
+            self.precondition(residual, &mut scratch, step);
+            let there: Vec<_> = vertices.iter().map(|&v| entry(step, v)).collect();
+            let (mut load, mut more) = (vec![0.0; step.len()], vec![0.0; step.len()]);
+            for (&v, force) in vertices.iter().zip(reply(&there)) {
+                load[m * v..m * v + 3].copy_from_slice(force.as_slice());
+            }
+            self.precondition(&load, &mut scratch, &mut more);
+            step.iter_mut().zip(&more).for_each(|(step, more)| *step += more);
+            return;
+        }
+        scratch.copy_from_slice(residual);
+        self.turn_back(&mut scratch);
+        let rows: Vec<usize> = vertices.iter().flat_map(|v| (0..3).map(move |a| m * v + a)).collect();
+        let turns = self.body.vertex_rotations();
+        let turn = |v: usize| turns.get(v).copied().unwrap_or_else(Matrix3::identity);
+        let mut reply = Some(reply);
+        let mut reply = |local: &[f64]| {
+            let at = vertices.iter().zip(local.as_chunks::<3>().0);
+            let there: Vec<_> = at.map(|(&v, d)| turn(v) * Vector3::from(*d)).collect();
+            let forces = reply.take().map_or_else(Vec::new, |reply| reply(&there));
+            let local = vertices.iter().zip(forces).map(|(&v, force)| turn(v).transpose() * force);
+            local.flat_map(|force| <[f64; 3]>::from(force)).collect()
+        };
+        self.inverse.apply_and_reply(&scratch, &rows, &mut reply, step);
+        self.turn(step);
+    }
+
+    /// Tᵀ on a residual by vertex number.
+    fn turn_back(&self, residual: &mut [f64]) {
+        let m = self.unknowns_per_vertex();
+        let rotations = self.body.vertex_rotations().iter().take(self.free.len());
+        for (v, (row, r)) in residual.chunks_exact_mut(m).zip(rotations).enumerate() {
+            let local = r.tr_mul(&Vector3::from_column_slice(&row[..3]));
+            row[..3].copy_from_slice(local.as_slice());
+            if m > 3 {
+                let (_, weight) = self.body.pressure_row(v);
+                row[3] = if weight > 0.0 { row[3] / weight } else { 0.0 };
+            }
+        }
+    }
+
+    /// T on a step by vertex number.
+    fn turn(&self, step: &mut [f64]) {
+        let m = self.unknowns_per_vertex();
+        let rotations = self.body.vertex_rotations().iter().take(self.free.len());
+        for (v, (row, r)) in step.chunks_exact_mut(m).zip(rotations).enumerate() {
+            let world = r * Vector3::from_column_slice(&row[..3]);
+            row[..3].copy_from_slice(world.as_slice());
+            if m > 3 {
+                let (_, weight) = self.body.pressure_row(v);
+                row[3] = if weight > 0.0 { row[3] / weight } else { 0.0 };
+            }
         }
     }
 

@@ -50,7 +50,7 @@ use crate::field::Field;
 ///     free: &[false, false, false, true],
 ///     constraints: None,
 ///     pushes: None,
-///     inverse: &|f, y| {
+///     inverse: &|f: &[f64], y: &mut [f64]| {
 ///         y.fill(0.0);
 ///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
 ///     },

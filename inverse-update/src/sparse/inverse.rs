@@ -252,6 +252,18 @@ impl Method for SparseMethod {
         Ok(whole.read(|method| method.based.factor.compliance(slots)))
     }
 
+    fn apply_and_reply(
+        whole: &Maintained<Self>,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        u.copy_from_slice(f);
+        whole.read(|method| method.based.factor.solve_with_reply(u, rows, reply));
+        Ok(())
+    }
+
     fn batch(whole: &mut Maintained<Self>, updates: &[Update]) -> Result<(), InverseError> {
         whole.update_all(updates, None)
     }

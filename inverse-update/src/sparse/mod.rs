@@ -5,7 +5,8 @@
 //! `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
 //! `factor.rs` (panels of columns), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
 //! `bennett.rs` with `sweep.rs` (a low-rank change along a path of the tree), `rebase.rs` (a
-//! new elimination order from a thread). Reading it: `substitution.rs`, `compliance.rs`.
+//! new elimination order from a thread). Reading it: `substitution.rs`, `reply.rs`,
+//! `compliance.rs`.
 
 mod bennett;
 mod compliance;
@@ -18,6 +19,7 @@ mod panel_kernels;
 mod pattern;
 mod pivot;
 mod rebase;
+mod reply;
 mod substitution;
 mod sweep;
 mod symbolic;

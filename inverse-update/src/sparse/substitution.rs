@@ -48,7 +48,23 @@ impl Factor {
 
     #[inline(always)]
     fn solve_sides<const M: usize, const R: usize>(&self, sides: &mut [f64]) {
-        // By position: rows of a panel are near each other there.
+        let mut x = self.by_position::<M, R>(sides);
+        let mut local = Vec::new();
+        for panel in (0..self.panels.len()).rev() {
+            self.forward::<M, R>(panel, &mut x, &mut local);
+        }
+        for panel in 0..self.panels.len() {
+            self.backward::<M, R>(panel, &mut x, &mut local);
+        }
+        self.by_slot::<M, R>(&x, sides);
+    }
+
+    /// Right-hand sides in the order of positions: rows of a panel are near each other there.
+    #[inline(always)]
+    pub(super) fn by_position<const M: usize, const R: usize>(
+        &self,
+        sides: &[f64],
+    ) -> Vec<[f64; R]> {
         let mut x = vec![[0.0; R]; M * self.positions()];
         let n = M * self.vertices();
         for (slot, &position) in self.position_of.iter().enumerate() {
@@ -58,13 +74,13 @@ impl Factor {
                 }
             }
         }
-        let mut local = Vec::new();
-        for panel in (0..self.panels.len()).rev() {
-            self.forward::<M, R>(panel, &mut x, &mut local);
-        }
-        for panel in 0..self.panels.len() {
-            self.backward::<M, R>(panel, &mut x, &mut local);
-        }
+        x
+    }
+
+    /// The reverse of [`by_position`](Self::by_position).
+    #[inline(always)]
+    pub(super) fn by_slot<const M: usize, const R: usize>(&self, x: &[[f64; R]], sides: &mut [f64]) {
+        let n = M * self.vertices();
         for (slot, &position) in self.position_of.iter().enumerate() {
             for a in 0..M {
                 for r in 0..R {
@@ -130,7 +146,7 @@ impl Factor {
 
     /// The panel's own rows of x ← L⁻ᵀ x.
     #[inline(always)]
-    fn backward<const M: usize, const R: usize>(
+    pub(super) fn backward<const M: usize, const R: usize>(
         &self,
         at: usize,
         x: &mut [[f64; R]],

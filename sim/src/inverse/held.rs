@@ -6,6 +6,7 @@ use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 use nalgebra::{DMatrix, Vector3};
 use yawara_inverse_update::InverseMaintainer;
+use yawara_mesh::VertexId;
 
 use super::DISPLACEMENTS;
 use super::slots::SlotMap;
@@ -77,7 +78,7 @@ impl Constrained<'_> {
         let m = self.unknowns;
         let local = self.slots.gather(m, f);
         let mut solution = vec![0.0; local.len()];
-        self.maintainer.solve(&local, &mut solution)?;
+        self.maintainer.apply(&local, &mut solution)?;
         let slots = &self.held.slots;
         if !slots.is_empty() {
             let at_held =
@@ -87,6 +88,30 @@ impl Constrained<'_> {
                 solution[m * slot..m * slot + DISPLACEMENTS].fill(0.0);
             }
         }
+        self.slots.scatter(m, &solution, y);
+        Ok(())
+    }
+
+    /// Whether [`apply_and_reply`](Self::apply_and_reply) can be had: no vertex is held.
+    pub fn can_reply(&self) -> bool {
+        self.held.slots.is_empty()
+    }
+
+    /// y = C (f + e), where e acts on some `rows` alone, of vertices that have unknowns, and `reply`
+    /// chooses it by what C f is there.
+    pub fn apply_and_reply(
+        &self,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        y: &mut [f64],
+    ) -> Result<(), SimError> {
+        let m = self.unknowns;
+        let place = |row: &usize| Some(m * self.slots.get(VertexId((row / m) as u32))? + row % m);
+        let places: Vec<usize> = rows.iter().filter_map(place).collect();
+        let local = self.slots.gather(m, f);
+        let mut solution = vec![0.0; local.len()];
+        self.maintainer.apply_and_reply(&local, &places, reply, &mut solution)?;
         self.slots.scatter(m, &solution, y);
         Ok(())
     }
@@ -127,7 +152,7 @@ impl Constrained<'_> {
             }
         }
         let mut product = vec![0.0; target.len()];
-        self.maintainer.solve(&load, &mut product)?;
+        self.maintainer.apply(&load, &mut product)?;
         for (t, p) in target.iter_mut().zip(&product) {
             *t -= p;
         }

@@ -6,9 +6,10 @@
 //! [`SlotMap::update`] and [`SlotMap::content_change`] (`hand_over.rs`) turn a ring of the mesh, or
 //! a leaf of another material, into an update of the inverse.
 //! `layout.rs` keeps what it takes to assemble K, or rows of it, at any time.
-//! `held.rs` holds further vertices in a solve, without a change of the inverse; `compliance.rs`
-//! says how far vertices give way to forces.
+//! `held.rs` holds further vertices in a solve, without a change of the inverse, and `applied.rs` is what
+//! an equilibrium gets of it; `compliance.rs` says how far vertices give way to forces.
 
+mod applied;
 mod assembly;
 mod compliance;
 mod hand_over;
@@ -17,6 +18,7 @@ mod layout;
 mod link;
 mod slots;
 
+pub(crate) use applied::Applied;
 pub use assembly::Assembly;
 pub use hand_over::hold;
 pub(crate) use held::Constrained;

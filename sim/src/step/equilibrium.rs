@@ -1,6 +1,5 @@
 //! One step's equilibrium: targets, first iterate, solve, and halving where it does not converge.
 
-use std::cell::RefCell;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -20,7 +19,7 @@ use super::settling::Settling;
 use super::span::Span;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
-use crate::inverse::InverseLink;
+use crate::inverse::{Applied, InverseLink};
 use crate::report::{Momentum, StepOutcome, StepReport, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;
@@ -116,13 +115,7 @@ impl StepSolver {
             self.grips.add_pads(tool, &lead, state, &mut forces);
             self.grips.leads(tool, &lead, state)
         });
-        let error = RefCell::new(None);
-        let apply = |f: &[f64], y: &mut [f64]| {
-            if let Err(failed) = held.constrained.apply(f, y) {
-                y.fill(f64::NAN);
-                *error.borrow_mut() = Some(failed);
-            }
-        };
+        let applied = Applied::new(&held.constrained);
         let constraints = self.grips.constraints();
         let problem = Problem {
             body: &mut state.body,
@@ -132,7 +125,7 @@ impl StepSolver {
             free: &held.free,
             constraints,
             pushes: None,
-            inverse: &apply,
+            inverse: &applied,
         };
         let (mut moves, mut pressures) = problem.answer(&forces, leads.as_ref());
         if contact.is_pressed() {
@@ -143,7 +136,7 @@ impl StepSolver {
             pressures.iter_mut().zip(of_more).for_each(|(a, b)| *a += b);
             forces.iter_mut().zip(pushes).for_each(|(a, b)| *a += b);
         }
-        if let Some(error) = error.into_inner() {
+        if let (_, Some(error)) = applied.end() {
             return Err(error);
         }
         let rows = constraints.map_or_else(Vec::new, |constraints| {
@@ -318,17 +311,7 @@ impl StepSolver {
         total.report.times.tool_ms += milliseconds(begin);
 
         let begin = Instant::now();
-        let timing = RefCell::new((Vec::new(), None));
-        let apply = |f: &[f64], y: &mut [f64]| {
-            let begin = Instant::now();
-            let result = held.constrained.apply(f, y);
-            let mut timing = timing.borrow_mut();
-            timing.0.push(milliseconds(begin));
-            if let Err(error) = result {
-                y.fill(f64::NAN);
-                timing.1 = Some(error);
-            }
-        };
+        let applied = Applied::new(&held.constrained);
         state.put(moved);
         let tolerance = self.tolerance(total);
         let around =
@@ -347,7 +330,7 @@ impl StepSolver {
                 free: &held.free,
                 constraints,
                 pushes: None,
-                inverse: &apply,
+                inverse: &applied,
             };
             problem.meet_constraints(&mut state.positions);
             let outcome = contact.solve(
@@ -374,7 +357,7 @@ impl StepSolver {
             self.tool_loads = pressed;
             total.converged_by.push(outcome.method);
         }
-        let (solve_ms, error) = timing.into_inner();
+        let (solve_ms, error) = applied.end();
         total.solve_ms.extend(solve_ms);
         match error {
             // A non-finite residual is a failed attempt, which a shorter step may cure.

@@ -329,6 +329,7 @@ impl Replay {
         assert!(drift <= limit, "drift {drift:e}, bound {limit:e}");
         self.check_solve(&c, &scaled, bound);
         self.check_compliance(&c, &scaled, bound);
+        self.check_applied(&c, &scaled, bound);
     }
 
     fn check_stiffness(&self, k: &Mat<f64>, scaled: &Scaled, bound: f64) {
@@ -372,6 +373,40 @@ impl Replay {
             };
             assert!((u[i] - want).abs() <= limit, "row {i}: {} instead of {want}", u[i]);
         }
+    }
+
+    /// `apply` is the product with C, and with a reply it is C (f + e) for an e that hears what C f is: what
+    /// is told is C f, each to within twice the bound of C.
+    fn check_applied(&self, c: &Mat<f64>, scaled: &Scaled, bound: f64) {
+        let n = c.nrows();
+        let mut f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (2.0 + i as f64).cos()).collect();
+        let product = |f: &[f64], i: usize| (0..n).map(|j| c[(i, j)] * f[j]).sum::<f64>();
+        let limit = |f: &[f64], i: usize| {
+            let load = (0..n).map(|j| (f[j] / scaled.scale[j]).powi(2)).sum::<f64>().sqrt();
+            2.0 * (bound + n as f64 * f64::EPSILON) * scaled.norm(c) * load / scaled.scale[i]
+        };
+        let check = |what: &str, f: &[f64], i: usize, got: f64| {
+            let want = product(f, i);
+            assert!((got - want).abs() <= limit(f, i), "{what}, row {i}: {got} instead of {want}");
+        };
+        let mut u = vec![f64::NAN; n];
+        self.maintainer.apply(&f, &mut u).expect("a finite load");
+        (0..n).for_each(|i| check("apply", &f, i, u[i]));
+        let rows: Vec<usize> = (0..n).rev().step_by(3).collect();
+        let mut told = Vec::new();
+        let mut reply = |there: &[f64]| {
+            told = there.to_vec();
+            let force = |(&row, value): (&usize, &f64)| {
+                scaled.scale[row] * (1.0 + (value * scaled.scale[row]).sin())
+            };
+            rows.iter().zip(there).map(force).collect()
+        };
+        self.maintainer.apply_and_reply(&f, &rows, &mut reply, &mut u).expect("rows of K");
+        rows.iter().zip(&told).for_each(|(&row, &value)| check("told", &f, row, value));
+        for (&row, value) in rows.iter().zip(&told) {
+            f[row] += scaled.scale[row] * (1.0 + (value * scaled.scale[row]).sin());
+        }
+        (0..n).for_each(|i| check("with a reply", &f, i, u[i]));
     }
 
     /// `compliance` is the block of C that `columns` shows, each to within the bound of both.

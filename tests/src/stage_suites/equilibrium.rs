@@ -83,7 +83,7 @@ impl Clamped {
             free: &self.free,
             constraints: None,
             pushes: None,
-            inverse: &|f, y| self.inverse.apply(f, y),
+            inverse: &|f: &[f64], y: &mut [f64]| self.inverse.apply(f, y),
         })
     }
 

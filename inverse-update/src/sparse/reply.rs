@@ -1,0 +1,88 @@
+//! A solve in the middle of which a few rows tell what they get and add to the load.
+
+use pulp::{Simd, WithSimd};
+
+use super::factor::Factor;
+use super::pivot::by_rows;
+
+struct Reply<'a, 'b, const M: usize> {
+    factor: &'a Factor,
+    side: &'a mut [f64],
+    rows: &'a [usize],
+    reply: &'a mut (dyn FnMut(&[f64]) -> Vec<f64> + 'b),
+}
+
+impl<const M: usize> WithSimd for Reply<'_, '_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.factor.solve_and_reply::<M>(self.side, self.rows, self.reply);
+    }
+}
+
+impl Factor {
+    /// Solves L D Lᵀ x = b + e in place, where e acts on `rows` alone (`block` per slot) and `reply`
+    /// chooses it by the solution without it there.
+    ///
+    /// That solution is followed from the root down to `rows` and no further, and e up again: beside a
+    /// solve, two passes over the panels on the paths of `rows`.
+    pub(crate) fn solve_with_reply(
+        &self,
+        side: &mut [f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+    ) {
+        let arch = pulp::Arch::new();
+        by_rows!(self.block, M => arch.dispatch(Reply::<M> { factor: self, side, rows, reply }));
+    }
+
+    #[inline(always)]
+    fn solve_and_reply<const M: usize>(
+        &self,
+        side: &mut [f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+    ) {
+        let place = |row: usize| M * self.position_of[row / M] as usize + row % M;
+        let path = self.path(rows.iter().map(|row| self.position_of[row / M]));
+        let mut x = self.by_position::<M, 1>(side);
+        let mut local = Vec::new();
+        for panel in (0..self.panels.len()).rev() {
+            self.forward::<M, 1>(panel, &mut x, &mut local);
+        }
+        let mut there = x.clone();
+        for &panel in &path {
+            self.backward::<M, 1>(panel, &mut there, &mut local);
+        }
+        let values: Vec<f64> = rows.iter().map(|&row| there[place(row)][0]).collect();
+        let mut more = vec![[0.0]; x.len()];
+        for (&row, force) in rows.iter().zip(reply(&values)) {
+            more[place(row)][0] += force;
+        }
+        for &panel in path.iter().rev() {
+            self.forward::<M, 1>(panel, &mut more, &mut local);
+        }
+        x.iter_mut().zip(&more).for_each(|(x, more)| x[0] += more[0]);
+        for panel in 0..self.panels.len() {
+            self.backward::<M, 1>(panel, &mut x, &mut local);
+        }
+        self.by_slot::<M, 1>(&x, side);
+    }
+
+    /// The panels that some positions reach, the root's first.
+    fn path(&self, positions: impl Iterator<Item = u32>) -> Vec<usize> {
+        let mut is_on_path = vec![false; self.panels.len()];
+        for position in positions {
+            is_on_path[self.panel_of[position as usize] as usize] = true;
+        }
+        for at in (0..self.panels.len()).rev() {
+            if is_on_path[at] {
+                for &row in &self.panels[at].rows {
+                    is_on_path[self.panel_of[row as usize] as usize] = true;
+                }
+            }
+        }
+        (0..self.panels.len()).filter(|&at| is_on_path[at]).collect()
+    }
+}
