@@ -8,7 +8,9 @@ use faer::{Mat, MatRef};
 use crate::InverseError;
 use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
-use crate::maintainer::{Counts, InverseMaintainer, compliance_by_columns, reply_by_two};
+use crate::maintainer::{
+    Counts, InverseMaintainer, Load, compliance_by_columns, reply_by_two,
+};
 use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.
@@ -56,9 +58,9 @@ pub trait Method: Send + Sized {
         self.multiply(k.unit_columns(rows).as_ref())
     }
 
-    /// See [`InverseMaintainer::compliance`]; the slots are checked.
-    fn compliance(whole: &Maintained<Self>, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        compliance_by_columns(whole, slots)
+    /// See [`InverseMaintainer::compliance`]; the rows are checked.
+    fn compliance(whole: &Maintained<Self>, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        compliance_by_columns(whole, loads)
     }
 
     /// See [`InverseMaintainer::apply_and_reply`]; sides and rows are checked.
@@ -336,9 +338,10 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         self.solutions(k.unit_columns(&rows).as_ref(), |method| method.columns(k, &rows))
     }
 
-    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        check_range(slots, self.vertices())?;
-        M::compliance(self, slots)
+    fn compliance(&self, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        let rows: Vec<usize> = loads.iter().flatten().map(|load| load.0).collect();
+        check_range(&rows, self.stiffness.dofs())?;
+        M::compliance(self, loads)
     }
 
     fn holds_columns(&self) -> bool {

@@ -9,6 +9,9 @@ use crate::accuracy::{DRIFT_LIMIT, drift_of_columns, is_too_far, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update};
 use crate::matrix::{FreshRows, SparseStiffness, check_range};
 
+/// Forces on some rows of K, N: by row number.
+pub type Load = Vec<(usize, f64)>;
+
 /// Keeps what it takes to apply C = K⁻¹ while K changes by rings of tetrahedra.
 ///
 /// One implementation per file; [`build`](crate::build) makes them by name. All matrices are in N/m
@@ -194,14 +197,14 @@ pub trait InverseMaintainer: Send {
         self.solve_many(k.unit_columns(&k.rows_of(slots)).as_ref())
     }
 
-    /// The block C_pp of C on the rows and columns of `slots`: what a tool that holds them feels.
+    /// G C Gᵀ for some loads, the rows of G: what tools that push with them feel.
     ///
-    /// Symmetric, (block · slots.len())². Cost: as [`columns`](Self::columns) unless a method has
-    /// a shorter way.
+    /// Symmetric, loads.len()². Cost: the [columns](Self::columns) of all slots that a load acts on,
+    /// unless a method has a shorter way.
     /// # Errors
-    /// [`InverseError::Slot`] if a slot is not in `0..vertices()`.
-    fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        compliance_by_columns(self, slots)
+    /// [`InverseError::Slot`] if a row is not in `0..block · vertices()`.
+    fn compliance(&self, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        compliance_by_columns(self, loads)
     }
 
     /// Several updates one after the other, with slots as those before leave them.
@@ -351,13 +354,22 @@ pub(crate) fn reply_by_two<M: InverseMaintainer + ?Sized>(
     Ok(())
 }
 
-/// The block of C on some slots from their columns.
+/// G C Gᵀ from the columns of the slots that the loads act on.
 pub(crate) fn compliance_by_columns<M: InverseMaintainer + ?Sized>(
     maintainer: &M,
-    slots: &[usize],
+    loads: &[Load],
 ) -> Result<Mat<f64>, InverseError> {
-    let columns = maintainer.columns(slots)?;
-    let rows = maintainer.stiffness().rows_of(slots);
-    let half = |i: usize, j: usize| 0.5 * columns[(rows[i], j)];
-    Ok(Mat::from_fn(columns.ncols(), columns.ncols(), |i, j| half(i, j) + half(j, i)))
+    let (k, block) = (maintainer.stiffness(), maintainer.stiffness().block());
+    let rows = || loads.iter().flatten().map(|load| load.0);
+    check_range(&rows().collect::<Vec<_>>(), k.dofs())?;
+    let mut slots: Vec<usize> = rows().map(|row| row / block).collect();
+    slots.sort_unstable();
+    slots.dedup();
+    let columns = maintainer.columns(&slots)?;
+    let column = |row: usize| block * slots.partition_point(|&s| s < row / block) + row % block;
+    let entry = |i: usize, j: usize| -> f64 {
+        let pairs = loads[i].iter().flat_map(|a| loads[j].iter().map(move |b| (a, b)));
+        pairs.map(|(&(row, a), &(other, b))| a * b * columns[(row, column(other))]).sum()
+    };
+    Ok(Mat::from_fn(loads.len(), loads.len(), |i, j| 0.5 * (entry(i, j) + entry(j, i))))
 }

@@ -10,6 +10,9 @@ use crate::field::Field;
 /// Sweeps of an iteration at most: it need not be exact, the next one goes on from there.
 const SWEEPS: usize = 60;
 
+/// The cosine to the normal that W was made for, below which it is made anew.
+const TURNED: f64 = 0.995;
+
 /// Merit, where the body stands, and λ.
 pub(super) type Place = (f64, Iterate, Vec<f64>);
 
@@ -28,6 +31,8 @@ pub(super) struct Run<'a, 'b, 'p> {
     pub(super) loads: Vec<Vector3<f64>>,
     pub(super) residual: Vec<f64>,
     pub(super) compliance: Vec<f64>,
+    /// The normals that it is for.
+    shaped: Vec<Vector3<f64>>,
     /// Corners of the points that are free to move, ascending.
     corners: Vec<usize>,
     /// The work so far and the residual of the last evaluation.
@@ -45,6 +50,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         let (n, k) = (problem.rows(), contact.points.len());
         let mut lambda = multipliers.to_vec();
         lambda.resize(k, 0.0);
+        let known = contact.known.unwrap_or_default();
         let all = contact.points.iter().flat_map(|(point, _)| point.vertices);
         let mut corners: Vec<usize> = all.filter(|&v| problem.free[v]).collect();
         corners.sort_unstable();
@@ -55,7 +61,8 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             set: None,
             gaps: vec![0.0; k],
             normals: vec![Vector3::zeros(); k],
-            compliance: Vec::new(),
+            compliance: known.0.to_vec(),
+            shaped: known.1.to_vec(),
             corners,
             outcome: Outcome { residual: f64::NAN, method: "contact", ..Outcome::default() },
             problem,
@@ -116,7 +123,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     ///
     /// Where forces balance already, only the contacts move: r counts as 0.
     pub(super) fn plain_step(&mut self, moves: &mut [f64]) -> Vec<f64> {
-        self.compliance = self.contact.compliance(&self.normals, self.problem);
+        self.renew_compliance();
         if self.outcome.residual <= self.tolerance.residual {
             let renewed = self.forces_by_gaps(&vec![Vector3::zeros(); self.corners.len()]);
             moves.fill(0.0);
@@ -137,6 +144,17 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
         };
         self.problem.precondition_and_reply(&self.residual, &self.corners, reply, moves);
         renewed
+    }
+
+    /// W where there is none, or where a normal has turned too far since.
+    pub(super) fn renew_compliance(&mut self) {
+        let is_near = |(now, then): (&Vector3<f64>, &Vector3<f64>)| now.dot(then) > TURNED;
+        let is_fit = self.shaped.len() == self.normals.len()
+            && self.normals.iter().zip(&self.shaped).all(is_near);
+        if !is_fit {
+            self.compliance = self.contact.compliance(&self.normals, self.problem);
+            self.shaped.clone_from(&self.normals);
+        }
     }
 
     /// λ' with 0 ≤ λ' ⊥ h + G moves + W(λ' − λ) ≥ 0, `moves` those of the corners.
@@ -180,6 +198,7 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             multipliers: self.lambda,
             normals: self.normals,
             compliance: self.compliance,
+            shaped: self.shaped,
         }
     }
 }

@@ -60,8 +60,8 @@ impl Run<'_, '_, '_> {
     /// Positions against springs, then forces by what these push with, in turn: the augmented Lagrangian.
     fn against_springs(&mut self, equilibrium: &mut dyn Equilibrium, positions: &mut Field) {
         self.outcome.fallbacks = 1;
-        let (k, compliance) =
-            (self.lambda.len(), self.contact.compliance(&self.normals, self.problem));
+        self.renew_compliance();
+        let (k, compliance) = (self.lambda.len(), self.compliance.clone());
         let own = |i: usize| compliance[(k + 1) * i];
         let spring = |i: usize| if own(i) > 0.0 { STIFF / own(i) } else { 0.0 };
         let mut stiffness: Vec<f64> = (0..k).map(spring).collect();
@@ -87,6 +87,5 @@ impl Run<'_, '_, '_> {
             }
             off = left;
         }
-        self.compliance = compliance;
     }
 }

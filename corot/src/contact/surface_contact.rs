@@ -13,12 +13,11 @@ pub struct Contact<'a> {
     pub points: &'a [(ElementPoint, usize)],
     /// The obstacles, which stay where they are during the solve.
     pub obstacles: &'a [&'a dyn Obstacle],
-    /// Vertex numbers, ascending, of the rows of `compliance`: all corners of `points` that move.
-    pub vertices: &'a [usize],
-    /// C_pp of the unrotated body on `vertices`, x, y, z each, by rows (it is symmetric), m/N.
+    /// n Ĉ nᵀ of all pairs of `points` by rows, m/N, from a solve before, and the normals that it is
+    /// for; it is computed anew where there is none, or a normal has turned.
     ///
     /// It shapes the iteration alone; what it converges to is the same for another one.
-    pub compliance: &'a [f64],
+    pub known: Option<(&'a [f64], &'a [Vector3<f64>])>,
     /// How deep a point may be inside its obstacle, or how far from it while pushed, m; > 0.
     pub depth: f64,
 }
@@ -32,53 +31,34 @@ pub struct ContactOutcome {
     pub multipliers: Vec<f64>,
     /// n of each point, away from its obstacle.
     pub normals: Vec<Vector3<f64>>,
-    /// n Ĉ nᵀ of all pairs of points by rows, m/N, at the last iteration; empty without one.
+    /// n Ĉ nᵀ of all pairs of points by rows, m/N; empty where no iteration needed one.
     pub compliance: Vec<f64>,
+    /// The normals that it is for.
+    pub shaped: Vec<Vector3<f64>>,
     /// The deepest penetration, m; 0 without one.
     pub penetration: f64,
 }
 
 impl Contact<'_> {
-    /// W = G T C_pp Tᵀ Gᵀ, k × k by rows, m/N.
+    /// W = G T C Tᵀ Gᵀ, k × k by rows, m/N, with constraints kept.
     pub(super) fn compliance(&self, normals: &Field, problem: &Problem<'_>) -> Vec<f64> {
-        let (k, rows) = (self.points.len(), 3 * self.vertices.len());
+        let m = problem.unknowns_per_vertex();
         let rotations = problem.body.vertex_rotations();
-        // Per point and corner: the row of its vertex and w Tᵀ n.
-        let pulls: Vec<[(Option<usize>, Vector3<f64>); 4]> = (0..k)
-            .map(|i| {
-                let point = &self.points[i].0;
-                std::array::from_fn(|a| {
-                    let v = point.vertices[a];
-                    let turned = rotations.get(v).unwrap_or(&Matrix3::identity()).transpose();
-                    let row = self.vertices.binary_search(&v).ok().filter(|_| problem.free[v]);
-                    (row, turned * normals[i] * point.weights[a])
-                })
-            })
-            .collect();
-        let mut w = vec![0.0; k * k];
-        let mut column = vec![0.0; rows];
-        for j in 0..k {
-            column.fill(0.0);
-            for (row, pull) in &pulls[j] {
-                let Some(row) = row else { continue };
-                for axis in 0..3 {
-                    let at = rows * (3 * row + axis);
-                    for (c, e) in column.iter_mut().zip(&self.compliance[at..at + rows]) {
-                        *c += pull[axis] * e;
-                    }
-                }
-            }
-            for i in j..k {
-                let give: f64 = pulls[i]
-                    .iter()
-                    .filter_map(|(row, pull)| {
-                        let at = 3 * (*row)?;
-                        Some(pull.dot(&Vector3::from_column_slice(&column[at..at + 3])))
-                    })
-                    .sum();
-                w[k * i + j] = give;
-                w[k * j + i] = give;
-            }
+        let load = |((point, _), normal): (&(ElementPoint, usize), &Vector3<f64>)| {
+            let corners = point.vertices.into_iter().zip(point.weights);
+            let free = corners.filter(|(v, _)| problem.free[*v]);
+            let pulls = free.flat_map(|(v, weight)| {
+                let turn = rotations.get(v).copied().unwrap_or_else(Matrix3::identity);
+                let pull = turn.tr_mul(normal) * weight;
+                (0..3).map(move |axis| (m * v + axis, pull[axis]))
+            });
+            pulls.collect()
+        };
+        let loads: Vec<Vec<(usize, f64)>> = self.points.iter().zip(normals).map(load).collect();
+        let mut w = problem.inverse.compliance(problem.rows(), &loads);
+        if let Some(constraints) = problem.constraints {
+            let less = constraints.stiffening(&loads);
+            w.iter_mut().zip(less.transpose().iter()).for_each(|(w, less)| *w -= less);
         }
         w
     }

@@ -19,6 +19,20 @@ pub trait Inverse {
     ) {
         reply_by_two(self, f, rows, reply, y);
     }
+
+    /// G C Gᵀ by rows for some loads G, each of rows of the vectors and forces, where the vectors have
+    /// `rows` entries. Cost: an application a load unless there is a shorter way.
+    fn compliance(&self, rows: usize, loads: &[Vec<(usize, f64)>]) -> Vec<f64> {
+        let mut block = Vec::with_capacity(loads.len() * loads.len());
+        for load in loads {
+            let (mut f, mut y) = (vec![0.0; rows], vec![0.0; rows]);
+            load.iter().for_each(|&(row, force)| f[row] += force);
+            self.apply(&f, &mut y);
+            let gives = |load: &Vec<(usize, f64)>| load.iter().map(|&(row, f)| f * y[row]).sum();
+            block.extend(loads.iter().map(gives).collect::<Vec<f64>>());
+        }
+        block
+    }
 }
 
 /// [`Inverse::apply_and_reply`] by an application for each of the loads.

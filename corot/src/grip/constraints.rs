@@ -144,12 +144,12 @@ impl Constraints {
         Self { responses, ..self }
     }
 
-    /// C Gᵀ (G C Gᵀ)⁻¹ G C between displacements of the unrotated body, three rows per vertex of
-    /// `vertices`: by how much less it gives way for being held, m/N.
-    pub fn stiffening(&self, vertices: &[usize], unknowns: usize) -> DMatrix<f64> {
+    /// H C Gᵀ (G C Gᵀ)⁻¹ G C Hᵀ of the unrotated body for some loads H (each of rows of a vector by
+    /// vertex number, and forces): by how much less it gives way to them for being held, m/N.
+    pub fn stiffening(&self, loads: &[Vec<(usize, f64)>]) -> DMatrix<f64> {
         let Responses { columns, inverse } = &*self.responses;
-        let rows = DMatrix::from_fn(3 * vertices.len(), columns.len(), |i, j| {
-            columns[j][unknowns * vertices[i / 3] + i % 3]
+        let rows = DMatrix::from_fn(loads.len(), columns.len(), |i, j| {
+            loads[i].iter().map(|&(row, force)| force * columns[j][row]).sum()
         });
         &rows * inverse * rows.transpose()
     }

@@ -1,4 +1,4 @@
-//! The block of the inverse at a tool, without its columns.
+//! What some loads feel of the inverse, without its columns.
 
 use faer::Mat;
 use pulp::{Simd, WithSimd};
@@ -6,10 +6,13 @@ use pulp::{Simd, WithSimd};
 use super::factor::Factor;
 use super::pivot::by_rows;
 use super::substitution::TOGETHER;
+use crate::maintainer::Load;
 
 /// D⁻¹ L⁻¹ of a few right-hand sides, by position.
 struct Forward<'a, const M: usize> {
     factor: &'a Factor,
+    /// Panels that they reach, the root's first.
+    path: &'a [usize],
     x: &'a mut [[f64; TOGETHER]],
 }
 
@@ -19,56 +22,52 @@ impl<const M: usize> WithSimd for Forward<'_, M> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let mut local = Vec::new();
-        for panel in (0..self.factor.panels.len()).rev() {
+        for &panel in self.path.iter().rev() {
             self.factor.forward::<M, TOGETHER>(panel, self.x, &mut local);
         }
     }
 }
 
 impl Factor {
-    /// C_pp = Eᵀ L⁻ᵀ D⁻¹ L⁻¹ E = Zᵀ D Z with Z = D⁻¹ L⁻¹ E, E the unit vectors of `slots`.
+    /// G C Gᵀ = Zᵀ D Z with Z = D⁻¹ L⁻¹ Gᵀ, the loads the rows of G.
     ///
-    /// Z is filled along the paths of the slots only, and nothing is carried back.
-    /// Cost: half a solve per column, less off the paths, and O(rows on the paths · columns²).
-    pub(crate) fn compliance(&self, slots: &[usize]) -> Mat<f64> {
-        let m = self.block;
-        let columns = m * slots.len();
-        let mut z = Mat::<f64>::zeros(m * self.positions(), columns);
-        let mut on_path = vec![false; self.positions()];
+    /// Z is filled along the paths of the loads only, and nothing is carried back.
+    /// Cost: half a solve per load, less off the paths, and O(rows on the paths · loads²).
+    pub(crate) fn compliance(&self, loads: &[Load]) -> Mat<f64> {
+        let (m, k) = (self.block, loads.len());
+        let position = |row: usize| self.position_of[row / m];
+        let path = self.path(loads.iter().flatten().map(|load| position(load.0)));
+        let columns = path.iter().flat_map(|&panel| {
+            let panel = &self.panels[panel];
+            (0..panel.width).map(move |column| (panel, column))
+        });
+        let columns: Vec<_> = columns.collect();
+        let mut z = Mat::<f64>::zeros(m * columns.len(), k);
+        let mut dz = z.clone();
+        let mut x = vec![[0.0; TOGETHER]; m * self.positions()];
         let arch = pulp::Arch::new();
-        for first in (0..columns).step_by(TOGETHER) {
-            let mut x = vec![[0.0; TOGETHER]; m * self.positions()];
-            for j in first..columns.min(first + TOGETHER) {
-                let position = self.position_of[slots[j / m]] as usize;
-                x[m * position + j % m][j - first] = 1.0;
-            }
-            by_rows!(m, M => arch.dispatch(Forward::<M> { factor: self, x: &mut x }));
-            for (position, rows) in x.chunks_exact(m).enumerate() {
-                if rows.as_flattened().iter().all(|&value| value == 0.0) {
-                    continue;
+        for (group, loads) in loads.chunks(TOGETHER).enumerate() {
+            for (side, load) in loads.iter().enumerate() {
+                for &(row, force) in load {
+                    x[m * position(row) as usize + row % m][side] += force;
                 }
-                on_path[position] = true;
-                for (a, row) in rows.iter().enumerate() {
-                    for j in first..columns.min(first + TOGETHER) {
-                        z[(m * position + a, j)] = row[j - first];
+            }
+            let x = &mut x[..];
+            by_rows!(m, M => arch.dispatch(Forward::<M> { factor: self, path: &path, x }));
+            for (i, &(panel, column)) in columns.iter().enumerate() {
+                let rows = &mut x[m * panel.position(column)..][..m];
+                let d = &panel.diagonal[m * m * column..m * m * (column + 1)];
+                for side in 0..loads.len() {
+                    let j = TOGETHER * group + side;
+                    for a in 0..m {
+                        z[(m * i + a, j)] = rows[a][side];
+                        dz[(m * i + a, j)] = (0..m).map(|b| d[m * a + b] * rows[b][side]).sum();
                     }
                 }
-            }
-        }
-        let path: Vec<usize> = (0..self.positions()).filter(|&p| on_path[p]).collect();
-        let z = Mat::from_fn(m * path.len(), columns, |i, j| z[(m * path[i / m] + i % m, j)]);
-        let mut dz = Mat::<f64>::zeros(z.nrows(), columns);
-        for (i, &position) in path.iter().enumerate() {
-            let panel = &self.panels[self.panel_of[position] as usize];
-            let own = m * m * panel.local(position);
-            let d = &panel.diagonal[own..own + m * m];
-            for j in 0..columns {
-                for a in 0..m {
-                    dz[(m * i + a, j)] = (0..m).map(|b| d[m * a + b] * z[(m * i + b, j)]).sum();
-                }
+                rows.fill([0.0; TOGETHER]);
             }
         }
         let block = z.transpose() * &dz;
-        Mat::from_fn(columns, columns, |i, j| 0.5 * (block[(i, j)] + block[(j, i)]))
+        Mat::from_fn(k, k, |i, j| 0.5 * (block[(i, j)] + block[(j, i)]))
     }
 }

@@ -18,7 +18,7 @@ use super::substitution::TOGETHER;
 use crate::InverseError;
 use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
-use crate::maintainer::InverseMaintainer;
+use crate::maintainer::{InverseMaintainer, Load};
 use crate::matrix::{FreshRows, SparseStiffness};
 
 /// The most rows per vertex that the kernels are made for.
@@ -248,8 +248,8 @@ impl Method for SparseMethod {
         Ok(MatRef::from_column_major_slice(&flat, n, x.ncols()).to_owned())
     }
 
-    fn compliance(whole: &Maintained<Self>, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
-        Ok(whole.read(|method| method.based.factor.compliance(slots)))
+    fn compliance(whole: &Maintained<Self>, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        Ok(whole.read(|method| method.based.factor.compliance(loads)))
     }
 
     fn apply_and_reply(

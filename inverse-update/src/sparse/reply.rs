@@ -71,7 +71,7 @@ impl Factor {
     }
 
     /// The panels that some positions reach, the root's first.
-    fn path(&self, positions: impl Iterator<Item = u32>) -> Vec<usize> {
+    pub(super) fn path(&self, positions: impl Iterator<Item = u32>) -> Vec<usize> {
         let mut is_on_path = vec![false; self.panels.len()];
         for position in positions {
             is_on_path[self.panel_of[position as usize] as usize] = true;

@@ -41,6 +41,18 @@ impl<'a> Applied<'a> {
 }
 
 impl Inverse for Applied<'_> {
+    fn compliance(&self, _: usize, loads: &[Vec<(usize, f64)>]) -> Vec<f64> {
+        let k = loads.len();
+        match self.time(|| self.constrained.compliance(loads)) {
+            Ok(block) => (0..k * k).map(|at| block[(at / k, at % k)]).collect(),
+            Err(error) => {
+                let mut block = vec![0.0; k * k];
+                self.note(error, &mut block);
+                block
+            }
+        }
+    }
+
     fn apply(&self, f: &[f64], y: &mut [f64]) {
         if let Err(error) = self.time(|| self.constrained.apply(f, y)) {
             self.note(error, y);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use faer::Mat;
 use faer::linalg::solvers::{Llt, Solve};
 use nalgebra::{DMatrix, Vector3};
-use yawara_inverse_update::InverseMaintainer;
+use yawara_inverse_update::{InverseMaintainer, Load};
 use yawara_mesh::VertexId;
 
 use super::DISPLACEMENTS;
@@ -48,13 +48,18 @@ impl Held {
             };
             (Some(columns), block)
         } else {
-            let all = maintainer.compliance(&slots)?;
-            (None, Mat::from_fn(n, n, |i, j| all[(of(i), of(j))]))
+            (None, maintainer.compliance(&units(&slots, m))?)
         };
         let factor = Llt::new(block.as_ref(), faer::Side::Lower)
             .map_err(|_| SimError::ComplianceNotPositive(slots.len()))?;
         Ok(Self { updates, slots, columns, factor })
     }
+}
+
+/// Unit loads on the displacements of `slots`, whose vertices have `unknowns` each.
+fn units(slots: &[usize], unknowns: usize) -> Vec<Load> {
+    let unit = |slot: usize| (0..DISPLACEMENTS).map(move |a| vec![(unknowns * slot + a, 1.0)]);
+    slots.iter().flat_map(|&slot| unit(slot)).collect()
 }
 
 /// K⁻¹ with some vertices held: C − C_:p C_pp⁻¹ C_p:.
@@ -114,6 +119,26 @@ impl Constrained<'_> {
         self.maintainer.apply_and_reply(&local, &places, reply, &mut solution)?;
         self.slots.scatter(m, &solution, y);
         Ok(())
+    }
+
+    /// G C Gᵀ with the held vertices fixed, for loads G (by vertex number, as [`apply`](Self::apply) has
+    /// them) on vertices that have unknowns and are not held.
+    pub fn compliance(&self, loads: &[Load]) -> Result<Mat<f64>, SimError> {
+        let m = self.unknowns;
+        let slot = |v: usize| self.slots.get(VertexId(v as u32));
+        let local = |load: &Load| -> Load {
+            load.iter().filter_map(|(row, f)| Some((m * slot(row / m)? + row % m, *f))).collect()
+        };
+        let mut all: Vec<Load> = loads.iter().map(local).collect();
+        all.extend(units(&self.held.slots, m));
+        let whole = self.maintainer.compliance(&all)?;
+        let k = loads.len();
+        let mut block = whole.submatrix(0, 0, k, k).to_owned();
+        if all.len() > k {
+            let at_held = whole.submatrix(k, 0, all.len() - k, k);
+            block -= at_held.transpose() * self.held.factor.solve(at_held);
+        }
+        Ok(block)
     }
 
     /// The unknowns that follow when the held vertices are moved by `moves` (in the order of

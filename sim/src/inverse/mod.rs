@@ -7,11 +7,10 @@
 //! a leaf of another material, into an update of the inverse.
 //! `layout.rs` keeps what it takes to assemble K, or rows of it, at any time.
 //! `held.rs` holds further vertices in a solve, without a change of the inverse, and `applied.rs` is what
-//! an equilibrium gets of it; `compliance.rs` says how far vertices give way to forces.
+//! an equilibrium gets of it.
 
 mod applied;
 mod assembly;
-mod compliance;
 mod hand_over;
 mod held;
 mod layout;

@@ -17,10 +17,6 @@ const NEAR: f64 = 0.1;
 /// those join when they have come too deep.
 const LEAP: f64 = 0.5;
 
-/// A block of compliance also has the corners of points up to this fraction of the radius outside,
-/// so that it can be used for several steps.
-const AROUND: f64 = 0.3;
-
 /// Solves of one attempt at most; each after the first adds points that had come too deep.
 const ROUNDS: usize = 6;
 
@@ -50,13 +46,16 @@ struct Push {
     growth: f64,
 }
 
-/// Compliance of some vertices while others are held.
-struct Block {
+/// Compliance between some points while vertices are held.
+struct Known {
     updates: usize,
     held: Vec<usize>,
-    /// How many constraints hold it besides.
+    /// How many constraints hold the body besides.
     constraints: usize,
-    vertices: Vec<usize>,
+    /// Tools and numbers of the points.
+    points: Vec<(usize, usize)>,
+    normals: Vec<Vector3<f64>>,
+    /// By rows, m/N.
     entries: Vec<f64>,
 }
 
@@ -79,7 +78,7 @@ pub(crate) struct ContactState {
     /// n Ĉ nᵀ of all pairs of `pushes`, m/N.
     compliance: Vec<f64>,
     penetration: f64,
-    block: Option<Block>,
+    known: Option<Known>,
 }
 
 /// How deep points may be in a probe of radius R when a solve with relative residual τ has
@@ -112,20 +111,19 @@ impl ContactState {
         let depth = depth(around.probing, tolerance);
         let obstacles: Vec<&dyn Obstacle> =
             around.probing.iter().map(|p| &p.sphere as &dyn Obstacle).collect();
+        let constraints = problem.constraints.map_or(0, Constraints::len);
         let mut pairs = self.near(around, positions);
         let mut total: Option<Outcome> = None;
         for _ in 0..ROUNDS {
             let (outcome, touched) = if pairs.is_empty() {
                 (equilibrium.solve(problem, positions, internal, tolerance), None)
             } else {
-                self.cover(&pairs, problem, positions, around)?;
                 let points = points(&pairs, around);
                 let forces: Vec<f64> = pairs.iter().map(|pair| pair.force).collect();
-                let block = self.block.as_ref();
-                let (vertices, compliance) =
-                    block.map_or((&[][..], &[][..]), |b| (&b.vertices, &b.entries));
+                let known = self.known(&pairs, around, constraints);
+                let known = known.as_ref().map(|(entries, normals)| (&entries[..], &normals[..]));
                 let (points, obstacles) = (&points[..], &obstacles[..]);
-                let contact = Contact { points, obstacles, vertices, compliance, depth };
+                let contact = Contact { points, obstacles, known, depth };
                 let touched = solve_with_contact(
                     problem,
                     equilibrium,
@@ -146,11 +144,11 @@ impl ContactState {
             total = Some(sum);
             if !outcome.converged {
                 if tolerance.is_late() {
-                    self.keep(&pairs, touched);
+                    self.keep(&pairs, touched, around, constraints);
                 }
                 return Ok(sum);
             }
-            self.keep(&pairs, touched);
+            self.keep(&pairs, touched, around, constraints);
             let deeper = deeper(around, positions, &pairs, depth);
             if deeper.is_empty() {
                 return Ok(sum);
@@ -182,47 +180,34 @@ impl ContactState {
         pairs
     }
 
-    /// Computes the block of compliance anew unless it has all free corners of `pairs`.
-    fn cover(
-        &mut self,
+    /// What is known of the compliance between `pairs`, by rows, with the normals that it is for.
+    fn known(
+        &self,
         pairs: &[Push],
-        problem: &Problem<'_>,
-        positions: &[Vector3<f64>],
         around: &Surroundings<'_>,
-    ) -> Result<(), SimError> {
-        let moves = |point: &ElementPoint| {
-            let free = problem.free;
-            point.vertices.into_iter().filter(move |&v| free[v])
-        };
-        let updates = around.inverse.updates;
-        let is_covered = self.block.as_ref().is_some_and(|block| {
-            let has = |v: usize| block.vertices.binary_search(&v).is_ok();
-            let rows = problem.constraints.map_or(0, Constraints::len);
-            let is_held = block.held == around.held && block.constraints == rows;
-            let current = block.updates == updates && is_held;
-            current && pairs.iter().flat_map(|p| moves(&p.point)).all(has)
-        });
-        if is_covered {
-            return Ok(());
-        }
-        let mut vertices: Vec<usize> = pairs.iter().flat_map(|p| moves(&p.point)).collect();
-        for probing in around.probing {
-            let reach = AROUND * probing.sphere.radius;
-            each_within(around, probing, positions, reach, |_, point, _| {
-                vertices.extend(moves(point));
-            });
-        }
-        vertices.sort_unstable();
-        vertices.dedup();
-        let entries = around.inverse.compliance_of(&vertices, around.held, problem.constraints)?;
-        let (held, constraints) =
-            (around.held.to_vec(), problem.constraints.map_or(0, Constraints::len));
-        self.block = Some(Block { updates, held, constraints, vertices, entries });
-        Ok(())
+        constraints: usize,
+    ) -> Option<(Vec<f64>, Vec<Vector3<f64>>)> {
+        let known = self.known.as_ref().filter(|known| {
+            known.updates == around.inverse.updates
+                && known.held == around.held
+                && known.constraints == constraints
+        })?;
+        let place = |pair: &Push| known.points.iter().position(|p| *p == (pair.tool, pair.number));
+        let places: Vec<usize> = pairs.iter().map(place).collect::<Option<_>>()?;
+        let k = known.points.len();
+        let row = |i: usize| places.iter().map(move |j| known.entries[k * i + j]);
+        let entries = places.iter().flat_map(|&i| row(i)).collect();
+        Some((entries, places.iter().map(|&i| known.normals[i]).collect()))
     }
 
     /// Keeps the contacts of an equilibrium and their compliance.
-    fn keep(&mut self, pairs: &[Push], touched: Option<ContactOutcome>) {
+    fn keep(
+        &mut self,
+        pairs: &[Push],
+        touched: Option<ContactOutcome>,
+        around: &Surroundings<'_>,
+        constraints: usize,
+    ) {
         self.pushes.clear();
         self.penetration = 0.0;
         let Some(touched) = touched else {
@@ -241,6 +226,14 @@ impl ContactState {
             let entry = |i: &usize, j: &usize| touched.compliance[before * i + j];
             self.compliance =
                 pushing.iter().flat_map(|i| pushing.iter().map(move |j| entry(i, j))).collect();
+            self.known = Some(Known {
+                updates: around.inverse.updates,
+                held: around.held.to_vec(),
+                constraints,
+                points: pairs.iter().map(|pair| (pair.tool, pair.number)).collect(),
+                normals: touched.shaped,
+                entries: touched.compliance,
+            });
         }
     }
 

@@ -414,8 +414,9 @@ impl Replay {
         let block = self.model.block;
         // Not ascending, and not all.
         let slots: Vec<usize> = (0..self.vertices()).rev().step_by(2).collect();
-        let got = self.maintainer.compliance(&slots).expect("slots that are there");
         let row = |i: usize| block * slots[i / block] + i % block;
+        let units: Vec<_> = (0..block * slots.len()).map(|i| vec![(row(i), 1.0)]).collect();
+        let got = self.maintainer.compliance(&units).expect("rows that are there");
         assert_eq!(got.shape(), (block * slots.len(), block * slots.len()));
         let limit = 2.0 * bound * scaled.norm(c);
         for (i, j) in entries(&got) {
@@ -424,6 +425,16 @@ impl Replay {
             let error = (got[(i, j)] - c[(at, to)]).abs() * weight;
             assert!(error <= limit, "compliance ({at}, {to}) is off by {error:e}");
             assert_eq!(got[(i, j)], got[(j, i)]);
+        }
+        // Two loads that share a row: of the sum of all and of the first alone.
+        let all: Vec<_> = (0..got.nrows()).map(|i| (row(i), 1.0 / scaled.scale[row(i)])).collect();
+        let loads = [all.clone(), all[..1].to_vec()];
+        let less = self.maintainer.compliance(&loads).expect("rows that are there");
+        for (i, j) in entries(&less) {
+            let pairs = loads[i].iter().flat_map(|a| loads[j].iter().map(move |b| (a, b)));
+            let want: f64 = pairs.map(|(a, b)| a.1 * b.1 * c[(a.0, b.0)]).sum();
+            let error = (less[(i, j)] - want).abs();
+            assert!(error <= limit * all.len() as f64, "loads {i}, {j}: off by {error:e}");
         }
     }
 }
