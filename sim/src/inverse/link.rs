@@ -16,6 +16,9 @@ use super::held::{Constrained, Held};
 use super::layout::{Elements, Layout};
 use crate::error::SimError;
 
+/// Updates from one measurement of the drift to the next, at least.
+const WATCH_EVERY: usize = 16;
+
 /// Makes a maintainer of the inverse of a stiffness matrix.
 pub type InverseFactory =
     Box<dyn Fn(SparseStiffness) -> Result<Box<dyn InverseMaintainer>, InverseError> + Send>;
@@ -43,6 +46,8 @@ pub struct InverseLink {
     /// Σ of those.
     pub(crate) total_ms: f64,
     pub(crate) updates: usize,
+    /// Those when the drift was measured last.
+    watched: usize,
     pub(crate) batches: usize,
     pub(crate) drift_max: f64,
     /// Times that an update was refused and K assembled and inverted anew.
@@ -84,6 +89,7 @@ impl InverseLink {
             update_ms: Vec::new(),
             total_ms: 0.0,
             updates: 0,
+            watched: 0,
             batches: 0,
             drift_max: 0.0,
             reassemblies: 0,
@@ -189,9 +195,14 @@ impl InverseLink {
     /// Lets the maintainer measure its drift from K, and rebuild if it has drifted too far; keeps the
     /// largest drift seen. Best after a [`flush`](Self::flush): K is true then.
     ///
+    /// Drift comes of many updates: nothing is done until there were 16 since the last time.
     /// # Errors
     /// As [`flush`](Self::flush).
     pub fn watch(&mut self, seed: u64, elements: &Elements<'_>) -> Result<(), SimError> {
+        if self.updates < self.watched + WATCH_EVERY {
+            return Ok(());
+        }
+        self.watched = self.updates;
         let rebuilds = self.maintainer.counts().rebuilds;
         match self.maintainer.watch(seed) {
             Ok(drift) => self.drift_max = self.drift_max.max(drift),

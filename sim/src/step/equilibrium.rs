@@ -300,13 +300,16 @@ impl StepSolver {
         let (tools, inverse) = (*tools, *inverse);
         let begin = Instant::now();
         let own = self.loads(state, step, span.to);
-        // Elements and vertices may have come in since the last solve: renew their rotations.
-        self.evaluate_forces(state);
-        let probing = self.probing(tools, span.to);
-        let share = if span == step { self.predict(&probing, state) } else { 0.0 };
         let held = Held::new(state, inverse)?;
         let constraints = self.grips.lead(span.to, state, inverse, tools, &held.constrained)?;
         let constraints = constraints.as_ref();
+        self.internal.resize(state.positions.len(), Vector3::zeros());
+        if constraints.is_some() || !held.vertices.is_empty() {
+            // What is held takes the rest along as it is turned now, with what has come in since.
+            self.evaluate_forces(state);
+        }
+        let probing = self.probing(tools, span.to);
+        let share = if span == step { self.predict(&probing, state) } else { 0.0 };
         let moved = held.drag(state, tools, span.to)?;
         total.report.times.tool_ms += milliseconds(begin);
 

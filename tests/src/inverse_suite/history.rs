@@ -428,7 +428,7 @@ impl Replay {
         }
         // Two loads that share a row: of the sum of all and of the first alone.
         let all: Vec<_> = (0..got.nrows()).map(|i| (row(i), 1.0 / scaled.scale[row(i)])).collect();
-        let loads = [all.clone(), all[..1].to_vec()];
+        let loads = [all.clone(), all.iter().take(1).copied().collect()];
         let less = self.maintainer.compliance(&loads).expect("rows that are there");
         for (i, j) in entries(&less) {
             let pairs = loads[i].iter().flat_map(|a| loads[j].iter().map(move |b| (a, b)));
