@@ -32,6 +32,8 @@ pub(crate) struct Refiner {
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.
     measured: Vec<f64>,
+    /// Whether these are of elements, not of rings.
+    measures_elements: bool,
     /// Of the last measurement.
     estimates: Estimates,
     /// The largest energy so far, J.
@@ -100,6 +102,7 @@ impl Refiner {
             rules,
             regions,
             measured: Vec::new(),
+            measures_elements: false,
             estimates: Estimates::default(),
             most_energy: 0.0,
             most_goal: 0.0,
@@ -204,7 +207,9 @@ impl Refiner {
         self.waiting.clear();
         let energy = self.note_energy(sight.body);
         let mut scale = self.rules.indicator.error_over_sum();
-        let wishes = match self.rules.indicator.elements(sight) {
+        let measured = self.rules.indicator.elements(sight);
+        self.measures_elements = measured.is_some();
+        let wishes = match measured {
             Some(measured) => {
                 self.estimate(&measured, energy);
                 if let (true, Some(error)) =
@@ -280,17 +285,29 @@ impl Refiner {
             // A tool keeps what it holds until it lets go.
             .filter(|v| !matches!(state.holds[v.index()], Hold::Grabbed(_)))
             .collect();
-        let made = self.rules.indicator.is_of_goal().then(|| self.sums_by_newest());
+        let made = self.measures_elements.then(|| self.sums_by_newest());
         settled
             .into_iter()
             .filter(|&v| {
-                self.content.forest.merge_ring(v, &mut self.ring)
-                    && limit
-                        >= made
-                            .as_ref()
-                            .map_or_else(|| self.measure_ring(state), |made| made[v.index()])
+                self.content.forest.merge_ring(v, &mut self.ring) && {
+                    let left = made.as_ref().map_or(0.0, |made| made[v.index()]);
+                    left <= limit && left + self.measure_vertex(v, state) <= limit
+                }
             })
             .collect()
+    }
+
+    /// What a vertex is worth whose parents' tetrahedra are in `self.ring`; nothing beside what the
+    /// elements that it made count for, where an indicator measures a goal by these.
+    fn measure_vertex(&mut self, v: VertexId, state: &BodyState) -> f64 {
+        if self.rules.indicator.is_of_goal() {
+            return 0.0;
+        }
+        let surplus =
+            state.positions[v.index()] - self.content.embedded_midpoint(state, &self.ring);
+        self.members.clear();
+        self.members.extend(self.ring.iter().map(|tet| self.content.member(state, tet)));
+        self.rules.indicator.measure_vertex(&self.members, &surplus)
     }
 
     /// By vertex number the sum of the last measurement over the leaves whose newest vertex it is: once it

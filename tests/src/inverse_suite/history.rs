@@ -358,9 +358,7 @@ impl Replay {
         let is_refined = self.maintainer.counts().refinement_steps > steps;
         let is_apart =
             !solves_by_columns(self.maintainer.name()) || (is_refined && self.residual == 0.0);
-        let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
-        let stop = if self.residual > 0.0 { self.residual + rounding } else { 0.0 };
-        let left = stop * load * (1.0 + (n as f64).sqrt());
+        let left = self.left(load, n, scaled);
         // ‖S u‖ ≤ ‖S C S‖ ‖S⁻¹ f‖, and ‖S⁻¹ f‖ ≤ √n.
         let size_by_factor = scaled.norm(c) * (n as f64).sqrt();
         for i in 0..n {
@@ -375,15 +373,23 @@ impl Replay {
         }
     }
 
+    /// What a maintainer that refines may leave of a `load` of n rows.
+    fn left(&self, load: f64, n: usize, scaled: &Scaled) -> f64 {
+        let rounding = 4.0 * f64::EPSILON * (n as f64 * scaled.compliance + 1.0);
+        let stop = if self.residual > 0.0 { self.residual + rounding } else { 0.0 };
+        stop * load * (1.0 + (n as f64).sqrt())
+    }
+
     /// `apply` is the product with C, and with a reply it is C (f + e) for an e that hears what C f is: what
-    /// is told is C f, each to within twice the bound of C.
+    /// is told is C f, each to within twice the bounds of C and of refinement.
     fn check_applied(&self, c: &Mat<f64>, scaled: &Scaled, bound: f64) {
         let n = c.nrows();
         let mut f: Vec<f64> = (0..n).map(|i| scaled.scale[i] * (2.0 + i as f64).cos()).collect();
         let product = |f: &[f64], i: usize| (0..n).map(|j| c[(i, j)] * f[j]).sum::<f64>();
         let limit = |f: &[f64], i: usize| {
             let load = (0..n).map(|j| (f[j] / scaled.scale[j]).powi(2)).sum::<f64>().sqrt();
-            2.0 * (bound + n as f64 * f64::EPSILON) * scaled.norm(c) * load / scaled.scale[i]
+            let error = 2.0 * (bound + n as f64 * f64::EPSILON) * scaled.norm(c) * load;
+            (error + 2.0 * self.left(load, n, scaled) * scaled.compliance) / scaled.scale[i]
         };
         let check = |what: &str, f: &[f64], i: usize, got: f64| {
             let want = product(f, i);

@@ -22,22 +22,16 @@ impl Indicator for Energy {
     }
 
     fn measure(&self, ring: &[RingMember]) -> f64 {
-        let mut force = Vector3::zeros();
-        let mut stiffness = Matrix3::zeros();
-        for member in ring {
-            let half_volume = 0.5 * member.geometry.volume;
-            let strain = member.strain();
-            let r = &member.rotation;
-            for (g, d) in member.halves.strain_operators().iter().zip(&member.halves.elasticity) {
-                let coupling = g.transpose() * d * half_volume;
-                force -= r * (coupling * strain);
-                stiffness += r * (coupling * g) * r.transpose();
-            }
-        }
+        let (force, stiffness) = balance(ring);
         match stiffness.cholesky() {
             Some(chol) => 0.5 * force.dot(&chol.solve(&force)),
             None => 0.0,
         }
+    }
+
+    /// ½ dᵀA d: the energy that it would take to bring the vertex back, whatever loads it out there.
+    fn measure_vertex(&self, ring: &[RingMember], surplus: &Vector3<f64>) -> f64 {
+        0.5 * surplus.dot(&(balance(ring).1 * surplus))
     }
 
     /// One bisection takes this share of what all after it take: energies of errors go with the square
@@ -45,4 +39,21 @@ impl Indicator for Energy {
     fn error_over_sum(&self) -> Option<f64> {
         Some(1.0 / (1.0 - 0.5f64.powf(2.0 / 3.0)))
     }
+}
+
+/// r and A of a ring's midpoint, N and N/m.
+fn balance(ring: &[RingMember]) -> (Vector3<f64>, Matrix3<f64>) {
+    let mut force = Vector3::zeros();
+    let mut stiffness = Matrix3::zeros();
+    for member in ring {
+        let half_volume = 0.5 * member.geometry.volume;
+        let strain = member.strain();
+        let r = &member.rotation;
+        for (g, d) in member.halves.strain_operators().iter().zip(&member.halves.elasticity) {
+            let coupling = g.transpose() * d * half_volume;
+            force -= r * (coupling * strain);
+            stiffness += r * (coupling * g) * r.transpose();
+        }
+    }
+    (force, stiffness)
 }

@@ -1,5 +1,7 @@
 //! `residual`: what a bump on every edge would release.
 
+use nalgebra::Vector3;
+
 use super::bumps::{Bumps, OVER_GAIN, Weight};
 use super::energy::Energy;
 use super::ring::{Indicator, RingMember};
@@ -32,6 +34,10 @@ impl Indicator for Residual {
 
     fn measure(&self, ring: &[RingMember]) -> f64 {
         Energy.measure(ring)
+    }
+
+    fn measure_vertex(&self, ring: &[RingMember], surplus: &Vector3<f64>) -> f64 {
+        Energy.measure_vertex(ring, surplus)
     }
 
     fn elements(&self, sight: &Sight<'_>) -> Option<Measured> {

@@ -93,6 +93,13 @@ pub trait Indicator: Send {
     /// The indicator of a complete ring; compared with `refinement.split_above`.
     fn measure(&self, ring: &[RingMember]) -> f64;
 
+    /// What a vertex is worth that came into `ring` and may go out of it again; compared with
+    /// `refinement.merge_fraction` of the above. `surplus` is how far it is from where the homogenisation
+    /// would have it without loads on it, m.
+    fn measure_vertex(&self, ring: &[RingMember], _surplus: &Vector3<f64>) -> f64 {
+        self.measure(ring)
+    }
+
     /// The indicators of all elements, for one that looks at more than rings. A vertex then counts for the
     /// sum over the elements that it would bisect, and may ask for others that have to come in before it;
     /// what may go out is still asked of [`measure`](Self::measure).
