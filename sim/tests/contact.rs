@@ -255,3 +255,22 @@ fn a_following_pressure_all_round_has_no_net_force_and_a_dead_one_has_the_same()
         }
     }
 }
+
+/// What a contact has made come in is worth more with the load on it than by the strain around it: by
+/// that alone it went out at once, came in again, and the force was another in every third step.
+#[test]
+fn a_ball_that_stays_leaves_the_mesh_alone() {
+    for indicator in ["residual", "energy"] {
+        let path = "tools.0.path=[{time_s=0,move_m=[0.0239,0.0760,0.0266]},\
+            {time_s=0.1,move_m=[0.0239,0.0694,0.0266]}]";
+        let indicator = format!("stages.indicator={indicator}");
+        let mut simulation = simulation("palpate", &[path, &indicator, "time.steps=45"]);
+        let reports = run(&mut simulation);
+        assert!(reports.iter().all(|r| r.converged));
+        assert!(reports[30..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");
+        assert!(reports[..30].iter().map(|r| r.splits).sum::<usize>() > 20, "{indicator}");
+        let force = |r: &StepReport| r.tools[0].force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+        let last = force(&reports[44]);
+        assert!(reports[33..].iter().all(|r| (force(r) - last).abs() < 2e-3 * last), "{indicator}");
+    }
+}
