@@ -172,3 +172,91 @@ impl Bumps {
         Measured { values, energy_error: Some(OVER_GAIN * energy), errors }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::super::{Indicator, Residual, RingMember};
+    use super::*;
+    use crate::{Simulation, Stages, scene_file};
+
+    /// How often the body had moved, how often it had not, and the elements of each time.
+    type Seen = Arc<Mutex<(Vec<usize>, usize)>>;
+
+    /// Measures with what was kept and with nothing kept, by both weights, and twice.
+    #[derive(Default)]
+    struct Checked {
+        kept: Mutex<[Bumps; 2]>,
+        seen: Seen,
+    }
+
+    impl Indicator for Checked {
+        fn name(&self) -> &'static str {
+            "residual"
+        }
+
+        fn unit(&self) -> &'static str {
+            "J"
+        }
+
+        fn measure(&self, ring: &[RingMember]) -> f64 {
+            Residual::default().measure(ring)
+        }
+
+        fn elements(&self, sight: &Sight<'_>) -> Option<Measured> {
+            let weights = [Weight::Energy, Weight::Goal];
+            let mut kept = self.kept.lock().unwrap();
+            for (kept, weight) in kept.iter_mut().zip(weights) {
+                let measured = kept.measure(sight, weight);
+                let fresh = Bumps::default().measure(sight, weight);
+                assert_eq!(format!("{measured:?}"), format!("{fresh:?}"));
+                // What was measured stays true, and nothing is measured for it.
+                (kept.left.clear(), kept.forces.clear(), kept.stiffness.clear());
+                let again = kept.measure(sight, weight);
+                assert_eq!(format!("{measured:?}"), format!("{again:?}"));
+                self.seen.lock().unwrap().1 += kept.left.len() + kept.stiffness.len();
+            }
+            self.seen.lock().unwrap().0.push(sight.body.tet_count());
+            Some(kept[0].measure(sight, Weight::Energy))
+        }
+
+        fn estimates(&self) -> bool {
+            true
+        }
+
+        fn error_over_sum(&self) -> Option<f64> {
+            Some(OVER_GAIN)
+        }
+    }
+
+    /// `scene` through splits, merges and movements.
+    fn run(scene: &str, overrides: &[&str]) -> Vec<usize> {
+        let overrides: Vec<String> = overrides.iter().map(|&text| text.into()).collect();
+        let (scene, _) = scene_file::load(scene, &overrides).unwrap();
+        let seen = Seen::default();
+        let mut stages = Stages::by_name(&scene.stages).unwrap();
+        stages.indicator = Box::new(Checked { seen: seen.clone(), ..Checked::default() });
+        let mut simulation = Simulation::new(&scene, stages).unwrap();
+        let (mut splits, mut merges) = (0, 0);
+        while simulation.steps_left() > 0 {
+            let report = simulation.step().unwrap();
+            (splits, merges) = (splits + report.splits, merges + report.merges);
+        }
+        assert!(splits > 0 && merges > 0, "{splits} splits, {merges} merges");
+        let seen = seen.lock().unwrap();
+        assert_eq!(seen.1, 0);
+        seen.0.clone()
+    }
+
+    #[test]
+    fn what_is_kept_measures_to_the_last_bit_what_nothing_kept_does() {
+        let elements = run("beam", &["mesh.max_level=5".into()]);
+        assert!(elements.len() > 5);
+    }
+
+    #[test]
+    fn pressures_and_duals_are_seen() {
+        run("beam", &["mesh.max_level=4", "stages.element=p1p1"]);
+    }
+}

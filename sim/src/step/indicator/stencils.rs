@@ -1,6 +1,9 @@
 //! The bumps of a mesh and their stiffness, kept while mesh and material stay.
 
+use std::array::from_fn;
+
 use nalgebra::{Matrix3, Matrix6};
+use pulp::Arch;
 use yawara_corot::{EDGES, Element};
 use yawara_embed::{LinearTet, MixedModuli, strain_operator};
 
@@ -25,6 +28,8 @@ pub(super) struct Stencils {
     starts: Vec<usize>,
     /// Edges of `solids` on their way into order.
     edges: Vec<Edge>,
+    /// Elements whose stiffness in space is not what it was.
+    turning: Vec<usize>,
 }
 
 /// An element's part of the stiffness of its bumps, and what that was made of.
@@ -34,10 +39,14 @@ struct Stencil {
     geometry: LinearTet,
     elasticity: Matrix6<f64>,
     rotation: Matrix3<f64>,
-    /// By edge, N/m, in the element's frame and in space.
-    own: [Matrix3<f64>; 6],
-    turned: [Matrix3<f64>; 6],
+    /// In its frame, N/m: entries of all edges side by side, column by column.
+    own: [[f64; 6]; 9],
+    /// In space, N/m: the entries of each edge at [`LOWER`].
+    turned: [[f64; 6]; 6],
 }
+
+/// Row and column of the entries that a Cholesky factor is made of.
+const LOWER: [[usize; 2]; 6] = [[0, 0], [1, 0], [2, 0], [1, 1], [2, 1], [2, 2]];
 
 /// Edge `k` of the element at `at` among those that are not void.
 #[derive(Clone, Copy, Default)]
@@ -51,18 +60,31 @@ impl Stencil {
     fn new(element: &Element, is_void: bool, is_mixed: bool) -> Self {
         let Element { vertices, geometry, elasticity, rotation, .. } = *element;
         let own = own_stiffness(element, is_mixed);
-        let turned = turned(&own, &rotation);
-        Self { vertices, is_void, geometry, elasticity, rotation, own, turned }
+        let own = from_fn(|entry| own.map(|own| own[entry]));
+        Self { vertices, is_void, geometry, elasticity, rotation, own, turned: [[0.0; 6]; 6] }
     }
 
-    /// Turns it; whether it has been turned so before.
-    fn turn(&mut self, rotation: &Matrix3<f64>) -> bool {
-        let is_same = self.rotation == *rotation;
-        if !is_same {
-            self.rotation = *rotation;
-            self.turned = turned(&self.own, rotation);
+    /// R A Rᵀ with plain loops, which the compiler brings to the vector unit that its caller was chosen for.
+    #[inline(always)]
+    fn turn(&mut self) {
+        let r = &self.rotation;
+        let mut half = [[0.0; 6]; 9];
+        for row in 0..3 {
+            for column in 0..3 {
+                let [a, b, c] = [0, 1, 2].map(|m| &self.own[3 * column + m]);
+                for k in 0..6 {
+                    half[3 * column + row][k] =
+                        r[(row, 0)] * a[k] + r[(row, 1)] * b[k] + r[(row, 2)] * c[k];
+                }
+            }
         }
-        is_same
+        for (entry, [row, column]) in LOWER.into_iter().enumerate() {
+            let [a, b, c] = [0, 1, 2].map(|m| &half[3 * m + row]);
+            for k in 0..6 {
+                self.turned[k][entry] =
+                    a[k] * r[(column, 0)] + b[k] * r[(column, 1)] + c[k] * r[(column, 2)];
+            }
+        }
     }
 }
 
@@ -84,10 +106,6 @@ fn own_stiffness(element: &Element, is_mixed: bool) -> [Matrix3<f64>; 6] {
     })
 }
 
-fn turned(own: &[Matrix3<f64>; 6], rotation: &Matrix3<f64>) -> [Matrix3<f64>; 6] {
-    own.map(|own| rotation * own * rotation.transpose())
-}
-
 impl Stencils {
     /// Brings them to the mesh, the material and the rotations of `state`; whether they were there already.
     ///
@@ -99,13 +117,14 @@ impl Stencils {
             self.kept.clear();
         }
         let mut is_same_mesh = self.kept.len() == elements.len();
-        let mut is_same_body = is_same_mesh;
+        self.turning.clear();
         self.kept.truncate(elements.len());
         for (number, element) in elements.iter().enumerate() {
             let is_void = state.is_void(element.tet);
             let made = || Stencil::new(element, is_void, is_mixed);
             let Some(kept) = self.kept.get_mut(number) else {
                 self.kept.push(made());
+                self.turning.push(number);
                 continue;
             };
             let is_same_place = kept.vertices == element.vertices && kept.is_void == is_void;
@@ -113,15 +132,24 @@ impl Stencils {
             let is_same_stiffness = is_same_place
                 && kept.geometry == element.geometry
                 && kept.elasticity == element.elasticity;
-            if !is_same_stiffness {
-                *kept = made();
+            if is_same_stiffness && kept.rotation == element.rotation {
+                continue;
             }
-            is_same_body &= is_same_stiffness & kept.turn(&element.rotation);
+            match is_same_stiffness {
+                true => kept.rotation = element.rotation,
+                false => *kept = made(),
+            }
+            self.turning.push(number);
         }
+        Arch::new().dispatch(|| {
+            for &number in &self.turning {
+                self.kept[number].turn();
+            }
+        });
         if !is_same_mesh {
             self.find_edges(state.positions().len());
         }
-        is_same_body
+        is_same_mesh && self.turning.is_empty()
     }
 
     /// Finds the bumps of `kept`, whose vertex numbers are below `vertices`.
@@ -172,9 +200,15 @@ impl Stencils {
         &self.around[self.starts[bump]..self.starts[bump + 1]]
     }
 
-    /// Σ ∫ G(∇φ)ᵀ D G(∇φ) over the elements around a bump, in space, N/m.
+    /// Σ ∫ G(∇φ)ᵀ D G(∇φ) over the elements around a bump, in space, N/m; zero above its diagonal.
     pub fn stiffness(&self, bump: usize) -> Matrix3<f64> {
-        let edges = &self.edges[self.starts[bump]..self.starts[bump + 1]];
-        edges.iter().map(|edge| self.kept[self.solids[edge.at]].turned[edge.k]).sum()
+        let mut sums = [0.0; 6];
+        for edge in &self.edges[self.starts[bump]..self.starts[bump + 1]] {
+            let turned = &self.kept[self.solids[edge.at]].turned[edge.k];
+            sums.iter_mut().zip(turned).for_each(|(sum, entry)| *sum += entry);
+        }
+        let mut stiffness = Matrix3::zeros();
+        LOWER.into_iter().zip(sums).for_each(|([row, column], sum)| stiffness[(row, column)] = sum);
+        stiffness
     }
 }
