@@ -194,7 +194,9 @@ impl Stencils {
             .for_each(|bucket| bucket.sort_unstable_by_key(|edge| (edge.ends[1], edge.at)));
         of.clear();
         of.resize(solids.len(), [0; 6]);
-        (ends.clear(), starts.clear(), around.clear());
+        ends.clear();
+        starts.clear();
+        around.clear();
         for (number, &Edge { ends: edge, at, k }) in edges.iter().enumerate() {
             if ends.last() != Some(&edge) {
                 ends.push(edge);
