@@ -1,5 +1,7 @@
 //! `goal`: what a bump on every edge would change of one figure.
 
+use std::cell::RefCell;
+
 use super::bumps::{Bumps, OVER_GAIN, Weight};
 use super::ring::{Indicator, RingMember};
 use super::sight::{Measured, Sight};
@@ -15,8 +17,10 @@ use super::sight::{Measured, Sight};
 ///
 /// Source: Becker and Rannacher, Acta Numerica 10, 2001; with bumps in place of weighted jumps as in
 /// Bank and Smith, SIAM J. Numer. Anal. 30(4), 1993.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Goal;
+#[derive(Default)]
+pub struct Goal {
+    bumps: RefCell<Bumps>,
+}
 
 impl Indicator for Goal {
     fn name(&self) -> &'static str {
@@ -32,7 +36,7 @@ impl Indicator for Goal {
     }
 
     fn elements(&self, sight: &Sight<'_>) -> Option<Measured> {
-        Some(Bumps::new(sight.body).measure(sight, Weight::Goal))
+        Some(self.bumps.borrow_mut().measure(sight, Weight::Goal))
     }
 
     fn estimates(&self) -> bool {

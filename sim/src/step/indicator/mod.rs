@@ -1,5 +1,6 @@
 //! What asks for refinement: a swappable stage. Open `ring` first, it holds the trait; `sight` is
-//! what one that looks at the whole body sees, `bumps` what `residual` and `goal` measure there.
+//! what one that looks at the whole body sees, `bumps` what `residual` and `goal` measure there,
+//! `stencils` what of it lasts from step to step.
 
 mod bumps;
 mod energy;
@@ -8,6 +9,7 @@ mod residual;
 mod ring;
 mod rotation;
 mod sight;
+mod stencils;
 mod volume;
 
 use crate::error::SimError;
@@ -29,8 +31,8 @@ pub const CHOICES: &[&str] = &["energy", "residual", "goal", "volume", "rotation
 pub fn by_name(name: &str) -> Result<Box<dyn Indicator>, SimError> {
     match name {
         "energy" => Ok(Box::new(Energy)),
-        "residual" => Ok(Box::new(Residual)),
-        "goal" => Ok(Box::new(Goal)),
+        "residual" => Ok(Box::<Residual>::default()),
+        "goal" => Ok(Box::<Goal>::default()),
         "volume" => Ok(Box::new(Volume)),
         "rotation" => Ok(Box::new(Rotation)),
         _ => Err(SimError::UnknownIndicator(name.into(), CHOICES)),

@@ -33,6 +33,7 @@ pub struct Dual {
 }
 
 /// What an indicator says of all elements.
+#[derive(Clone, Debug)]
 pub struct Measured {
     /// By element, in the order of [`BodyState::elements`].
     pub values: Vec<f64>,
