@@ -16,6 +16,8 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Writes a commented scene for an image, which runs as it is.
+    Init(InitArguments),
     /// Runs a scene and writes frames, a table of steps and a summary.
     ///
     /// Exits 0 if every step converged, 1 if some did not (all is written), 2 if it was refused.
@@ -51,8 +53,8 @@ pub struct RunArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Number of steps, as --set time.steps=N.
-    #[arg(long, value_name = "N")]
-    pub steps: Option<usize>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub steps: Option<i64>,
     /// Replaces the results of an earlier run in DIR; other files there stay.
     #[arg(long)]
     pub force: bool,
@@ -60,6 +62,18 @@ pub struct RunArguments {
 
 /// The scene of a command that names none.
 pub const DEFAULT_SCENE: &str = "liver";
+
+#[derive(Debug, Args)]
+pub struct InitArguments {
+    /// A label map or a CT in Hounsfield units (NIfTI, NRRD, MetaImage).
+    pub image: PathBuf,
+    /// The scene to write.
+    #[arg(long, value_name = "FILE.toml", default_value = "scene.toml")]
+    pub out: PathBuf,
+    /// Replaces a file that is there.
+    #[arg(long)]
+    pub force: bool,
+}
 
 #[derive(Debug, Args)]
 pub struct PlanArguments {
