@@ -4,6 +4,7 @@ mod atomic_file;
 mod fields;
 #[cfg(feature = "gmsh")]
 mod msh;
+mod resolved;
 mod run_directory;
 mod steps_csv;
 mod vtu;

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
+use super::resolved::resolved;
 use crate::SimError;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
 use crate::output::{fields, steps_csv, write_file, write_json, write_vtu};
-use crate::report::{Fields, Frame, StepReport, Summary};
+use crate::report::{Fields, Frame, PlanRow, StepReport, Summary};
 use crate::scene::Scene;
 
 const SCENE: &str = "scene.toml";
@@ -58,12 +59,14 @@ impl RunDirectory {
         Ok(Self { target: target.into(), aside, steps, has_header: false, frames, others, made })
     }
 
-    /// Writes the scene with all defaults and overrides filled in.
+    /// Writes the scene with all defaults and overrides filled in, and the names of stages that are
+    /// not built in as its run's `plan` has them: such a scene is refused where they are missing.
     /// # Errors
     /// [`SimError::Io`].
-    pub fn write_scene(&mut self, scene: &Scene) -> Result<(), SimError> {
+    pub fn write_scene(&mut self, scene: &Scene, plan: &[PlanRow]) -> Result<(), SimError> {
         let path = self.aside.join(SCENE);
-        let text = toml::to_string(scene).map_err(|error| at(&path)(io::Error::other(error)))?;
+        let text = toml::to_string(&resolved(scene, plan))
+            .map_err(|error| at(&path)(io::Error::other(error)))?;
         write_file(&path, text)
     }
 
@@ -329,7 +332,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let target = root.path().join("runs/liver");
         let mut run = RunDirectory::create(&target, false).unwrap();
-        run.write_scene(&crate::scene_file::load("beam", &[]).unwrap().0).unwrap();
+        run.write_scene(&crate::scene_file::load("beam", &[]).unwrap().0, &[]).unwrap();
         run.write_frame(&frame(0.0), 0).unwrap();
         run.write_frame(&frame(0.1), 12).unwrap();
         assert_eq!(run.finish().unwrap(), target);

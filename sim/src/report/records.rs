@@ -7,6 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::made_by::MadeBy;
 use super::tool::{ToolReport, ToolSummary};
 use crate::body::BodySummary;
 
@@ -21,6 +22,17 @@ pub struct PlanRow {
     pub runs: bool,
     /// Why, in words.
     pub why: String,
+}
+
+/// Begins what is odd in the words of a plan; it goes on to their end or to the next one.
+pub(crate) const WARNING: &str = "WARNING: ";
+
+impl PlanRow {
+    /// What is odd, each with the stage before it.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        let odd = self.why.split(WARNING).skip(1);
+        odd.map(|words| format!("{}: {}", self.stage, words.trim_end_matches("; ")))
+    }
 }
 
 /// Wall-clock times of one step by stage, ms.
@@ -149,9 +161,11 @@ pub struct SurfaceSummary {
     pub volume_end_m3: f64,
 }
 
-/// Smallest, typical and largest of a series of times.
+/// Mean, typical and largest of a series of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Percentiles {
+    /// Mean.
+    pub mean: f64,
     /// Median.
     pub p50: f64,
     /// 99th percentile.
@@ -161,7 +175,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Nearest-rank percentiles; zeros for an empty series.
+    /// Mean and nearest-rank percentiles; zeros for an empty series.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -170,7 +184,8 @@ impl Percentiles {
             let at = ((p * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
             sorted.get(at).copied().unwrap_or(0.0)
         };
-        Self { p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        Self { mean, p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
     }
 }
 
@@ -301,6 +316,9 @@ pub struct Summary {
     pub scene: String,
     /// Its seed.
     pub seed: u64,
+    /// The program that ran and how it was called, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub made_by: Option<MadeBy>,
     /// What ran, what did not, and why.
     pub plan: Vec<PlanRow>,
     /// What the body was made of: `image`, `domain` and `label_refinement` in JSON. None of it for
@@ -326,6 +344,9 @@ pub struct Summary {
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,
+    /// What is not as the scene asked for, or odd, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Wall-clock time from the scene to the first step, s: image, labels, homogenising, start mesh,
     /// inverse.
     pub setup_s: f64,
