@@ -126,7 +126,7 @@ fn a_run_writes_its_directory() {
 
     let last = grid(&bench, "runs/bar/frames/step_000003.vtu");
     assert_eq!(last.points.len() as u64, 3 * end);
-    assert_eq!(names(&last.data.point), ["displacement"]);
+    assert_eq!(names(&last.data.point), ["displacement_mm"]);
     let cell = ["indicator", "label", "level", "von_mises_pa", "young_modulus_pa"];
     assert_eq!(names(&last.data.cell), cell);
     let collection = bench.read("runs/bar/frames.pvd");

@@ -104,14 +104,13 @@ fn write_frame(
     directory: &mut RunDirectory,
     step: usize,
 ) -> Result<(), SimError> {
-    let frame = simulation.frame()?;
+    let whole = simulation.frame()?;
+    let frame = if scene.output.void { whole } else { whole.without_void() };
     directory.write_frame(&frame, step)?;
     #[cfg(feature = "gmsh")]
     if scene.output.msh {
         directory.write_msh(&frame, step)?;
     }
-    #[cfg(not(feature = "gmsh"))]
-    let _ = scene;
     Ok(())
 }
 

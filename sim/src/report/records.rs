@@ -1,6 +1,6 @@
 //! What a simulation reports: the plan, a row per step, frames and the summary.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::time::Instant;
 
@@ -129,6 +129,40 @@ pub struct Frame {
     pub indicator: Vec<f64>,
     /// Outlines of labels.
     pub surfaces: Vec<SurfaceFrame>,
+}
+
+impl Frame {
+    /// The frame without tetrahedra of label 0, most of which is void, and without points of no other;
+    /// itself if it has none of them, or nothing else.
+    pub fn without_void(self) -> Self {
+        let is_void = |label: &i64| *label == 0;
+        if !self.label.iter().any(is_void) || self.label.iter().all(is_void) {
+            return self;
+        }
+        let solid = |i: &usize| self.label[*i] != 0;
+        let kept: Vec<usize> = (0..self.tets.len()).filter(solid).collect();
+        let corners = kept.iter().flat_map(|&i| self.tets[i]).map(|corner| corner as usize);
+        let points: Vec<usize> = corners.collect::<BTreeSet<_>>().into_iter().collect();
+        let mut new = vec![0; self.points_mm.len()];
+        points.iter().zip(0..).for_each(|(&old, number)| new[old] = number);
+        Self {
+            time_s: self.time_s,
+            points_mm: picked(&self.points_mm, &points),
+            displacement_mm: picked(&self.displacement_mm, &points),
+            tets: kept.iter().map(|&i| self.tets[i].map(|corner| new[corner as usize])).collect(),
+            level: picked(&self.level, &kept),
+            label: picked(&self.label, &kept),
+            young_modulus_pa: picked(&self.young_modulus_pa, &kept),
+            von_mises_pa: picked(&self.von_mises_pa, &kept),
+            indicator: picked(&self.indicator, &kept),
+            surfaces: self.surfaces,
+        }
+    }
+}
+
+/// The entries at these places; none of an array that has none.
+fn picked<T: Copy>(values: &[T], places: &[usize]) -> Vec<T> {
+    places.iter().filter_map(|&i| values.get(i).copied()).collect()
 }
 
 /// The outline of a label at one moment, carried along by the mesh.
@@ -352,4 +386,30 @@ pub struct Summary {
     pub setup_s: f64,
     /// Wall-clock time of everything, s.
     pub wall_s: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn void_leaves_a_frame_with_the_points_of_its_own() {
+        let frame = Frame {
+            points_mm: (0..6).map(|i| [f64::from(i); 3]).collect(),
+            displacement_mm: vec![[0.0; 3]; 6],
+            tets: vec![[0, 1, 2, 3], [5, 2, 3, 4]],
+            level: vec![1, 2],
+            label: vec![0, 7],
+            young_modulus_pa: vec![1.0, 2.0],
+            von_mises_pa: vec![3.0, 4.0],
+            ..Frame::default()
+        };
+        let kept = frame.clone().without_void();
+        assert_eq!(kept.points_mm, [[2.0; 3], [3.0; 3], [4.0; 3], [5.0; 3]]);
+        assert_eq!((&kept.tets[..], &kept.label[..]), (&[[3, 0, 1, 2]][..], &[7][..]));
+        assert_eq!((&kept.level[..], &kept.von_mises_pa[..]), (&[2][..], &[4.0][..]));
+        assert!(kept.indicator.is_empty() && kept.displacement_mm.len() == 4);
+        let all = Frame { label: vec![0, 0], ..frame };
+        assert_eq!(all.clone().without_void().tets, all.tets);
+    }
 }

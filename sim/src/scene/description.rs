@@ -363,6 +363,9 @@ pub struct Solver {
 pub struct Output {
     /// A frame every so many steps (and at the start and the end); 0 for none.
     pub frames_every: usize,
+    /// Tetrahedra of a frame that are void for the most part, too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub void: bool,
     /// Every frame as a Gmsh mesh (.msh) too.
     pub msh: bool,
     /// Fields on the image's grid at the end, as NIfTI.
@@ -434,6 +437,7 @@ impl Default for Output {
     fn default() -> Self {
         Self {
             frames_every: 5,
+            void: false,
             msh: false,
             field: false,
             surface_level: None,
