@@ -565,6 +565,11 @@ fn wrong_usage() {
     let bench = bar();
     bench.refused(&["run", "--stesp", "3"], &["'--stesp'", "'--steps'"]);
     bench.refused(&["rum"], &["'rum'"]);
+    bench.refused(&["liver"], &["did you mean `yawara run liver`?"]);
+    bench.refused(&["bar.toml", "--steps", "2"], &["`yawara run bar.toml --steps 2`"]);
+    bench.refused(&["--out", "here"], &["did you mean `yawara run --out here`?"]);
+    bench.write("ct.nii", Nifti::cube(1).bytes());
+    bench.refused(&["ct.nii"], &["`yawara init ct.nii`, then `yawara run scene.toml`"]);
     bench.refused(&["run", "--steps", "many"], &["many"]);
     bench.refused(&["run", "bar.toml", "--steps", "-1"], &["time.steps is -1", "at least 0"]);
     for broken in ["image.size_mm=[40, 20", "tools.0={ kind = 'grab' region", "name='bar"] {

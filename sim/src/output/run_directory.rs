@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
+use super::partial;
 use super::resolved::resolved;
 use crate::SimError;
 #[cfg(feature = "gmsh")]
@@ -47,10 +48,14 @@ impl RunDirectory {
     pub fn create(target: &Path, force: bool) -> Result<Self, SimError> {
         let exists = inspect(target, force)?;
         let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let partial = format!(".{name}.{}.partial", std::process::id());
+        let partial = partial::name(&name);
         // Inside a directory that exists (it may be a mount point), beside one that does not.
         let aside = if exists { target.join(partial) } else { target.with_file_name(partial) };
         let made = Made::new(&aside)?;
+        if !exists {
+            // A name that the system does not take is refused before the work, not after it.
+            fs::create_dir(target).and_then(|()| fs::remove_dir(target)).map_err(at(target))?;
+        }
         let path = aside.join(FRAMES);
         fs::create_dir(&path).map_err(at(&path))?;
         let path = aside.join(STEPS);
@@ -394,11 +399,18 @@ mod tests {
     #[test]
     fn parents_made_for_a_run_that_can_not_begin_are_removed() {
         let root = tempfile::tempdir().unwrap();
-        // Valid itself, but too long for the system with the suffix of the directory aside.
-        let target = root.path().join("new/deep").join("n".repeat(250));
+        let target = root.path().join("new/deep").join("n".repeat(250)).join("n".repeat(300));
         let error = RunDirectory::create(&target, false).unwrap_err();
         assert!(matches!(error, SimError::Io(..)), "{error}");
         assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
+    fn a_name_as_long_as_the_system_takes_is_taken() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("n".repeat(250));
+        let run = RunDirectory::create(&target, false).unwrap();
+        assert_eq!(run.finish().unwrap(), target);
     }
 
     #[test]
