@@ -8,6 +8,8 @@ use yawara_embed::EmbedError;
 use yawara_inverse_update::InverseError;
 use yawara_mesh::{BisectionError, ImageError, SurfaceError, TetMeshError};
 
+use crate::body::LabelVoxels;
+
 /// Why a scene was refused or a run ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -83,13 +85,42 @@ pub enum SimError {
     /// after smoothing.
     #[error("{0}: no voxel lies in a range of [[materials]]; its values go from {1} to {2}")]
     NothingInRange(String, f32, f32),
-    /// A label of the image that the scene says nothing about: the label as in the image, the image,
-    /// how many voxels have it.
+    /// Labels of the image that the scene says nothing about.
     #[error(
-        "label {0} occurs in {1} ({2} voxels) but [[materials]] has no entry for it \
-         (nor one with other = true, and image.ignore_labels does not name it)"
+        "{image}: {} but [[materials]] has no entry for them; make them void with --set \
+         'image.ignore_labels=[{}]' or give all others one material with --set \
+         'materials.{entries}={{ other = true, young_modulus_pa = 8e3, poisson_ratio = 0.45 }}'",
+        in_words(labels),
+        numbers(labels)
     )]
-    LabelWithoutMaterial(i64, String, u64),
+    LabelsWithoutMaterial {
+        /// The image.
+        image: String,
+        /// The labels as in the image.
+        labels: Vec<LabelVoxels>,
+        /// How many entries `[[materials]]` has.
+        entries: usize,
+    },
+    /// An image of intensities, as it seems, that was read as a label map: the image, how many labels
+    /// have no material, the smallest and the largest.
+    #[error(
+        "{0} does not look like a label map: {1} different values from {2} to {3} have no entry in \
+         [[materials]]; if it is a CT, give the materials a range each (as the scene abdomen_ct \
+         does) in place of a label"
+    )]
+    IntensitiesAsLabels(String, usize, i64, i64),
+    /// A body of a size that is most likely a mistake of units: the image, and its edges, mm.
+    #[error(
+        "{image}: the body is {} x {} x {} mm across, want a longest side of 1 mm to 5 m; say with \
+         --set image.unit=m (or cm, mm, um) in which unit the file's spacings are, mm to take them as \
+         they stand", size_mm[0], size_mm[1], size_mm[2]
+    )]
+    BodySize {
+        /// The image.
+        image: String,
+        /// Along right, anterior, superior.
+        size_mm: [f64; 3],
+    },
     /// Nothing holds the body: the image, and the edge of a base cell, mm.
     #[error(
         "nothing of {0} is fixed: no region in [[fixed]] holds three vertices off one line \
@@ -220,6 +251,19 @@ pub enum SimError {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] yawara_gpu::GpuError),
+}
+
+/// Labels with their voxels.
+fn in_words(labels: &[LabelVoxels]) -> String {
+    let words: Vec<String> = labels
+        .iter()
+        .map(|LabelVoxels { label, voxels }| format!("label {label} ({voxels} voxels)"))
+        .collect();
+    format!("{} occur{}", words.join(", "), if labels.len() == 1 { "s" } else { "" })
+}
+
+fn numbers(labels: &[LabelVoxels]) -> String {
+    labels.iter().map(|one| one.label.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 impl SimError {

@@ -172,6 +172,63 @@ fn label_without_material() {
     image_spoilt(|image| image.voxels[100..110].fill(7), &["label 7", "10 voxels", "materials"]);
 }
 
+/// All labels are named at once, with what to give.
+#[test]
+fn labels_without_material() {
+    let spoil = |image: &mut Nifti| {
+        image.voxels[100..110].fill(7);
+        image.voxels[110..112].fill(9);
+    };
+    let paste = ["image.ignore_labels=[7, 9]", "materials.1={ other = true, young_modulus_pa"];
+    image_spoilt(spoil, &["label 7 (10 voxels), label 9 (2 voxels)", paste[0], paste[1]]);
+}
+
+/// Hounsfield units as labels.
+#[test]
+fn intensities_given_as_labels() {
+    let mut image = Nifti::cube(1);
+    image.i16(70, 256);
+    image.voxels = (0..512).map(|v| (v % 100) as u8 ^ 0x80).collect();
+    image_refused(&image.bytes(), &["does not look like a label map", "-128 to", "range"]);
+}
+
+/// A header in another unit than it says.
+#[test]
+fn body_of_a_wrong_size() {
+    let resized = |edge: f32| {
+        let mut image = Nifti::cube(1);
+        for i in 0..3 {
+            image.f32(80 + 4 * i, edge).f32(280 + 20 * i, edge);
+        }
+        image.bytes()
+    };
+    let bench = Workbench::new();
+    bench.write(
+        "bar.toml",
+        BAR.replace("phantom = \"block\"\nsize_mm = [40, 20, 20]\nvoxel_mm = 5", ""),
+    );
+    bench.write("m.nii", resized(0.005)).write("um.nii", resized(5000.0));
+    for (file, size, unit) in
+        [("m.nii", "0.04 x 0.04 x 0.04 mm", "m"), ("um.nii", "40000 x 40000 x 40000 mm", "um")]
+    {
+        let image = format!("image.path={file}");
+        let set = ["--set", &image[..], "--set", "mesh.base_mm=10"];
+        bench.refused(&run_with(&set), &[file, size, "image.unit=m", "1 mm to 5 m"]);
+        let unit = format!("image.unit={unit}");
+        let plan = bench.succeed(&[&["plan", "bar.toml"], &set[..], &["--set", &unit]].concat());
+        assert!(plan.contains("body of 40 x 40 x 40 mm"), "{plan}");
+    }
+    // Taken as it stands.
+    bench.write("small.nii", resized(0.1));
+    let set = ["--set", "image.path=small.nii", "--set", "mesh.base_mm=0.2"];
+    bench.refused(&run_with(&set), &["0.8 x 0.8 x 0.8 mm"]);
+    let plan = [&["plan", "bar.toml"], &set[..], &["--set", "image.unit=mm"]].concat();
+    assert!(bench.succeed(&plan).contains("body of 0.8 x 0.8 x 0.8 mm"));
+    bar().refused(&run_with(&["--set", "image.unit=mm"]), &["image.unit", "image.path"]);
+    bench.refused(&run_with(&["--set", "image.unit=inch"]), &["image.unit", "um"]);
+    bar().refused(&run_with(&["--set", "mesh.base_mm=1e9"]), &["mesh.base_mm is 1000000000", "80"]);
+}
+
 /// The scene's organ is not in the volume at all.
 #[test]
 fn organ_that_misses_the_volume() {
@@ -508,7 +565,17 @@ fn wrong_usage() {
     let bench = bar();
     bench.refused(&["run", "--stesp", "3"], &["'--stesp'", "'--steps'"]);
     bench.refused(&["rum"], &["'rum'"]);
+    bench.refused(&["liver"], &["did you mean `yawara run liver`?"]);
+    bench.refused(&["bar.toml", "--steps", "2"], &["`yawara run bar.toml --steps 2`"]);
+    bench.refused(&["--out", "here"], &["did you mean `yawara run --out here`?"]);
+    bench.write("ct.nii", Nifti::cube(1).bytes());
+    bench.refused(&["ct.nii"], &["`yawara init ct.nii`, then `yawara run scene.toml`"]);
     bench.refused(&["run", "--steps", "many"], &["many"]);
+    bench.refused(&["run", "bar.toml", "--steps", "-1"], &["time.steps is -1", "at least 0"]);
+    for broken in ["image.size_mm=[40, 20", "tools.0={ kind = 'grab' region", "name='bar"] {
+        let set = ["run", "bar.toml", "--set", broken];
+        bench.refused(&set, &["--set", broken, "no TOML value"]);
+    }
     bench.refused(&["run", "bar.toml", "--set", "steps"], &["--set steps", "KEY=VALUE"]);
     bench.refused(&["mesh", "phantom", "--out", "a.txt"], &["a.txt", ".vtu"]);
     bench

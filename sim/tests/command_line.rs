@@ -113,9 +113,20 @@ fn a_run_writes_its_directory() {
     let seconds = |key: &str| summary[key].as_f64().unwrap();
     assert!(seconds("setup_s") > 0.0 && seconds("setup_s") < seconds("wall_s"));
 
+    let made_by = &summary["made_by"];
+    assert_eq!(made_by["version"], env!("CARGO_PKG_VERSION"));
+    assert!(["debug", "release"].contains(&made_by["profile"].as_str().unwrap()));
+    assert!(made_by["threads"].as_u64().unwrap() > 0);
+    assert!(made_by["features"].is_array() && made_by["host"].is_string());
+    assert_eq!(made_by["command"][1], "run");
+    let times = &summary["steps"]["time_ms"];
+    let (mean, worst) = (times["mean"].as_f64().unwrap(), times["max"].as_f64().unwrap());
+    assert!(mean > 0.0 && mean <= worst);
+    assert!(text.contains("on average, median"), "{text}");
+
     let last = grid(&bench, "runs/bar/frames/step_000003.vtu");
     assert_eq!(last.points.len() as u64, 3 * end);
-    assert_eq!(names(&last.data.point), ["displacement"]);
+    assert_eq!(names(&last.data.point), ["displacement_mm"]);
     let cell = ["indicator", "label", "level", "von_mises_pa", "young_modulus_pa"];
     assert_eq!(names(&last.data.cell), cell);
     let collection = bench.read("runs/bar/frames.pvd");
@@ -160,6 +171,36 @@ fn steps_that_do_not_converge_are_written_and_exit_with_1() {
     assert!(text.contains("3 of 3 steps did not converge"), "{text}");
     let summary: Value = serde_json::from_str(&bench.read("runs/bar/summary.json")).unwrap();
     assert_eq!(summary["steps"]["converged"], 0);
+}
+
+/// A solver without pressures takes them from the element.
+#[test]
+fn another_element_because_of_the_equilibrium_is_a_warning() {
+    let bench = bar();
+    let mut run = vec!["run", "bar.toml", "--set", "materials.0.poisson_ratio=0.45"];
+    assert!(!bench.succeed(&run).contains("WARNING"));
+    run.extend(["--force", "--set", "stages.equilibrium=lbfgs"]);
+    let output = bench.run(&run);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let warning = text.lines().find(|line| line.starts_with("warning")).unwrap();
+    assert!(warning.contains("element: it locks") && warning.contains("p1p1"), "{warning}");
+}
+
+/// Of an image the hash is kept.
+#[test]
+#[cfg(feature = "nifti")]
+fn the_summary_has_the_hash_of_the_image() {
+    let bench = bar();
+    let image = workbench::Nifti::cube(1).bytes();
+    bench.write("a.nii", &image);
+    bench.succeed(&["run", "bar.toml", "--set", "image.path=a.nii"]);
+    let summary: Value = serde_json::from_str(&bench.read("runs/bar/summary.json")).unwrap();
+    let hash = summary["image"]["sha256"].as_str().unwrap().to_owned();
+    assert!(hash.len() == 64 && hash.bytes().all(|b| b.is_ascii_hexdigit()), "{hash}");
+    bench.write("a.nii", [&image[..image.len() - 1], &[0]].concat());
+    bench.succeed(&["run", "bar.toml", "--set", "image.path=a.nii", "--force"]);
+    let summary: Value = serde_json::from_str(&bench.read("runs/bar/summary.json")).unwrap();
+    assert_ne!(summary["image"]["sha256"], hash);
 }
 
 #[test]

@@ -143,7 +143,7 @@ impl VtuMesh {
             |flat: Vec<f64>| flat.chunks_exact(3).map(Vector3::from_column_slice).collect();
         Self {
             points: vectors(piece.points.into_vec().unwrap()),
-            displacement: vectors(take("displacement").into_vec().unwrap()),
+            displacement: vectors(take("displacement_mm").into_vec().unwrap()),
             tets: connectivity
                 .chunks_exact(4)
                 .map(|tet| [tet[0], tet[1], tet[2], tet[3]].map(|v| v as usize))
@@ -428,7 +428,8 @@ fn labels_are_exported_as_a_scene_uses_them() {
 #[test]
 fn fields_lie_on_the_grid_of_the_image_at_rest() {
     let bench = ct();
-    let set = ["--set", "output.field=true", "--set", "mesh.start_level=0"];
+    let set = ["output.field=true", "output.void=true", "mesh.start_level=0"];
+    let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
     bench.succeed(&[&["run", "ct.toml"][..], &set].concat());
     let mesh = VtuMesh::read(&bench.path("runs/ct/frames/step_000001.vtu"));
     let field =

@@ -59,7 +59,7 @@ fn run(name: &str) -> Run {
     let folder = tempfile::tempdir().unwrap();
     let mut directory = RunDirectory::create(&folder.path().join(name), false).unwrap();
     let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
-    directory.write_scene(&scene).unwrap();
+    directory.write_scene(&scene, simulation.plan()).unwrap();
     let mut values = Sha256::new();
     let (mut iterations, mut displacement) = (0, 0.0_f64);
     let mut write = |simulation: &Simulation, directory: &mut RunDirectory, step| {

@@ -33,6 +33,14 @@ impl ByteStream {
         Ok(Self { path: path.into(), source: Box::new(source), left: Some(length) })
     }
 
+    /// Whether nothing is left.
+    fn at_end(&mut self) -> Result<bool, ImageError> {
+        match self.source.fill_buf() {
+            Ok(bytes) => Ok(bytes.is_empty()),
+            Err(error) => Err(self.failure(error)),
+        }
+    }
+
     /// Whether the next bytes are these (at most a buffer's worth).
     pub fn starts_with(&mut self, magic: &[u8]) -> Result<bool, ImageError> {
         match self.source.fill_buf() {
@@ -49,14 +57,16 @@ impl ByteStream {
 
     /// The rest, as the content of a zlib stream.
     pub fn inflate_zlib(self) -> Self {
-        let source = Box::new(BufReader::new(ZlibDecoder::new(self.source)));
+        let source = Box::new(BufReader::new(WholeZlib(ZlibDecoder::new(self.source))));
         Self { path: self.path, source, left: None }
     }
 
-    /// At most `bytes` more of a plain file.
-    pub fn limited(self, bytes: u64) -> Self {
-        let left = self.left.map(|left| left.min(bytes));
-        Self { path: self.path, source: Box::new(self.source.take(bytes)), left }
+    /// That no more than `bytes` are left of a plain file.
+    pub fn check_rest(&self, bytes: u64) -> Result<(), ImageError> {
+        match self.left {
+            Some(left) if left > bytes => Err(self.too_long(bytes)),
+            _ => Ok(()),
+        }
     }
 
     /// Up to `want` bytes, fewer only at the end of the file.
@@ -122,22 +132,16 @@ impl ByteStream {
         }
     }
 
-    /// The `want` bytes of all voxels. What follows them is left alone, with a warning: some
-    /// writers pad their files.
+    /// The `want` bytes of all voxels, which must be the last ones. Looking for one more makes an
+    /// inflater check sum and length of its stream.
     pub fn voxel_bytes(&mut self, want: u64) -> Result<Vec<u8>, ImageError> {
         self.check_length(0, want)?;
         let bytes = self.take(want)?;
         if (bytes.len() as u64) < want {
             return Err(self.length_error(VOXEL_DATA, bytes.len() as u64, want));
         }
-        // Looking for the byte after the last makes an inflater verify its checksum.
-        match self.source.fill_buf() {
-            Ok([]) => {}
-            Ok(_) => {
-                let path = self.path.display();
-                tracing::warn!("{path}: more bytes follow the {want} of the voxels; left unread");
-            }
-            Err(error) => return Err(self.failure(error)),
+        if !self.at_end()? {
+            return Err(self.too_long(want));
         }
         Ok(bytes)
     }
@@ -145,6 +149,10 @@ impl ByteStream {
     /// An error that tells how many bytes are missing.
     pub fn length_error(&self, part: &'static str, found: u64, want: u64) -> ImageError {
         ImageError::in_file(&self.path)(ImageError::Length { part, found, want })
+    }
+
+    fn too_long(&self, want: u64) -> ImageError {
+        ImageError::in_file(&self.path)(ImageError::TooLong { unit: "bytes", want })
     }
 
     fn consumed(&mut self, bytes: u64) {
@@ -158,6 +166,20 @@ impl ByteStream {
     fn failure(&self, source: io::Error) -> ImageError {
         let kind = if self.left.is_some() { ImageError::Io } else { ImageError::Inflate };
         ImageError::in_file(&self.path)(kind(source))
+    }
+}
+
+/// A zlib stream that must be all of its source.
+struct WholeZlib(ZlibDecoder<Box<dyn BufRead>>);
+
+impl Read for WholeZlib {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.0.read(buffer)?;
+        if read == 0 && !buffer.is_empty() && !self.0.get_mut().fill_buf()?.is_empty() {
+            let problem = "more bytes follow the end of the zlib stream";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, problem));
+        }
+        Ok(read)
     }
 }
 

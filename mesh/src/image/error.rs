@@ -42,6 +42,13 @@ pub enum ImageError {
          header is damaged"
     )]
     Length { part: &'static str, found: u64, want: u64 },
+    /// More bytes (inflated, where the file is compressed), or numbers as text, than the header
+    /// announces.
+    #[error(
+        "the voxel data go on after {want} {unit}, which are all by the header; the file or its \
+         header is damaged, or something was appended"
+    )]
+    TooLong { unit: &'static str, want: u64 },
     /// A file that looks like none of the image formats, by its first bytes.
     #[error(
         "starts with {0}: no NIfTI-1, NRRD, MetaImage or DICOM image, and the name ends in none \

@@ -39,15 +39,14 @@ const UNITS: &[(&[&str], f64)] = &[(&["mm", "?"], 1.0), (&["um"], 0.001), (&["cm
 /// it, whatever `AnatomicalOrientation` says; the first three numbers of `TransformMatrix` are
 /// the direction of the first axis. `ElementSize` stands in for a missing `ElementSpacing`. Byte
 /// order is little-endian unless given; `DistanceUnits` may be um, mm and cm, mm unless given.
-/// `ElementToIntensityFunctionSlope` and `…Offset` are applied. Bytes after the voxels are left
-/// unread, with a warning.
+/// `ElementToIntensityFunctionSlope` and `…Offset` are applied.
 ///
 /// Cost: O(voxels); at most two copies of the stored bytes.
 ///
 /// # Errors
 /// [`ImageError`] that names the file and the line: no image, an element type that is not read,
 /// several channels, a list or pattern of data files, or one in another folder; no spacing;
-/// fewer bytes than the header announces; those of [`RawVolume::new`].
+/// fewer or more bytes than the header announces; those of [`RawVolume::new`].
 /// # Source
 /// <https://itk.org/Wiki/ITK/MetaIO/Documentation>.
 pub fn read_metaimage(path: &Path) -> Result<RawVolume, ImageError> {
@@ -76,7 +75,7 @@ fn read(path: &Path) -> Result<RawVolume, ImageError> {
     let voxels = if flag(header.require("BinaryData")?)? {
         Voxels::decode(kind, big_endian, &binary(&header, stream, want)?)
     } else {
-        Voxels::parse(path, kind, count as usize, &stream.take(u64::MAX)?)?
+        Voxels::parse(kind, count as usize, &stream.take(u64::MAX)?)?
     };
     RawVolume::new(path, dims.map(|d| d as usize), &affine, scale, voxels)
 }
@@ -171,7 +170,7 @@ fn binary(header: &TextHeader, mut stream: ByteStream, want: u64) -> Result<Vec<
     if compressed {
         if let Some(field) = header.get("CompressedDataSize") {
             let bytes: NonZero<u64> = field.parse("a whole number > 0 of bytes")?;
-            stream = stream.limited(bytes.get());
+            stream.check_rest(bytes.get())?;
         }
         let gzip = stream.starts_with(&GZIP_MAGIC)?;
         stream = if gzip { stream.inflate_gzip() } else { stream.inflate_zlib() };

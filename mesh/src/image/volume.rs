@@ -37,6 +37,15 @@ impl Grid {
         Self { dims, spacing_mm, rotation: Matrix3::identity(), origin_mm }
     }
 
+    /// The same voxels with all lengths multiplied by `factor`.
+    fn scaled(mut self, factor: f64) -> Result<Self, ImageError> {
+        self.spacing_mm *= factor;
+        self.origin_mm *= factor;
+        let voxels = self.voxel_count().unwrap_or(0);
+        self.check(voxels)?;
+        Ok(self)
+    }
+
     /// From solver coordinates (metres along the voxel axes, 0 at the corner of voxel
     /// (0, 0, 0)) to scanner RAS in mm: origin + 1000 · rotation · local.
     pub fn to_ras_mm(&self, local_m: Vector3<f64>) -> Vector3<f64> {
@@ -118,6 +127,15 @@ impl LabelVolume {
             return Err(ImageError::UnknownId { index, id: labels[index], count });
         }
         Ok(Self { grid, labels, values })
+    }
+
+    /// The same voxels with all lengths multiplied by `factor`.
+    ///
+    /// # Errors
+    /// [`ImageError::Parameter`] if the lengths are no longer finite and more than 0.
+    pub fn scaled(mut self, factor: f64) -> Result<Self, ImageError> {
+        self.grid = self.grid.scaled(factor)?;
+        Ok(self)
     }
 
     /// A volume from the original labels of the voxels (x fastest, any integers): they are
@@ -237,6 +255,15 @@ impl IntensityVolume {
             return Err(ImageError::NotFinite { index, value: values[index] });
         }
         Ok(Self { grid, values })
+    }
+
+    /// The same voxels with all lengths multiplied by `factor`.
+    ///
+    /// # Errors
+    /// [`ImageError::Parameter`] if the lengths are no longer finite and more than 0.
+    pub fn scaled(mut self, factor: f64) -> Result<Self, ImageError> {
+        self.grid = self.grid.scaled(factor)?;
+        Ok(self)
     }
 
     /// Where the voxels lie.

@@ -1,7 +1,5 @@
 //! The voxels of an image file in the type that they are stored in.
 
-use std::path::Path;
-
 use crate::image::ImageError;
 
 /// Voxels that are accepted at most, stored or resampled.
@@ -60,7 +58,6 @@ macro_rules! voxel_types {
             /// [`ImageError::TextVoxel`] for a word that is no number of the type, and where the
             /// text ends too early.
             pub fn parse(
-                path: &Path,
                 kind: VoxelType,
                 count: usize,
                 text: &[u8],
@@ -68,7 +65,7 @@ macro_rules! voxel_types {
                 match kind {
                     $(VoxelType::$variant => {
                         let want = concat!("a number of type ", stringify!($type));
-                        parse_words(path, count, text, want).map(Self::$variant)
+                        parse_words(count, text, want).map(Self::$variant)
                     })*
                 }
             }
@@ -95,7 +92,6 @@ pub(crate) fn check_count(dims: [u64; 3]) -> Result<u64, ImageError> {
 }
 
 fn parse_words<T: std::str::FromStr>(
-    path: &Path,
     count: usize,
     text: &[u8],
     want: &'static str,
@@ -116,8 +112,7 @@ fn parse_words<T: std::str::FromStr>(
         }
     }
     if words.next().is_some() {
-        let path = path.display();
-        tracing::warn!("{path}: more text follows the {count} voxels; left unread");
+        return Err(ImageError::TooLong { unit: "numbers", want: count as u64 });
     }
     Ok(voxels)
 }

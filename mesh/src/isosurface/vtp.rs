@@ -25,7 +25,7 @@ pub fn write_vtp(path: &Path, data: &SurfaceData<'_>) -> Result<(), SurfaceError
     let mut point_data = Vec::new();
     if let Some(values) = &displacement {
         let values = VtkValues::Float64(values);
-        point_data.push(VtkArray { name: "displacement", components: 3, values });
+        point_data.push(VtkArray { name: "displacement_mm", components: 3, values });
     }
     if let Some(label) = data.label {
         let values = VtkValues::Int64(label);

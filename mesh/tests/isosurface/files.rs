@@ -183,7 +183,7 @@ fn vtp_is_read_back_to_the_same_bits() {
         assert_eq!(column("points"), flat(&points));
         assert_eq!(read.columns.len(), if full { 5 } else { 3 });
         if full {
-            assert_eq!(column("displacement"), flat(&displacement));
+            assert_eq!(column("displacement_mm"), flat(&displacement));
             assert_eq!(column("label"), bits(LABELS.map(|label| label as f64)));
         }
     }

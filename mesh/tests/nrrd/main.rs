@@ -349,8 +349,8 @@ fn data_of_the_wrong_length_or_kind_are_refused() {
     let file = File::small();
     let cut = file.clone().data(file.data[..7].into());
     assert!(matches!(cut.error().problem(), ImageError::Length { found: 7, want: 8, .. }));
-    let padded = file.clone().data([&file.data[..], b"\n"].concat());
-    assert_small(&padded.labels().unwrap());
+    let long = file.clone().data([&file.data[..], b"\n"].concat());
+    assert!(matches!(long.error().problem(), ImageError::TooLong { want: 8, .. }));
     let zipped = gzip(&file.data);
     for length in 1..zipped.len() {
         let cut = file.clone().set("encoding", "gzip").data(zipped[..length].into());
@@ -361,6 +361,8 @@ fn data_of_the_wrong_length_or_kind_are_refused() {
     let error = file.clone().set("encoding", "gzip").data(damaged).error();
     assert!(matches!(error.problem(), ImageError::Inflate(_)), "{error}");
     let text = file.set("encoding", "text");
+    let long = text.clone().data(b"0 1 300 1 0".into());
+    assert!(matches!(long.error().problem(), ImageError::TooLong { want: 4, .. }));
     for (words, index) in [("0 1 40000 1", 2), ("0 1 3.5 1", 2), ("x", 0), ("0 1 2", 3)] {
         let error = text.clone().data(words.into()).error();
         assert!(

@@ -57,6 +57,16 @@ fn read(text: &str) -> Result<LoadedMesh, TetMeshError> {
 }
 
 #[test]
+fn tags_go_by_many_names() {
+    for name in ["Materials", "MATERIAL_ID", "materialids", "Labels", "Tag"] {
+        let text =
+            VTU.replace("Name=\"label\" format=\"appended\"", "Name=\"other\" format=\"appended\"");
+        let loaded = read(&text.replace("Name=\"material\"", &format!("Name=\"{name}\""))).unwrap();
+        assert_eq!(loaded.mesh.tags(), [9, 0], "{name}");
+    }
+}
+
+#[test]
 fn a_hand_written_file_is_read() {
     let loaded = read(VTU).unwrap();
     // The bytes 00 07 ff fd: 7 for the triangle, −3 for the tetrahedron.

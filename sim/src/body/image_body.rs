@@ -1,5 +1,6 @@
 //! From a scene to labels, domain, materials and the start mesh.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -10,10 +11,13 @@ use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placeme
 use super::components::{self, spans_a_plane};
 use super::image_source::ImageSource;
 use super::organ_box::OrganBox;
-use super::summary::{BodySummary, DomainSummary};
+use super::summary::{BodySummary, DomainSummary, ImageSummary};
 use super::{label_refinement, material_points};
 use crate::error::SimError;
 use crate::scene::{Region, Scene, SupportHold};
+
+/// Lengths of a body's longest side, mm.
+const SIZES_MM: RangeInclusive<f64> = 1.0..=5e3;
 
 /// What a body is made of, before anything moves.
 pub(crate) struct ImageBody {
@@ -42,7 +46,11 @@ impl ImageBody {
         let materials = source.materials(scene)?;
         let ImageSource { volume, summary: image, .. } = source;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty(image.name.clone()))?;
+        if scene.image.path.is_some() && scene.image.unit.is_none() {
+            check_size(&image, &organ)?;
+        }
         let voxel_mm = volume.grid().spacing_mm;
+        check_base(scene, &organ, voxel_mm)?;
         let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
@@ -192,6 +200,31 @@ pub(crate) fn touches_solid(volume: &LabelVolume, x: &Vector3<f64>) -> bool {
         low..end
     };
     range(2).any(|z| range(1).any(|y| range(0).any(|x| volume.get(x, y, z) != 0)))
+}
+
+/// Refuses what is no organ of any animal but an image in another unit. Voxels larger than the image make
+/// a body no larger.
+fn check_size(image: &ImageSummary, organ: &OrganBox) -> Result<(), SimError> {
+    let whole = |i: usize| image.stored_dims[i] as f64 * image.stored_voxel_mm[i];
+    let body = organ.size_mm();
+    let size_mm = [0, 1, 2].map(|i| body[i].min((whole(i) * 1e3).round() / 1e3));
+    match SIZES_MM.contains(&size_mm.into_iter().fold(0.0, f64::max)) {
+        true => Ok(()),
+        false => Err(SimError::BodySize { image: image.name.clone(), size_mm }),
+    }
+}
+
+/// A base cell may be as large as what a power of two of voxels makes of the body's longest side.
+fn check_base(scene: &Scene, organ: &OrganBox, voxel_mm: f64) -> Result<(), SimError> {
+    let longest_mm = (organ.high - organ.low).max() * 1e3;
+    let most = 2.0 * longest_mm.max(voxel_mm);
+    match scene.mesh.base_mm {
+        Some(base) if base > most => {
+            let want = format!("at most {most:.3}, twice the longest side of the body");
+            Err(SimError::value(&scene.name, "mesh.base_mm", base, want))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The power of two of voxels nearest (in ratio) to a base edge.

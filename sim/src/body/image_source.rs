@@ -1,17 +1,23 @@
 //! From an image or a phantom to labels, one material for each.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
+use sha2::{Digest, Sha256};
 use yawara_embed::{EmbedError, Material};
 use yawara_mesh::image::{
     ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
 };
 use yawara_mesh::phantom::{LiverPhantom, block, liver};
-use yawara_mesh::volume::{IntensityVolume, LabelVolume};
+use yawara_mesh::volume::{Grid, IntensityVolume, LabelVolume};
 
 use super::summary::{INTENSITIES, ImageSummary, LABELS, LabelVoxels, MaterialVoxels};
 use crate::error::SimError;
 use crate::scene::{Image, MaterialEntry, Phantom, Scene};
+
+/// The most labels without a material that a label map may have: others hold intensities.
+const MOST_LABELS: usize = 256;
 
 /// Labels, what each is made of, and how they came about.
 pub(crate) struct ImageSource {
@@ -24,17 +30,18 @@ pub(crate) struct ImageSource {
 impl ImageSource {
     /// Reads the scene's image and gives each voxel a label with a material.
     pub fn read(scene: &Scene) -> Result<Self, SimError> {
-        let Image { path, voxel_mm, .. } = &scene.image;
-        match path {
+        match &scene.image.path {
             Some(path) if scene.reads_intensities() => intensities(scene, path),
             Some(path) => {
-                let (volume, report) = read_labels_with(path, *voxel_mm)?;
-                let summary = summary(path.display().to_string(), LABELS, &volume, Some(&report));
+                let unit = scene.image.unit_mm();
+                let (volume, report) = read_labels_with(path, scene.image.spacing())?;
+                let volume = volume.scaled(unit)?;
+                let summary = summary_of_file(path, LABELS, volume.grid(), &report, unit)?;
                 labels(scene, volume, summary)
             }
             None => {
                 let (volume, name) = phantom(scene)?;
-                let summary = summary(name.into(), LABELS, &volume, None);
+                let summary = summary(name.into(), LABELS, volume.grid());
                 labels(scene, volume, summary)
             }
         }
@@ -44,7 +51,7 @@ impl ImageSource {
     pub fn of_memory(scene: &Scene, volume: LabelVolume) -> Result<Self, SimError> {
         let summary = ImageSummary {
             format: "in memory".into(),
-            ..summary("the volume in memory".into(), LABELS, &volume, None)
+            ..summary("the volume in memory".into(), LABELS, volume.grid())
         };
         labels(scene, volume, summary)
     }
@@ -94,27 +101,53 @@ fn phantom(scene: &Scene) -> Result<(LabelVolume, &'static str), SimError> {
 }
 
 /// What is known before the labels are.
-fn summary(
-    name: String,
-    content: &'static str,
-    volume: &LabelVolume,
-    report: Option<&ReadReport>,
-) -> ImageSummary {
-    let (dims, voxel_mm) = (volume.grid().dims, volume.grid().spacing_mm);
-    let resampling = report.and_then(|report| report.resampling.as_ref());
-    let (stored_dims, stored_voxel_mm) =
-        resampling.map_or((dims, [voxel_mm; 3]), |made| (made.from_dims, made.from_mm));
+fn summary(name: String, content: &'static str, grid: &Grid) -> ImageSummary {
+    let (dims, voxel_mm) = (grid.dims, grid.spacing_mm);
     ImageSummary {
         name,
-        format: report.map_or("procedural", |report| report.format).into(),
+        format: "procedural".into(),
         content,
-        stored_dims,
-        stored_voxel_mm,
-        resampled: resampling.is_some(),
+        stored_dims: dims,
+        stored_voxel_mm: [voxel_mm; 3],
         dims,
         voxel_mm,
         ..ImageSummary::default()
     }
+}
+
+/// The same of a file, whose spacings are in units of `unit` mm.
+fn summary_of_file(
+    path: &Path,
+    content: &'static str,
+    grid: &Grid,
+    report: &ReadReport,
+    unit: f64,
+) -> Result<ImageSummary, SimError> {
+    let mut summary = summary(path.display().to_string(), content, grid);
+    summary.format = report.format.into();
+    summary.sha256 = sha256(path)?;
+    if let Some(made) = &report.resampling {
+        (summary.stored_dims, summary.resampled) = (made.from_dims, true);
+        summary.stored_voxel_mm = made.from_mm.map(|mm| mm * unit);
+    }
+    Ok(summary)
+}
+
+/// The hash of a file as hexadecimal digits, none of a directory.
+fn sha256(path: &Path) -> Result<Option<String>, SimError> {
+    let io = |source| SimError::Io(path.into(), source);
+    if path.is_dir() {
+        return Ok(None);
+    }
+    let (mut file, mut hash) = (File::open(path).map_err(io)?, Sha256::new());
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).map_err(io)? {
+            0 => break,
+            read => hash.update(&buffer[..read]),
+        }
+    }
+    Ok(Some(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()))
 }
 
 /// What each material took of the final labels; returns the material of each.
@@ -154,13 +187,16 @@ fn labels(
     mut summary: ImageSummary,
 ) -> Result<ImageSource, SimError> {
     let ignored = |label: &i64| scene.image.ignore_labels.contains(label);
-    let counts = volume.counts();
+    let (counts, mut without) = (volume.counts(), Vec::new());
     for (&label, &voxels) in volume.values().iter().zip(&counts).skip(1) {
         if ignored(&label) {
             summary.ignored_labels.push(LabelVoxels { label, voxels });
         } else if scene.material_of(label).is_none() {
-            return Err(SimError::LabelWithoutMaterial(label, summary.name, voxels));
+            without.push(LabelVoxels { label, voxels });
         }
+    }
+    if !without.is_empty() {
+        return Err(without_material(scene, summary.name, without));
     }
     let volume = if summary.ignored_labels.is_empty() {
         volume
@@ -175,9 +211,21 @@ fn labels(
     Ok(ImageSource { volume, material_of, summary })
 }
 
+/// Why labels without a material are refused; in ascending order.
+fn without_material(scene: &Scene, image: String, labels: Vec<LabelVoxels>) -> SimError {
+    let low = labels.iter().map(|one| one.label).min().unwrap_or_default();
+    let high = labels.iter().map(|one| one.label).max().unwrap_or_default();
+    if low < 0 || labels.len() > MOST_LABELS {
+        return SimError::IntensitiesAsLabels(image, labels.len(), low, high);
+    }
+    SimError::LabelsWithoutMaterial { image, labels, entries: scene.materials.len() }
+}
+
 /// Labels from the intensities of a file, by the materials' ranges.
 fn intensities(scene: &Scene, path: &Path) -> Result<ImageSource, SimError> {
-    let (image, report) = read_intensities_with(path, scene.image.voxel_mm)?;
+    let unit = scene.image.unit_mm();
+    let (image, report) = read_intensities_with(path, scene.image.spacing())?;
+    let image = image.scaled(unit)?;
     let blur_mm = scene.image.blur_mm.unwrap_or(0.0);
     let image = if blur_mm > 0.0 { gaussian_blur(&image, blur_mm)? } else { image };
     let ranges: Vec<ValueRange> = (0..)
@@ -192,7 +240,7 @@ fn intensities(scene: &Scene, path: &Path) -> Result<ImageSource, SimError> {
     if volume.values().len() == 1 {
         return Err(nothing_in_range(name, &image));
     }
-    let mut summary = summary(name, INTENSITIES, &volume, Some(&report));
+    let mut summary = summary_of_file(path, INTENSITIES, volume.grid(), &report, unit)?;
     summary.blur_mm = blur_mm;
     let material_of = count(scene, &volume, &mut summary, |label| {
         ranges.iter().position(|range| range.label == label).unwrap_or_default()

@@ -21,6 +21,11 @@ impl OrganBox {
         Some(Self { low: at(low, 0), high: at(high, 1) })
     }
 
+    /// Its edges, mm, to three digits after the point.
+    pub fn size_mm(&self) -> [f64; 3] {
+        (self.high - self.low).map(|edge| (edge * 1e6).round() / 1e3).into()
+    }
+
     /// Where `x` lies on a grid of 2²⁰ points a side over the box, packed as a lattice key is.
     pub fn grid_key(&self, x: &Vector3<f64>) -> u64 {
         let size = self.high - self.low;

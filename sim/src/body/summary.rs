@@ -45,6 +45,9 @@ pub struct ImageSummary {
     pub voxel_mm: f64,
     /// Standard deviation of the smoothing of intensities, mm; 0 for none.
     pub blur_mm: f64,
+    /// SHA-256 of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
     /// Voxels that are void.
     pub void_voxels: u64,
     /// What each material took, in the order of the scene.
@@ -131,4 +134,30 @@ pub struct BodySummary {
     pub domain: DomainSummary,
     /// The refinement of the start mesh, if one was asked for.
     pub label_refinement: Option<LabelRefinementSummary>,
+}
+
+impl BodySummary {
+    /// What is not as the scene asked for.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        let empty = self.image.empty_ranges();
+        let mut warnings: Vec<String> = empty
+            .map(|range| format!("no voxel lies in the range of \"{}\"", range.name))
+            .collect();
+        let (parts, cells, voxels) = self.domain.total(false);
+        if parts > 0 {
+            warnings.push(format!(
+                "{parts} part(s) with {cells} base cells and {voxels} voxels are left out: no fixed \
+                 region holds them"
+            ));
+        }
+        let refined = self.label_refinement.filter(|refined| refined.tets_left > 0);
+        if let Some(refined) = refined {
+            warnings.push(format!(
+                "max_vertices ended the refinement towards labels: {} tetrahedra above level {} still \
+                 hold several",
+                refined.tets_left, refined.level
+            ));
+        }
+        warnings
+    }
 }

@@ -5,6 +5,7 @@ use yawara_embed::{ElementFormulation, P1, P1P1, formulation_by_name};
 
 use super::stages::Stages;
 use crate::error::SimError;
+use crate::report::WARNING;
 use crate::scene::{AUTO, Scene};
 
 /// Poisson's ratio from which linear tetrahedra lock so much that pressures are worth their cost.
@@ -89,8 +90,8 @@ pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
         (false, false, _) => format!("linear displacement; no Poisson ratio reaches {MIXED_FROM}"),
         (false, true, Ok(())) => format!("linear displacement, which {locks} ({better} would not)"),
         (false, true, Err(why)) => format!(
-            "linear displacement, which {locks}; {better} is recommended from {MIXED_FROM} on, but \
-             {why}"
+            "linear displacement; {WARNING}it {locks}; {better} is recommended from {MIXED_FROM} on, \
+             but {why}"
         ),
         (true, false, _) => format!(
             "displacement and pressure, which no Poisson ratio calls for below {MIXED_FROM}"

@@ -6,7 +6,7 @@ use super::element;
 use super::stages::Stages;
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
-use crate::report::PlanRow;
+use crate::report::{PlanRow, WARNING};
 use crate::scene::{AUTO, GrabHold, MassModel, Scene, SupportHold, ToolEntry};
 
 /// Why a body with inertia keeps all of its parts.
@@ -35,6 +35,7 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
         estimates(scene, stages),
         budget(scene),
         holds(scene),
+        tools(scene, start),
         compliance(scene),
         surface(scene, start),
     ]);
@@ -80,6 +81,8 @@ fn image(setup: &ImageBody) -> PlanRow {
         why += &format!("; {}", image.resampling());
     }
     why += &format!("; {nx} x {ny} x {nz} voxels of {} mm", image.voxel_mm);
+    let [x, y, z] = setup.organ.size_mm();
+    why += &format!(", body of {x} x {y} x {z} mm");
     if image.blur_mm > 0.0 {
         why += &format!(", smoothed by {} mm", image.blur_mm);
     }
@@ -90,7 +93,7 @@ fn image(setup: &ImageBody) -> PlanRow {
         why += &format!("; {} label(s) take the material of others", other.labels.len());
     }
     for empty in image.empty_ranges() {
-        why += &format!("; WARNING: no voxel lies in the range of \"{}\"", empty.name);
+        why += &format!("; {WARNING}no voxel lies in the range of \"{}\"", empty.name);
     }
     row("image", setup.image_name(), true, why)
 }
@@ -117,7 +120,7 @@ fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
         );
         if refined.tets_left > 0 {
             why += &format!(
-                ", WARNING: max_vertices = {} ended it with {} tetrahedra of several labels left",
+                "; {WARNING}max_vertices = {} ended it with {} tetrahedra of several labels left",
                 scene.mesh.max_vertices, refined.tets_left
             );
         }
@@ -159,7 +162,7 @@ fn homogenisation(setup: &ImageBody, stages: &Stages) -> PlanRow {
         setup.tree.grid().embed_level()
     );
     if let Some(warning) = stages.homogenisation.warning() {
-        why += &format!("; WARNING: {warning}");
+        why += &format!("; {WARNING}{warning}");
     }
     row("homogenisation", name, true, why)
 }
@@ -283,10 +286,23 @@ fn holds(scene: &Scene) -> PlanRow {
         (false, false) => row("holds", "none", false, "nothing is fixed or grabbed"),
         (false, true) => row("holds", "material", true, "the same problem on every mesh"),
         (true, _) => {
-            let why = "WARNING: a finer mesh has more vertices to hold, and is another problem";
+            let why = format!("{WARNING}a finer mesh has more vertices to hold, another problem");
             row("holds", "vertices", true, why)
         }
     }
+}
+
+/// How many tools of each kind, and which of them hardly do what was meant.
+fn tools(scene: &Scene, start: &Start) -> PlanRow {
+    let kinds: Vec<&str> = scene.tools.iter().map(ToolEntry::kind).collect();
+    if kinds.is_empty() {
+        return row("tools", "none", false, "the scene has none");
+    }
+    let mut why = format!("{} tool(s)", kinds.len());
+    for odd in crate::tools::warnings(scene, start) {
+        why += &format!("; {WARNING}{odd}");
+    }
+    row("tools", &kinds.join(", "), true, why)
 }
 
 fn compliance(scene: &Scene) -> PlanRow {

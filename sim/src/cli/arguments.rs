@@ -1,8 +1,9 @@
 //! The command-line arguments.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
+use yawara::scene_file;
 
 /// Deforms and refines inhomogeneous soft objects from label maps.
 ///
@@ -16,6 +17,8 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Writes a commented scene for an image, which runs as it is.
+    Init(InitArguments),
     /// Runs a scene and writes frames, a table of steps and a summary.
     ///
     /// Exits 0 if every step converged, 1 if some did not (all is written), 2 if it was refused.
@@ -32,6 +35,8 @@ pub enum Command {
     ///
     /// Prints rates and latencies. What is computed depends on how fast this machine is.
     Haptic(HapticArguments),
+    /// Removes what interrupted runs have left behind.
+    Clean(CleanArguments),
     /// Lists the built-in scenes.
     Scenes,
     /// Lists the graphics adapters (needs the feature `gpu`).
@@ -51,8 +56,8 @@ pub struct RunArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Number of steps, as --set time.steps=N.
-    #[arg(long, value_name = "N")]
-    pub steps: Option<usize>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub steps: Option<i64>,
     /// Replaces the results of an earlier run in DIR; other files there stay.
     #[arg(long)]
     pub force: bool,
@@ -60,6 +65,25 @@ pub struct RunArguments {
 
 /// The scene of a command that names none.
 pub const DEFAULT_SCENE: &str = "liver";
+
+#[derive(Debug, Args)]
+pub struct InitArguments {
+    /// A label map or a CT in Hounsfield units (NIfTI, NRRD, MetaImage).
+    pub image: PathBuf,
+    /// The scene to write.
+    #[arg(long, value_name = "FILE.toml", default_value = "scene.toml")]
+    pub out: PathBuf,
+    /// Replaces a file that is there.
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct CleanArguments {
+    /// The folder of the runs.
+    #[arg(default_value = "runs")]
+    pub folder: PathBuf,
+}
 
 #[derive(Debug, Args)]
 pub struct PlanArguments {
@@ -147,6 +171,20 @@ pub struct SurfaceArguments {
     /// The file to write: .ply or .vtp, scanner RAS in mm.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+}
+
+/// What was probably meant by words that are no command, or by options of `run` alone.
+pub fn meant(words: &[String]) -> Option<String> {
+    let first = words.first()?;
+    let rest = words.join(" ");
+    let is_scene =
+        first.ends_with(".toml") || scene_file::built_in().iter().any(|(name, _)| name == first);
+    if is_scene || ["--out", "--set", "--steps", "--force"].iter().any(|one| first.starts_with(one))
+    {
+        return Some(format!("did you mean `yawara run {rest}`?"));
+    }
+    let is_file = Path::new(first).exists();
+    is_file.then(|| format!("did you mean `yawara init {first}`, then `yawara run scene.toml`?"))
 }
 
 /// The message of a usage error as one paragraph, without the usage lines.

@@ -52,7 +52,8 @@ pub fn summary(summary: &Summary) -> String {
     line("shapes", format!("worst 3r/R {flat:.4}, {worst} {slim:.4}"));
     let StepSummary { count, converged, residual_max, time_ms: time, .. } = steps;
     let solved = format!("{converged} of {count} converged");
-    let each = format!("{:.1} ms each (99 %: {:.1}, most {:.1})", time.p50, time.p99, time.max);
+    let (mean, median, worst) = (time.mean, time.p50, time.max);
+    let each = format!("{mean:.1} ms each on average, median {median:.1}, worst {worst:.1}");
     line("steps", format!("{solved}, largest relative residual {residual_max:.2e}; {each}"));
     line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
@@ -84,8 +85,8 @@ pub fn summary(summary: &Summary) -> String {
         );
     }
     line("time", format!("{wall_s:.2} s in all, {setup_s:.2} s of them before the first step"));
-    for warning in body.iter().flat_map(body_warnings) {
-        line("warning", warning);
+    for warning in &summary.warnings {
+        line("warning", warning.clone());
     }
     for row in summary.plan.iter().filter(|row| !row.runs) {
         line("left out", format!("{}: {}", row.stage, row.why));
@@ -114,27 +115,4 @@ fn inverse_words(inverse: &InverseSummary) -> String {
         }
     }
     words + &format!(", solve {:.3} ms, drift {:.1e}", inverse.solve_ms.p50, inverse.drift_max)
-}
-
-/// What of the body is not as the scene asked for.
-fn body_warnings(body: &BodySummary) -> Vec<String> {
-    let empty = body.image.empty_ranges();
-    let mut warnings: Vec<String> =
-        empty.map(|range| format!("no voxel lies in the range of \"{}\"", range.name)).collect();
-    let (parts, cells, voxels) = body.domain.total(false);
-    if parts > 0 {
-        warnings.push(format!(
-            "{parts} part(s) with {cells} base cells and {voxels} voxels are left out: no fixed \
-             region holds them"
-        ));
-    }
-    let refined = body.label_refinement.filter(|refined| refined.tets_left > 0);
-    if let Some(refined) = refined {
-        warnings.push(format!(
-            "max_vertices ended the refinement towards labels: {} tetrahedra above level {} still \
-             hold several",
-            refined.tets_left, refined.level
-        ));
-    }
-    warnings
 }

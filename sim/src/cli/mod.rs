@@ -6,6 +6,7 @@
 mod arguments;
 mod console;
 mod haptic;
+mod init;
 mod input;
 mod labels;
 mod mesh;
@@ -20,7 +21,10 @@ use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
 use yawara::{SimError, Simulation, scene_file};
 
-use arguments::{Arguments, Command, DEFAULT_SCENE, PlanArguments, RunArguments, paragraph};
+use arguments::{
+    Arguments, CleanArguments, Command, DEFAULT_SCENE, PlanArguments, RunArguments, meant,
+    paragraph,
+};
 use printer::Printer;
 
 /// Refused input or a failure; also what clap uses for wrong usage.
@@ -33,7 +37,7 @@ const NOT_CONVERGED: u8 = 1;
 pub fn run() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) if error.use_stderr() => return refuse(&paragraph(&error)),
+        Err(error) if error.use_stderr() => return refuse(&misused(&error)),
         Err(help) => {
             // Help into a closed pipe is no failure.
             let _ = help.print();
@@ -54,6 +58,16 @@ pub fn run() -> ExitCode {
     }
 }
 
+/// A usage error, with what was probably meant.
+fn misused(error: &clap::Error) -> String {
+    let words: Vec<String> =
+        std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    match meant(&words) {
+        Some(hint) => format!("{}; {hint}", paragraph(error)),
+        None => paragraph(error),
+    }
+}
+
 /// One paragraph on stderr.
 fn refuse(message: &str) -> ExitCode {
     let words: Vec<&str> = message.split_whitespace().collect();
@@ -65,6 +79,7 @@ fn refuse(message: &str) -> ExitCode {
 fn execute(command: Command) -> Result<ExitCode, SimError> {
     let mut out = Printer::default();
     match command {
+        Command::Init(arguments) => init::run(&arguments, &mut out)?,
         Command::Run(arguments) => {
             if !run::run(&arguments, &mut out)? {
                 return Ok(ExitCode::from(NOT_CONVERGED));
@@ -75,6 +90,11 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Labels(arguments) => labels::run(&arguments, &mut out)?,
         Command::Surface(arguments) => surface::run(&arguments, &mut out)?,
         Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
+        Command::Clean(CleanArguments { folder }) => {
+            for path in yawara::output::clean(&folder)? {
+                out.print(&format!("removed {}\n", path.display()))?;
+            }
+        }
         Command::Scenes => scenes(&mut out)?,
         Command::Devices => devices(&mut out)?,
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use yawara::output::RunDirectory;
-use yawara::report::Summary;
+use yawara::report::{MadeBy, Summary};
 use yawara::scene::Scene;
 use yawara::{SimError, Simulation, scene_file};
 use yawara_inverse_update::InverseError;
@@ -50,7 +50,7 @@ fn run_scene(
     mut simulation: Simulation,
     mut directory: RunDirectory,
 ) -> Result<(Summary, PathBuf), SimError> {
-    directory.write_scene(scene)?;
+    directory.write_scene(scene, simulation.plan())?;
     let outcome = run_steps(scene, &mut simulation, &mut directory);
     let is_lost = |error: &SimError| {
         matches!(error, SimError::Inverse(InverseError::Storage { .. }))
@@ -66,7 +66,7 @@ fn run_scene(
         Err(error) if is_lost(&error) => Some(error),
         Err(error) => return Err(error),
     };
-    let summary = simulation.summary()?;
+    let summary = Summary { made_by: Some(MadeBy::this_process()), ..simulation.summary()? };
     directory.write_summary(&summary)?;
     let written = directory.finish()?;
     let Some(error) = lost else { return Ok((summary, written)) };
@@ -104,14 +104,13 @@ fn write_frame(
     directory: &mut RunDirectory,
     step: usize,
 ) -> Result<(), SimError> {
-    let frame = simulation.frame()?;
+    let whole = simulation.frame()?;
+    let frame = if scene.output.void { whole } else { whole.without_void() };
     directory.write_frame(&frame, step)?;
     #[cfg(feature = "gmsh")]
     if scene.output.msh {
         directory.write_msh(&frame, step)?;
     }
-    #[cfg(not(feature = "gmsh"))]
-    let _ = scene;
     Ok(())
 }
 

@@ -4,6 +4,8 @@ mod atomic_file;
 mod fields;
 #[cfg(feature = "gmsh")]
 mod msh;
+mod partial;
+mod resolved;
 mod run_directory;
 mod steps_csv;
 mod vtu;
@@ -11,5 +13,6 @@ mod vtu;
 pub(crate) use atomic_file::{write_file, write_json};
 #[cfg(feature = "gmsh")]
 pub use msh::write_msh;
+pub use partial::clean;
 pub use run_directory::RunDirectory;
 pub use vtu::write_vtu;

@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
+use super::partial;
+use super::resolved::resolved;
 use crate::SimError;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
 use crate::output::{fields, steps_csv, write_file, write_json, write_vtu};
-use crate::report::{Fields, Frame, StepReport, Summary};
+use crate::report::{Fields, Frame, PlanRow, StepReport, Summary};
 use crate::scene::Scene;
 
 const SCENE: &str = "scene.toml";
@@ -46,10 +48,14 @@ impl RunDirectory {
     pub fn create(target: &Path, force: bool) -> Result<Self, SimError> {
         let exists = inspect(target, force)?;
         let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let partial = format!(".{name}.{}.partial", std::process::id());
+        let partial = partial::name(&name);
         // Inside a directory that exists (it may be a mount point), beside one that does not.
         let aside = if exists { target.join(partial) } else { target.with_file_name(partial) };
         let made = Made::new(&aside)?;
+        if !exists {
+            // A name that the system does not take is refused before the work, not after it.
+            fs::create_dir(target).and_then(|()| fs::remove_dir(target)).map_err(at(target))?;
+        }
         let path = aside.join(FRAMES);
         fs::create_dir(&path).map_err(at(&path))?;
         let path = aside.join(STEPS);
@@ -58,12 +64,14 @@ impl RunDirectory {
         Ok(Self { target: target.into(), aside, steps, has_header: false, frames, others, made })
     }
 
-    /// Writes the scene with all defaults and overrides filled in.
+    /// Writes the scene with all defaults and overrides filled in, and the names of stages that are
+    /// not built in as its run's `plan` has them: such a scene is refused where they are missing.
     /// # Errors
     /// [`SimError::Io`].
-    pub fn write_scene(&mut self, scene: &Scene) -> Result<(), SimError> {
+    pub fn write_scene(&mut self, scene: &Scene, plan: &[PlanRow]) -> Result<(), SimError> {
         let path = self.aside.join(SCENE);
-        let text = toml::to_string(scene).map_err(|error| at(&path)(io::Error::other(error)))?;
+        let text = toml::to_string(&resolved(scene, plan))
+            .map_err(|error| at(&path)(io::Error::other(error)))?;
         write_file(&path, text)
     }
 
@@ -329,7 +337,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let target = root.path().join("runs/liver");
         let mut run = RunDirectory::create(&target, false).unwrap();
-        run.write_scene(&crate::scene_file::load("beam", &[]).unwrap().0).unwrap();
+        run.write_scene(&crate::scene_file::load("beam", &[]).unwrap().0, &[]).unwrap();
         run.write_frame(&frame(0.0), 0).unwrap();
         run.write_frame(&frame(0.1), 12).unwrap();
         assert_eq!(run.finish().unwrap(), target);
@@ -391,11 +399,18 @@ mod tests {
     #[test]
     fn parents_made_for_a_run_that_can_not_begin_are_removed() {
         let root = tempfile::tempdir().unwrap();
-        // Valid itself, but too long for the system with the suffix of the directory aside.
-        let target = root.path().join("new/deep").join("n".repeat(250));
+        let target = root.path().join("new/deep").join("n".repeat(250)).join("n".repeat(300));
         let error = RunDirectory::create(&target, false).unwrap_err();
         assert!(matches!(error, SimError::Io(..)), "{error}");
         assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
+    fn a_name_as_long_as_the_system_takes_is_taken() {
+        let root = tempfile::tempdir().unwrap();
+        let target = root.path().join("n".repeat(250));
+        let run = RunDirectory::create(&target, false).unwrap();
+        assert_eq!(run.finish().unwrap(), target);
     }
 
     #[test]

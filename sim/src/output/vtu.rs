@@ -11,7 +11,7 @@ use crate::report::Frame;
 
 /// Writes a frame to `path` (.vtu), replacing what stands there only once the file is whole.
 ///
-/// Points in scanner RAS, mm; point data `displacement` (mm); cell data `level`, `label`,
+/// Points in scanner RAS, mm; point data `displacement_mm`; cell data `level`, `label`,
 /// `young_modulus_pa`, `von_mises_pa`, `indicator`. A field of no values is left out. The same
 /// frame gives the same bytes. Cost: O(points + tetrahedra).
 /// # Errors
@@ -21,7 +21,7 @@ use crate::report::Frame;
 pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
     check(frame)?;
     let displacement = VtkValues::Float64(frame.displacement_mm.as_flattened());
-    let point = [VtkArray { name: "displacement", components: 3, values: displacement }];
+    let point = [VtkArray { name: "displacement_mm", components: 3, values: displacement }];
     let cell = [
         ("level", VtkValues::UInt8(&frame.level)),
         ("label", VtkValues::Int64(&frame.label)),
@@ -133,7 +133,7 @@ mod tests {
             })
             .collect();
         let expected = [
-            ("displacement", IOBuffer::F64(want.displacement_mm.as_flattened().to_vec())),
+            ("displacement_mm", IOBuffer::F64(want.displacement_mm.as_flattened().to_vec())),
             ("level", IOBuffer::U8(want.level)),
             ("label", IOBuffer::I64(want.label)),
             ("young_modulus_pa", IOBuffer::F64(want.young_modulus_pa)),

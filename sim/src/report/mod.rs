@@ -7,6 +7,7 @@
 mod capture;
 mod comparison_points;
 mod fields;
+mod made_by;
 mod recorder;
 mod records;
 mod surfaces;
@@ -18,6 +19,7 @@ pub use crate::body::{
 };
 pub use comparison_points::Probe;
 pub use fields::Fields;
+pub use made_by::MadeBy;
 pub use records::{
     EstimateSummary, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary, Momentum,
     Percentiles, PlanRow, Range, StageTimes, StepReport, StepSummary, Summary, SurfaceFrame,
@@ -26,5 +28,5 @@ pub use records::{
 pub use tool::{ToolReport, ToolSummary};
 
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
-pub(crate) use records::milliseconds;
+pub(crate) use records::{WARNING, milliseconds};
 pub(crate) use surfaces::Surfaces;

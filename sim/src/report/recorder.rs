@@ -18,6 +18,9 @@ use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::scene::Scene;
 
+/// Rows of the plan about what [`BodySummary::warnings`] tells more of.
+const BODY_ROWS: [&str; 2] = ["image", "mesh"];
+
 /// Layout version of [`Summary`].
 const SCHEMA: u32 = 1;
 
@@ -64,6 +67,7 @@ impl Recorder {
             schema: SCHEMA,
             scene: scene.name.clone(),
             seed: scene.seed,
+            made_by: None,
             plan: self.plan.clone(),
             body: self.body.clone(),
             mesh: MeshSummary {
@@ -93,9 +97,25 @@ impl Recorder {
                 (Some(surfaces), Some(forest)) => surfaces.summary(forest, &state.positions)?,
                 _ => Vec::new(),
             },
+            warnings: self.warnings(),
             setup_s: self.statistics.setup_s,
             wall_s: self.statistics.begin.elapsed().as_secs_f64(),
         })
+    }
+}
+
+impl Recorder {
+    /// What is not as the scene asked for, or odd.
+    fn warnings(&self) -> Vec<String> {
+        let body = self.body.iter().flat_map(BodySummary::warnings);
+        let of_plan = |row: &PlanRow| row.warnings().collect::<Vec<_>>();
+        let plan = self.plan.iter().filter(|row| !BODY_ROWS.contains(&&row.stage[..]));
+        let untouched = |(i, tool): (usize, &ToolSummary)| {
+            (tool.kind == "probe" && tool.contacts_max == 0)
+                .then(|| format!("tools[{i}] never touched the body"))
+        };
+        let tools = self.statistics.tools.iter().enumerate().filter_map(untouched);
+        body.chain(plan.flat_map(of_plan)).chain(tools).collect()
     }
 }
 

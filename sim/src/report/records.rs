@@ -1,12 +1,13 @@
 //! What a simulation reports: the plan, a row per step, frames and the summary.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::time::Instant;
 
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::made_by::MadeBy;
 use super::tool::{ToolReport, ToolSummary};
 use crate::body::BodySummary;
 
@@ -21,6 +22,17 @@ pub struct PlanRow {
     pub runs: bool,
     /// Why, in words.
     pub why: String,
+}
+
+/// Begins what is odd in the words of a plan; it goes on to their end or to the next one.
+pub(crate) const WARNING: &str = "WARNING: ";
+
+impl PlanRow {
+    /// What is odd, each with the stage before it.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        let odd = self.why.split(WARNING).skip(1);
+        odd.map(|words| format!("{}: {}", self.stage, words.trim_end_matches("; ")))
+    }
 }
 
 /// Wall-clock times of one step by stage, ms.
@@ -119,6 +131,40 @@ pub struct Frame {
     pub surfaces: Vec<SurfaceFrame>,
 }
 
+impl Frame {
+    /// The frame without tetrahedra of label 0, most of which is void, and without points of no other;
+    /// itself if it has none of them, or nothing else.
+    pub fn without_void(self) -> Self {
+        let is_void = |label: &i64| *label == 0;
+        if !self.label.iter().any(is_void) || self.label.iter().all(is_void) {
+            return self;
+        }
+        let solid = |i: &usize| self.label[*i] != 0;
+        let kept: Vec<usize> = (0..self.tets.len()).filter(solid).collect();
+        let corners = kept.iter().flat_map(|&i| self.tets[i]).map(|corner| corner as usize);
+        let points: Vec<usize> = corners.collect::<BTreeSet<_>>().into_iter().collect();
+        let mut new = vec![0; self.points_mm.len()];
+        points.iter().zip(0..).for_each(|(&old, number)| new[old] = number);
+        Self {
+            time_s: self.time_s,
+            points_mm: picked(&self.points_mm, &points),
+            displacement_mm: picked(&self.displacement_mm, &points),
+            tets: kept.iter().map(|&i| self.tets[i].map(|corner| new[corner as usize])).collect(),
+            level: picked(&self.level, &kept),
+            label: picked(&self.label, &kept),
+            young_modulus_pa: picked(&self.young_modulus_pa, &kept),
+            von_mises_pa: picked(&self.von_mises_pa, &kept),
+            indicator: picked(&self.indicator, &kept),
+            surfaces: self.surfaces,
+        }
+    }
+}
+
+/// The entries at these places; none of an array that has none.
+fn picked<T: Copy>(values: &[T], places: &[usize]) -> Vec<T> {
+    places.iter().filter_map(|&i| values.get(i).copied()).collect()
+}
+
 /// The outline of a label at one moment, carried along by the mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceFrame {
@@ -149,9 +195,11 @@ pub struct SurfaceSummary {
     pub volume_end_m3: f64,
 }
 
-/// Smallest, typical and largest of a series of times.
+/// Mean, typical and largest of a series of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Percentiles {
+    /// Mean.
+    pub mean: f64,
     /// Median.
     pub p50: f64,
     /// 99th percentile.
@@ -161,7 +209,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Nearest-rank percentiles; zeros for an empty series.
+    /// Mean and nearest-rank percentiles; zeros for an empty series.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -170,7 +218,8 @@ impl Percentiles {
             let at = ((p * n as f64).ceil() as usize).clamp(1, n.max(1)) - 1;
             sorted.get(at).copied().unwrap_or(0.0)
         };
-        Self { p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        Self { mean, p50: rank(0.5), p99: rank(0.99), max: rank(1.0) }
     }
 }
 
@@ -301,6 +350,9 @@ pub struct Summary {
     pub scene: String,
     /// Its seed.
     pub seed: u64,
+    /// The program that ran and how it was called, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub made_by: Option<MadeBy>,
     /// What ran, what did not, and why.
     pub plan: Vec<PlanRow>,
     /// What the body was made of: `image`, `domain` and `label_refinement` in JSON. None of it for
@@ -326,9 +378,38 @@ pub struct Summary {
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,
+    /// What is not as the scene asked for, or odd, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Wall-clock time from the scene to the first step, s: image, labels, homogenising, start mesh,
     /// inverse.
     pub setup_s: f64,
     /// Wall-clock time of everything, s.
     pub wall_s: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn void_leaves_a_frame_with_the_points_of_its_own() {
+        let frame = Frame {
+            points_mm: (0..6).map(|i| [f64::from(i); 3]).collect(),
+            displacement_mm: vec![[0.0; 3]; 6],
+            tets: vec![[0, 1, 2, 3], [5, 2, 3, 4]],
+            level: vec![1, 2],
+            label: vec![0, 7],
+            young_modulus_pa: vec![1.0, 2.0],
+            von_mises_pa: vec![3.0, 4.0],
+            ..Frame::default()
+        };
+        let kept = frame.clone().without_void();
+        assert_eq!(kept.points_mm, [[2.0; 3], [3.0; 3], [4.0; 3], [5.0; 3]]);
+        assert_eq!((&kept.tets[..], &kept.label[..]), (&[[3, 0, 1, 2]][..], &[7][..]));
+        assert_eq!((&kept.level[..], &kept.von_mises_pa[..]), (&[2][..], &[4.0][..]));
+        assert!(kept.indicator.is_empty() && kept.displacement_mm.len() == 4);
+        let all = Frame { label: vec![0, 0], ..frame };
+        assert_eq!(all.clone().without_void().tets, all.tets);
+    }
 }

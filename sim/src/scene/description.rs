@@ -80,11 +80,45 @@ pub struct Image {
     /// Voxel edge of a phantom, mm; or the voxel edge to which a file is resampled, by default
     /// its smallest one.
     pub voxel_mm: Option<f64>,
+    /// The unit of a file's spacings where its header says mm, and is believed if this is absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<LengthUnit>,
     /// Standard deviation of a Gaussian that smooths intensities before they are classified, mm.
     pub blur_mm: Option<f64>,
     /// Labels of a label map that become void.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore_labels: Vec<i64>,
+}
+
+impl Image {
+    /// By what lengths of the file are multiplied.
+    pub(crate) fn unit_mm(&self) -> f64 {
+        self.unit.map_or(1.0, |unit| match unit {
+            LengthUnit::Um => 1e-3,
+            LengthUnit::Mm => 1.0,
+            LengthUnit::Cm => 10.0,
+            LengthUnit::M => 1e3,
+        })
+    }
+
+    /// The spacing to resample to, in the file's unit.
+    pub(crate) fn spacing(&self) -> Option<f64> {
+        self.voxel_mm.map(|voxel_mm| voxel_mm / self.unit_mm())
+    }
+}
+
+/// Units of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LengthUnit {
+    /// Micrometres.
+    Um,
+    /// Millimetres.
+    Mm,
+    /// Centimetres.
+    Cm,
+    /// Metres.
+    M,
 }
 
 /// Procedural bodies.
@@ -329,6 +363,9 @@ pub struct Solver {
 pub struct Output {
     /// A frame every so many steps (and at the start and the end); 0 for none.
     pub frames_every: usize,
+    /// Tetrahedra of a frame that are void for the most part, too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub void: bool,
     /// Every frame as a Gmsh mesh (.msh) too.
     pub msh: bool,
     /// Fields on the image's grid at the end, as NIfTI.
@@ -400,6 +437,7 @@ impl Default for Output {
     fn default() -> Self {
         Self {
             frames_every: 5,
+            void: false,
             msh: false,
             field: false,
             surface_level: None,

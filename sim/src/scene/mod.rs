@@ -15,8 +15,9 @@ mod stage_names;
 mod tool;
 
 pub use description::{
-    BesideTissue, Budget, Dynamics, GoalEntry, Image, MassModel, MaterialEntry, MeshOptions,
-    Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry, Time, Void,
+    BesideTissue, Budget, Dynamics, GoalEntry, Image, LengthUnit, MassModel, MaterialEntry,
+    MeshOptions, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry,
+    Time, Void,
 };
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{

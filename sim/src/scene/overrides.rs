@@ -23,7 +23,16 @@ impl Override {
         if !path.is_complete() {
             return Err(refuse());
         }
-        let value = value.parse().unwrap_or_else(|_| Value::String(value.into()));
+        let value = match value.parse() {
+            Ok(value) => value,
+            // What begins like a list, a table or a string in quotation marks was meant as one.
+            Err(error) if value.trim_start().starts_with(['[', '{', '"', '\'']) => {
+                let error: toml::de::Error = error;
+                let reason = format!("no TOML value: {}", error.message().replace('\n', "; "));
+                return Err(SimError::Syntax { place, reason });
+            }
+            Err(_) => Value::String(value.into()),
+        };
         Ok(Self { place, path, value })
     }
 

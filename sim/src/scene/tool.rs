@@ -40,6 +40,18 @@ pub enum ToolEntry {
     Load(LoadEntry),
 }
 
+impl ToolEntry {
+    /// Its `kind`.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Grab(_) => "grab",
+            Self::Probe(_) => "probe",
+            Self::Pressure(_) => "pressure",
+            Self::Load(_) => "load",
+        }
+    }
+}
+
 /// Takes hold of the body in a region and moves it along a path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

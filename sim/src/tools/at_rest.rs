@@ -19,6 +19,8 @@ pub struct BodyAtRest<'a> {
     surface: SurfaceSource<'a>,
     /// By vertex number.
     holds: Vec<Hold>,
+    /// What grabs have taken so far, with their keys.
+    grabbed: Vec<(String, Vec<WeightedPoint>)>,
 }
 
 impl<'a> BodyAtRest<'a> {
@@ -30,7 +32,7 @@ impl<'a> BodyAtRest<'a> {
                 holds[v.index()] = Hold::Fixed;
             }
         }
-        Self { scene, start, surface: SurfaceSource::new(scene, start), holds }
+        Self { scene, start, surface: SurfaceSource::new(scene, start), holds, grabbed: Vec::new() }
     }
 
     /// Gives vertices to a tool.
@@ -38,6 +40,34 @@ impl<'a> BodyAtRest<'a> {
         for v in vertices {
             self.holds[v.index()] = Hold::Grabbed(tool);
         }
+    }
+
+    /// Notes what a grab takes.
+    ///
+    /// # Errors
+    /// [`SimError::Value`] if another one has just that already: they can't both lead it.
+    pub(crate) fn grab(&mut self, key: &str, region: &Region) -> Result<(), SimError> {
+        let points = self.start.material_points(region);
+        let is_same = |(_, other): &&(String, Vec<WeightedPoint>)| {
+            let mut pairs = points.iter().zip(other);
+            other.len() == points.len() && pairs.all(|(a, b)| a.rest == b.rest)
+        };
+        match self.grabbed.iter().find(is_same).filter(|_| !points.is_empty()) {
+            Some((other, _)) => {
+                let (key, value) = (format!("{key}.region"), format!("that of {other}"));
+                let want = "other material: one grab leads what it holds";
+                Err(SimError::value(self.name(), &key, value, want))
+            }
+            None => {
+                self.grabbed.push((key.into(), points));
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether a point lies in the material at rest.
+    pub(crate) fn is_inside(&self, x: &Vector3<f64>) -> bool {
+        self.start.nearest_material(x).0 == Some(*x)
     }
 
     /// What holds each vertex, by number.

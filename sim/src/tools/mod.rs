@@ -7,6 +7,7 @@
 
 mod at_rest;
 mod grab;
+mod idle;
 mod load;
 mod path;
 mod path_csv;
@@ -25,6 +26,7 @@ pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
 pub use tool::{MaterialHold, Tool};
 
+pub(crate) use idle::warnings;
 pub(crate) use regions::Regions;
 
 use grab::Grab;
@@ -39,8 +41,11 @@ pub(crate) fn by_name(
     body: &mut BodyAtRest<'_>,
 ) -> Result<Box<dyn Tool>, SimError> {
     Ok(match entry {
-        ToolEntry::Grab(grab) => Box::new(Grab::new(grab, key, body)?),
-        ToolEntry::Probe(probe) => Box::new(Probe::new(probe, body)?),
+        ToolEntry::Grab(grab) => {
+            body.grab(key, &grab.region)?;
+            Box::new(Grab::new(grab, key, body)?)
+        }
+        ToolEntry::Probe(probe) => Box::new(Probe::new(probe, key, body)?),
         ToolEntry::Pressure(pressure) => Box::new(Pressure::new(pressure, key, body)?),
         ToolEntry::Load(load) => Box::new(Load::new(load, key, body)?),
     })

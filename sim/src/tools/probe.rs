@@ -20,11 +20,18 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    pub fn new(entry: &ProbeEntry, body: &mut BodyAtRest<'_>) -> Result<Self, SimError> {
+    pub fn new(entry: &ProbeEntry, key: &str, body: &mut BodyAtRest<'_>) -> Result<Self, SimError> {
+        let path = ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?;
+        let centre = body.at(entry.centre);
+        if body.is_inside(&(centre + path.motion(0.0).0)) {
+            let (key, value) = (format!("{key}.centre"), format!("{:?}", entry.centre));
+            let want = "a place from which the path begins outside of the body";
+            return Err(SimError::value(body.name(), &key, value, want));
+        }
         Ok(Self {
-            centre: body.at(entry.centre),
+            centre,
             radius: entry.radius_m,
-            path: ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?,
+            path,
             release_s: entry.release_s,
             surface_points: body
                 .surface_points(entry.spacing_m.unwrap_or(0.25 * entry.radius_m))?,

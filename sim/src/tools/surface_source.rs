@@ -14,6 +14,9 @@ use crate::scene::{Region, Scene};
 /// Width of the blur that takes the stairs off voxels, voxels.
 const SIGMA_VOXELS: f64 = 1.0;
 
+/// The most points of a surface: some 100 MB.
+const MOST_POINTS: f64 = 1e6;
+
 /// Points of a regular grid of the spacing are not too near for rounding.
 const NEARER: f64 = 1.0 - 1e-9;
 
@@ -59,7 +62,15 @@ impl<'a> SurfaceSource<'a> {
 
     /// Points all over the surface, `spacing` (m) or a little more apart where it is smooth.
     pub fn points(&mut self, spacing: f64) -> Result<SurfacePoints, SimError> {
+        let name = self.start.name.clone();
         let Triangles { points, corners, off } = self.triangles()?;
+        let area: f64 = corners.iter().map(|face| area(&face.map(|i| points[i])).norm()).sum();
+        let least = (area / MOST_POINTS).sqrt();
+        if spacing < least {
+            let key = "spacing_m (a quarter of radius_m if absent)";
+            let want = format!("at least {least:.3e}: {MOST_POINTS} points on {area:.3e} m²");
+            return Err(SimError::value(&name, key, format!("{spacing:e}"), want));
+        }
         let mut kept = Thinned::new(spacing);
         for face in corners {
             kept.cover(&face.map(|i| points[i]));
@@ -73,11 +84,11 @@ impl<'a> SurfaceSource<'a> {
         let Triangles { points, corners, off } = self.triangles()?;
         let (mut middles, mut areas) = (Vec::new(), Vec::new());
         for face in corners {
-            let [a, b, c] = face.map(|i| points[i]);
-            let middle = (a + b + c) / 3.0;
+            let corners = face.map(|i| points[i]);
+            let middle = corners.iter().sum::<Vector3<f64>>() / 3.0;
             if region.contains(&organ, &middle) {
                 middles.push(middle);
-                areas.push(0.5 * (b - a).cross(&(c - a)));
+                areas.push(area(&corners));
             }
         }
         if middles.is_empty() {
@@ -85,6 +96,11 @@ impl<'a> SurfaceSource<'a> {
         }
         Ok(SurfacePoints::new(middles, areas, *off))
     }
+}
+
+/// The area vector of a triangle.
+fn area([a, b, c]: &[Vector3<f64>; 3]) -> Vector3<f64> {
+    0.5 * (b - a).cross(&(c - a))
 }
 
 /// The outline of all labels together.

@@ -12,14 +12,13 @@ use crate::image::voxels::Voxels;
 ///
 /// Compression is recognised by the gzip magic, not by the name. The sform places the voxels,
 /// else the qform, else the spacings alone. An unknown unit counts as millimetre. The scale
-/// (`scl_slope`, `scl_inter`) is applied unless the slope is 0 or not finite. Bytes after the
-/// voxels are left unread, with a warning.
+/// (`scl_slope`, `scl_inter`) is applied unless the slope is 0 or not finite.
 ///
 /// Cost: O(voxels); at most two copies of the stored bytes.
 ///
 /// # Errors
 /// [`ImageError`] that names the file and the field: no readable file, no NIfTI-1 image, a
-/// header that contradicts the file's length, more than one volume, more than 2³¹ voxels, a
+/// header that contradicts the file's length (bytes after the voxels too), a damaged gzip stream, more than one volume, more than 2³¹ voxels, a
 /// complex or colour datatype, spacings ≤ 0 or not finite, a singular or sheared affine.
 /// # Source
 /// nifti1.h, <https://nifti.nimh.nih.gov/nifti-1>.

@@ -49,15 +49,14 @@ const TYPES: &[(&[&str], VoxelType)] = &[
 /// size 1. `space` must be right-anterior-superior, left-anterior-superior or
 /// left-posterior-superior; without it the axes count as right, anterior, superior and the first
 /// voxel's centre as the origin. `space units` and `units` may be m, cm, mm and µm, mm unless
-/// given. `axis mins`, `old min`, `kinds` and the measurement frame are ignored. Bytes after the
-/// voxels are left unread, with a warning.
+/// given. `axis mins`, `old min`, `kinds` and the measurement frame are ignored.
 ///
 /// Cost: O(voxels); at most two copies of the stored bytes.
 ///
 /// # Errors
 /// [`ImageError`] that names the file and the line: an encoding (hex, bzip2), type (block), space
 /// or unit that is not read; a list or pattern of data files, or one in another folder; neither
-/// spacings nor directions; fewer bytes than the header announces; those of [`RawVolume::new`].
+/// spacings nor directions; fewer or more bytes than the header announces; those of [`RawVolume::new`].
 /// # Source
 /// <https://teem.sourceforge.net/nrrd/format.html>.
 pub fn read_nrrd(path: &Path) -> Result<RawVolume, ImageError> {
@@ -83,7 +82,7 @@ fn read(path: &Path) -> Result<RawVolume, ImageError> {
     }
     let bytes = voxel_bytes(&header, stream, encoding, count * kind.bytes())?;
     let voxels = match encoding {
-        Encoding::Text => Voxels::parse(path, kind, count as usize, &bytes)?,
+        Encoding::Text => Voxels::parse(kind, count as usize, &bytes)?,
         _ => Voxels::decode(kind, big_endian, &bytes),
     };
     drop(bytes);

@@ -23,7 +23,8 @@ pub(super) struct Piece {
 impl Piece {
     fn find(&self, parent: &str, name: &str) -> Option<&Array> {
         let mut arrays = self.arrays.iter();
-        arrays.find(|(p, array)| p == parent && array.name == name).map(|(_, array)| array)
+        let is_named = |array: &Array| array.name.eq_ignore_ascii_case(name);
+        arrays.find(|(p, array)| p == parent && is_named(array)).map(|(_, array)| array)
     }
 
     /// The coordinates, whatever their name.

@@ -10,11 +10,15 @@ use crate::tet_file::TetMeshError;
 use crate::tet_file::file::{self, Content};
 use crate::tet_file::mesh::LoadedMesh;
 
-/// Names of cell arrays that hold the material tag; the first one present counts.
-pub const TAG_ARRAYS: [&str; 9] = [
+/// Names of cell arrays that hold the material tag, in upper or lower case; the first one present
+/// counts.
+pub const TAG_ARRAYS: [&str; 12] = [
     "label",
+    "labels",
     "material",
+    "materials",
     "material_id",
+    "MaterialId",
     "MaterialIds",
     "gmsh:physical",
     "medit:ref",

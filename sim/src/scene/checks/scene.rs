@@ -83,6 +83,8 @@ impl Check<'_> {
             let blank = path.as_os_str().is_empty();
             return self.that(!blank, "image.path", path, "the path of a label map or an image");
         }
+        let want = "no such key without image.path: it is the unit of a file";
+        self.that(image.unit.is_none(), "image.unit", image.unit, want)?;
         let want = "a label map: give it with --set image.path=FILE.nii.gz (or name a phantom, \
                     `liver` or `block`, in image.phantom)";
         let phantom = self.given(image.phantom, "image.path", want)?;

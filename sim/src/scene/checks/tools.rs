@@ -87,8 +87,9 @@ impl Check<'_> {
     }
 
     fn release(&self, release_s: Option<f64>, key: &str) -> Result<(), SimError> {
-        let finite = release_s.is_none_or(f64::is_finite);
-        self.that(finite, &format!("{key}.release_s"), release_s, "a finite time, or no such key")
+        let later = release_s.is_none_or(|release| release > 0.0 && release.is_finite());
+        let want = "a finite time after the start, or no such key";
+        self.that(later, &format!("{key}.release_s"), release_s, want)
     }
 
     fn pressure(&self, keys: &[PressureKey], key: &str) -> Result<(), SimError> {

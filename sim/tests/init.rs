@@ -1,0 +1,72 @@
+//! `yawara init`: its scenes run and converge as they are, alike at any size of voxels.
+
+#![cfg(feature = "nifti")]
+
+mod workbench;
+
+use serde_json::Value;
+use workbench::{Nifti, Workbench};
+use yawara_mesh::image::write_labels;
+use yawara_mesh::phantom::{LiverPhantom, liver};
+
+/// The summary of the scene that `init` makes for an image; every step must converge.
+fn made_and_run(bench: &Workbench, image: &str) -> Value {
+    let said = bench.succeed(&["init", image, "--force"]);
+    assert!(said.contains("run it with: yawara run scene.toml"), "{said}");
+    println!("{said}");
+    let run = ["run", "scene.toml", "--out", "out", "--force", "--set", "output.frames_every=0"];
+    bench.succeed(&run);
+    serde_json::from_str(&bench.read("out/summary.json")).unwrap()
+}
+
+/// The largest force on the liver phantom in voxels of this size, N.
+fn force_on_phantom(voxel_mm: f64) -> f64 {
+    let bench = Workbench::new();
+    let volume = liver(LiverPhantom { voxel_mm, ..LiverPhantom::default() }).unwrap();
+    write_labels(&bench.path("liver.nii.gz"), &volume).unwrap();
+    made_and_run(&bench, "liver.nii.gz")["force"]["max_n"].as_f64().unwrap()
+}
+
+#[test]
+fn forces_do_not_depend_on_the_voxels() {
+    let forces = [1.0, 2.0, 3.0].map(force_on_phantom);
+    let [low, high] =
+        [forces.into_iter().fold(f64::MAX, f64::min), forces.into_iter().fold(0.0, f64::max)];
+    assert!(high <= 1.1 * low, "{forces:?}");
+}
+
+#[test]
+fn a_block_is_held_and_pulled_without_a_warning() {
+    let bench = Workbench::new();
+    bench.write("block.nii", Nifti::cube(3).bytes());
+    let summary = made_and_run(&bench, "block.nii");
+    assert!(summary["warnings"].is_null(), "{}", summary["warnings"]);
+    assert!(summary["force"]["max_n"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn hounsfield_units_are_told_from_labels() {
+    let bench = Workbench::new();
+    let mut image = Nifti::cube(0);
+    image.i16(70, 256);
+    image.voxels = (0..512).map(|v| if v % 8 < 4 { 40 } else { 0x9c }).collect();
+    bench.write("ct.nii", image.bytes());
+    let said = bench.succeed(&["init", "ct.nii"]);
+    assert!(said.contains("a CT, by Hounsfield units"), "{said}");
+    let scene = bench.read("scene.toml");
+    assert!(
+        scene.contains("range = [-150.0, -30.0]") && scene.contains("name = \"fat\""),
+        "{scene}"
+    );
+}
+
+#[test]
+fn a_scene_is_replaced_only_when_forced_and_nothing_is_refused_half_written() {
+    let bench = Workbench::new();
+    bench.write("block.nii", Nifti::cube(3).bytes()).write("empty.nii", Nifti::cube(0).bytes());
+    bench.refused(&["init", "no.nii"], &["no.nii"]);
+    bench.refused(&["init", "empty.nii"], &["empty.nii"]);
+    bench.succeed(&["init", "block.nii"]);
+    bench.refused(&["init", "block.nii"], &["--out is scene.toml", "--force"]);
+    bench.succeed(&["init", "block.nii", "--force"]);
+}
