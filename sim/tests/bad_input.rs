@@ -363,6 +363,7 @@ fn value_out_of_range() {
         ("solver.max_iterations=0", "at least 1"),
         ("refinement.split_above=0", "more than 0"),
         ("refinement.merge_fraction=1", "less than 1"),
+        ("refinement.every_steps=0", "at least 1"),
         ("fixed.0.min=[0.5, 0, 0]", "fixed[0].min[0] is 0.5, want at most fixed[0].max[0], 0.0"),
         ("tools.0.path=[]", "tools[0].path"),
         ("tools.0.path.1.time_s=0", "tools[0].path[1].time_s"),

@@ -33,7 +33,8 @@ pub struct ToolSummary {
     pub kind: &'static str,
     /// Largest magnitude of its force, N.
     pub force_max_n: f64,
-    /// How far that is from the force on a mesh without end, N, where it is known.
+    /// How far that is from the force on a mesh without end, N, where it is known; by the share that it
+    /// was when it was measured last.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_max_error_n: Option<f64>,
     /// Magnitude at the end, N.
@@ -46,6 +47,9 @@ pub struct ToolSummary {
     pub contacts_max: usize,
     /// The deepest penetration, m.
     pub penetration_max_m: f64,
+    /// The last estimate of a force's error over that force.
+    #[serde(skip)]
+    pub(crate) error_share: Option<f64>,
 }
 
 impl ToolSummary {
@@ -53,8 +57,11 @@ impl ToolSummary {
     pub(crate) fn add(&mut self, report: &ToolReport) {
         let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         (self.force_end_n, self.torque_end_n_m) = (norm(&report.force_n), norm(&report.torque_n_m));
+        let share = report.force_error_n.map(|error| error / self.force_end_n);
+        self.error_share = share.filter(|share| share.is_finite()).or(self.error_share);
         if self.force_end_n > self.force_max_n {
-            (self.force_max_n, self.force_max_error_n) = (self.force_end_n, report.force_error_n);
+            self.force_max_n = self.force_end_n;
+            self.force_max_error_n = self.error_share.map(|share| share * self.force_end_n);
         }
         self.torque_max_n_m = self.torque_max_n_m.max(self.torque_end_n_m);
         self.contacts_max = self.contacts_max.max(report.contacts);

@@ -264,8 +264,10 @@ pub struct Refinement {
     pub merge_fraction: f64,
     /// Steps a new vertex stays at least.
     pub dwell_steps: usize,
-    /// Splits in one step at most, largest indicator first.
+    /// Splits in one step at most, largest indicator first, and as many merges, smallest first.
     pub max_splits_per_step: usize,
+    /// The mesh is measured and changed in every so many steps, ≥ 1.
+    pub every_steps: usize,
     /// A figure whose error is estimated too, and to which the indicator `goal` refines; for that the
     /// force of the first tool if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -422,6 +424,7 @@ impl Default for Refinement {
             merge_fraction: 0.02,
             dwell_steps: 2,
             max_splits_per_step: 200,
+            every_steps: 1,
             goal: None,
         }
     }

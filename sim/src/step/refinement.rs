@@ -275,6 +275,7 @@ impl Refiner {
         wishes
     }
 
+    /// The vertices that are to go out, no more than may come in: those that are worth least.
     fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {
         let dwell_steps = self.rules.refinement.dwell_steps;
         let settled: Vec<VertexId> = self
@@ -286,15 +287,23 @@ impl Refiner {
             .filter(|v| !matches!(state.holds[v.index()], Hold::Grabbed(_)))
             .collect();
         let made = self.measures_elements.then(|| self.sums_by_newest());
-        settled
-            .into_iter()
-            .filter(|&v| {
-                self.content.forest.merge_ring(v, &mut self.ring) && {
-                    let left = made.as_ref().map_or(0.0, |made| made[v.index()]);
-                    left <= limit && left + self.measure_vertex(v, state) <= limit
-                }
-            })
-            .collect()
+        let mut leaving: Vec<(VertexId, f64)> = Vec::new();
+        for v in settled {
+            if !self.content.forest.merge_ring(v, &mut self.ring) {
+                continue;
+            }
+            let left = made.as_ref().map_or(0.0, |made| made[v.index()]);
+            if left <= limit {
+                leaving.push((v, left + self.measure_vertex(v, state)));
+            }
+        }
+        leaving.retain(|(_, worth)| *worth <= limit);
+        let most = self.rules.refinement.max_splits_per_step;
+        if leaving.len() > most {
+            leaving.sort_by(|a, b| a.1.total_cmp(&b.1));
+            leaving.truncate(most);
+        }
+        leaving.into_iter().map(|(v, _)| v).collect()
     }
 
     /// What a vertex is worth whose parents' tetrahedra are in `self.ring`; nothing beside what the
