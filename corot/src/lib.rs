@@ -24,7 +24,8 @@ pub use contact::{Contact, ContactOutcome, Obstacle, Pushes, Sphere, solve_with_
 pub use element::{EDGES, Element, ElementPoint, locate, rotation};
 pub use equilibrium::{
     Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Inverse, Iterate, Iteration, Lbfgs,
-    Newton, Outcome, Problem, Tolerance, check_mixed, check_pair, equilibrium_by_name, reply_by_two,
+    Newton, Outcome, Problem, Tolerance, check_mixed, check_pair, equilibrium_by_name,
+    reply_by_two,
 };
 pub use error::CorotError;
 pub use field::Field;

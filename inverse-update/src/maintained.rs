@@ -8,9 +8,7 @@ use faer::{Mat, MatRef};
 use crate::InverseError;
 use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
-use crate::maintainer::{
-    Counts, InverseMaintainer, Load, compliance_by_columns, reply_by_two,
-};
+use crate::maintainer::{Counts, InverseMaintainer, Load, compliance_by_columns, reply_by_two};
 use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use nalgebra::{DVector, Matrix3, Vector3};
 
-use crate::body::Body;
 use super::inverse::Inverse;
+use crate::body::Body;
 use crate::contact::Pushes;
 use crate::field::Field;
 use crate::forces::InternalForces;
@@ -240,7 +240,8 @@ impl Problem<'_> {
         }
         scratch.copy_from_slice(residual);
         self.turn_back(&mut scratch);
-        let rows: Vec<usize> = vertices.iter().flat_map(|v| (0..3).map(move |a| m * v + a)).collect();
+        let rows: Vec<usize> =
+            vertices.iter().flat_map(|v| (0..3).map(move |a| m * v + a)).collect();
         let turns = self.body.vertex_rotations();
         let turn = |v: usize| turns.get(v).copied().unwrap_or_else(Matrix3::identity);
         let mut reply = Some(reply);

@@ -79,7 +79,11 @@ impl Factor {
 
     /// The reverse of [`by_position`](Self::by_position).
     #[inline(always)]
-    pub(super) fn by_slot<const M: usize, const R: usize>(&self, x: &[[f64; R]], sides: &mut [f64]) {
+    pub(super) fn by_slot<const M: usize, const R: usize>(
+        &self,
+        x: &[[f64; R]],
+        sides: &mut [f64],
+    ) {
         let n = M * self.vertices();
         for (slot, &position) in self.position_of.iter().enumerate() {
             for a in 0..M {

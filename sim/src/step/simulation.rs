@@ -130,8 +130,7 @@ impl Simulation {
         let Self { body, tools, contact, solver, goal, scene, recorder, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
-        let refines =
-            scene.mesh.refines() && step.is_multiple_of(scene.refinement.every_steps);
+        let refines = scene.mesh.refines() && step.is_multiple_of(scene.refinement.every_steps);
         let is_written = step.is_multiple_of(scene.output.frames_every);
         if !refines && !is_written && scene.time.steps != step {
             return Ok(Remeshed::default());
