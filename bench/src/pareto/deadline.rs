@@ -8,7 +8,7 @@ use faer::{Mat, MatRef};
 use yawara::{InverseFactory, SimError};
 use yawara_embed::EmbedError;
 use yawara_inverse_update::{
-    Counts, FreshRows, InverseError, InverseMaintainer, RingChange, SparseStiffness,
+    Counts, FreshRows, InverseError, InverseMaintainer, Load, RingChange, SparseStiffness,
     StiffnessChange, StorageError, Update,
 };
 
@@ -87,7 +87,15 @@ impl InverseMaintainer for Guarded {
             fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
             fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>;
             fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
-            fn compliance(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError>;
+            fn compliance(&self, loads: &[Load]) -> Result<Mat<f64>, InverseError>;
+            fn apply(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError>;
+            fn apply_and_reply(
+                &self,
+                f: &[f64],
+                rows: &[usize],
+                reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+                u: &mut [f64],
+            ) -> Result<(), InverseError>;
         }
         to self.in_time_mut()? {
             fn split(&mut self, ring: &RingChange) -> Result<usize, InverseError>;

@@ -250,7 +250,7 @@ impl Problem<'_> {
             let there: Vec<_> = at.map(|(&v, d)| turn(v) * Vector3::from(*d)).collect();
             let forces = reply.take().map_or_else(Vec::new, |reply| reply(&there));
             let local = vertices.iter().zip(forces).map(|(&v, force)| turn(v).transpose() * force);
-            local.flat_map(|force| <[f64; 3]>::from(force)).collect()
+            local.flat_map(<[f64; 3]>::from).collect()
         };
         self.inverse.apply_and_reply(&scratch, &rows, &mut reply, step);
         self.turn(step);
