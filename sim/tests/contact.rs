@@ -264,7 +264,9 @@ fn a_ball_that_stays_leaves_the_mesh_alone() {
         let path = "tools.0.path=[{time_s=0,move_m=[0.0239,0.0760,0.0266]},\
             {time_s=0.1,move_m=[0.0239,0.0694,0.0266]}]";
         let indicator = format!("stages.indicator={indicator}");
-        let mut simulation = simulation("palpate", &[path, &indicator, "time.steps=45"]);
+        let often = ["refinement.every_steps=1", "refinement.max_splits_per_step=200"];
+        let set = [&often[..], &[path, &indicator, "time.steps=45"]].concat();
+        let mut simulation = simulation("palpate", &set);
         let reports = run(&mut simulation);
         assert!(reports.iter().all(|r| r.converged));
         assert!(reports[30..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");

@@ -138,15 +138,19 @@ fn no_bit_of_a_gzip_stream_flips_unnoticed() {
     let voxels: Vec<i16> = (0..512).map(|v| (v / 7) % 5).collect();
     let file = File::new([8, 8, 8], &voxels);
     let (intact, volume) = (gzip(&file.bytes()), file.labels().unwrap());
-    // The name, time and system of the packed file may be anything.
+    // Name, time and system of the packed file may be anything, and another way to say the same voxels,
+    // such as a repetition that begins earlier, is no damage.
+    let mut accepted = 0;
     for bit in 0..8 * intact.len() {
         let mut flipped = intact.clone();
         flipped[bit / 8] ^= 1 << (bit % 8);
         if let Ok(other) = scratch(&flipped, read_labels) {
             assert_eq!(other, volume, "bit {bit}");
-            assert!(bit / 8 < 10, "bit {bit} is in the stream");
+            assert!(bit / 8 < intact.len() - 8, "bit {bit} is in the sum or the length");
+            accepted += usize::from(bit / 8 >= 10);
         }
     }
+    assert!(accepted < 8 * intact.len() / 20, "{accepted} bits of the stream");
 }
 
 #[test]
