@@ -256,8 +256,8 @@ fn a_following_pressure_all_round_has_no_net_force_and_a_dead_one_has_the_same()
     }
 }
 
-/// What a contact has made come in is worth more with the load on it than by the strain around it: by
-/// that alone it went out at once, came in again, and the force was another in every third step.
+/// What a contact has made come in would be asked for again by the elements that it made: where that does
+/// not count, it goes out, comes in again, and the force is another in every third step.
 #[test]
 fn a_ball_that_stays_leaves_the_mesh_alone() {
     for indicator in ["residual", "energy"] {

@@ -57,3 +57,58 @@ fn balance(ring: &[RingMember]) -> (Vector3<f64>, Matrix3<f64>) {
     }
     (force, stiffness)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix6, SMatrix};
+    use yawara_embed::{ChildPair, Excess, LinearTet, ParentMaterial, isotropic};
+
+    use super::*;
+
+    /// One tetrahedron of two materials; its halves' energy is computed term by term.
+    #[test]
+    fn a_vertex_is_worth_what_its_halves_take_for_it_to_go_back() {
+        let corners = [[0.0; 3], [0.2, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
+        let geometry = LinearTet::new(&corners.map(Vector3::from));
+        let parent = ParentMaterial {
+            elasticity: Matrix6::identity(),
+            midpoint: SMatrix::zeros(),
+            excess: Excess::Zero,
+        };
+        let mut member = RingMember {
+            geometry,
+            halves: ChildPair::new(&geometry, 0, 1, [isotropic(1.0, 0.3), isotropic(5.0, 0.2)]),
+            parent,
+            deformation_gradient: Matrix3::identity(),
+            rotation: Matrix3::identity(),
+            edge: Vector3::new(0.2, 0.0, 0.0),
+            end_rotations: [Matrix3::identity(); 2],
+            pressed_dilation: None,
+            is_void: false,
+        };
+        let energy = |member: &RingMember, d: &Vector3<f64>| -> f64 {
+            let operators = member.halves.strain_operators();
+            let halves = operators.iter().zip(&member.halves.elasticity);
+            let of = halves.map(|(g, elasticity)| {
+                let strain = member.strain() + g * d;
+                0.25 * member.geometry.volume * strain.dot(&(elasticity * strain))
+            });
+            of.sum()
+        };
+        // Out there by a load alone: nothing is strained but by it, and by strain it is worth nothing.
+        let d = Vector3::new(0.003, -0.001, 0.002);
+        assert_eq!(Energy.measure(&[member]), 0.0);
+        let want = energy(&member, &d);
+        assert!((Energy.measure_vertex(&[member], &d) - want).abs() < 1e-12 * want);
+        // Out there by the strain alone it is worth what it released.
+        member.deformation_gradient[(0, 0)] = 1.1;
+        member.deformation_gradient[(0, 1)] = 0.05;
+        let (force, stiffness) = balance(&[member]);
+        let d = stiffness.cholesky().unwrap().solve(&force);
+        let want = energy(&member, &Vector3::zeros()) - energy(&member, &d);
+        assert!(want > 0.0);
+        for got in [Energy.measure(&[member]), Energy.measure_vertex(&[member], &d)] {
+            assert!((got - want).abs() < 1e-9 * want, "{got} {want}");
+        }
+    }
+}
