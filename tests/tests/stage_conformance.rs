@@ -106,6 +106,7 @@ conformance!(
 
 conformance!(constitutive_law, linear_law, "linear");
 conformance!(constitutive_law, rayleigh, "rayleigh");
+conformance!(constitutive_law, neo_hookean, "neo_hookean");
 
 conformance!(equilibrium, fallback, "fallback", a_large_load_is_borne);
 conformance!(equilibrium, anderson, "anderson", a_large_load_is_borne);
@@ -225,7 +226,7 @@ fn every_choice_has_its_line() {
     assert_eq!(EQUILIBRIA, ["fallback", "anderson", "lbfgs", "direct", "newton"]);
     assert_eq!(indicator::CHOICES, ["energy", "residual", "goal", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
-    assert_eq!(LAWS, ["linear", "rayleigh"]);
+    assert_eq!(LAWS, ["linear", "rayleigh", "neo_hookean"]);
     assert_eq!(INTEGRATORS, ["implicit_euler", "quasi_static"]);
 }
 

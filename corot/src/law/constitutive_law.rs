@@ -98,6 +98,11 @@ pub trait ConstitutiveLaw: Send + Sync {
         false
     }
 
+    /// Whether it may be that of a body with pressures: one whose volumetric stress is κ tr ε̃.
+    fn takes_pressures(&self) -> bool {
+        true
+    }
+
     /// The state of a half of a tetrahedron that splits: a copy.
     fn split(&self, parent: &[f64], half: &mut [f64]) {
         half.copy_from_slice(parent);

@@ -1,23 +1,25 @@
 //! How stress follows from strain: the swappable stage [`ConstitutiveLaw`].
 //!
 //! `linear.rs` is σ = D ε, which the vector kernels do by themselves; `rayleigh.rs` adds damping by
-//! stiffness and is the model of a law with a state. `states.rs` keeps the states of a body's
+//! stiffness and is the model of a law with a state; `neo_hookean.rs` is for strains of any size. `states.rs` keeps the states of a body's
 //! elements and adds to the forces what a law has beyond D ε. Open `constitutive_law.rs` first. To
 //! add one: a file with a type that implements the trait, a line in [`law_by_name`].
 
 mod constitutive_law;
 mod linear;
+mod neo_hookean;
 mod rayleigh;
 pub(crate) mod states;
 
 pub use constitutive_law::{ConstitutiveLaw, LawHalf, MaterialPoint};
 pub use linear::LinearElastic;
+pub use neo_hookean::NeoHookean;
 pub use rayleigh::Rayleigh;
 
 use crate::error::CorotError;
 
 /// Scene names of the built-in laws.
-pub const LAWS: &[&str] = &["linear", "rayleigh"];
+pub const LAWS: &[&str] = &["linear", "rayleigh", "neo_hookean"];
 
 /// A built-in law; `damping_stiffness_s` is β of `rayleigh`, s.
 ///
@@ -30,6 +32,7 @@ pub fn law_by_name(
     match name {
         "linear" => Ok(Box::new(LinearElastic)),
         "rayleigh" => Ok(Box::new(Rayleigh::new(damping_stiffness_s)?)),
+        "neo_hookean" => Ok(Box::new(NeoHookean)),
         _ => {
             Err(CorotError::Unknown { what: "constitutive law", name: name.into(), choices: LAWS })
         }
