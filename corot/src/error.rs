@@ -37,7 +37,8 @@ pub enum CorotError {
     },
     /// A stage that knows displacements alone, and elements with pressures.
     #[error(
-        "{stage} `{name}` can't be used with element `p1p1`, which has pressures; want {stage} {choices}, or element p1"
+        "{stage} `{name}` can't be used with element `p1p1`, which has pressures; \
+         want {stage} {choices}, or element p1"
     )]
     NoPressures {
         /// Which stage.
