@@ -88,7 +88,8 @@ pub enum SimError {
     /// Labels of the image that the scene says nothing about.
     #[error(
         "{image}: {} but [[materials]] has no entry for them; make them void with --set \
-         'image.ignore_labels=[{}]' or give all others one material with --set \
+         'image.ignore_labels=[{}]' (image.ignore_others=true does that to whatever has none) or give \
+         all others one material with --set \
          'materials.{entries}={{ other = true, young_modulus_pa = 8e3, poisson_ratio = 0.45 }}'",
         in_words(labels),
         numbers(labels)

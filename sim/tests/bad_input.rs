@@ -384,6 +384,7 @@ fn value_out_of_range() {
         ("image.blur_mm=2", "label map"),
         ("image.ignore_labels=[3, 1]", "image.ignore_labels[1] is 1"),
         ("image.ignore_labels=[0.5]", "a whole number"),
+        ("image.ignore_others=1", "true or false"),
         ("mesh.label_level=4", "to max_level, 3"),
         ("mesh.label_region={shape=\"sphere\", centre=[0,0,0], radius_m=1}", "mesh.label_level"),
         ("output.field=1", "true or false"),

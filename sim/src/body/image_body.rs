@@ -19,6 +19,9 @@ use crate::scene::{Region, Scene, SupportHold};
 /// Lengths of a body's longest side, mm.
 const SIZES_MM: RangeInclusive<f64> = 1.0..=5e3;
 
+/// Base cells along the longest side of a body where a scene gives no `base_mm`.
+const BASE_CELLS: f64 = 10.0;
+
 /// What a body is made of, before anything moves.
 pub(crate) struct ImageBody {
     /// Image, parts and label refinement, for the plan and the summary.
@@ -51,7 +54,8 @@ impl ImageBody {
         }
         let voxel_mm = volume.grid().spacing_mm;
         check_base(scene, &organ, voxel_mm)?;
-        let voxels_per_cell = voxels_per_cell(scene.mesh.base_mm.unwrap_or(voxel_mm), voxel_mm);
+        let base_mm = scene.mesh.base_mm.unwrap_or_else(|| organ.longest_mm() / BASE_CELLS);
+        let voxels_per_cell = voxels_per_cell(base_mm, voxel_mm);
         let grid = CellGrid::around(&volume, voxels_per_cell)?;
         let tree = Arc::new(LabelTree::new(&volume, grid)?);
         let lattice = Lattice::new(grid.cells, scene.mesh.finest_level());
@@ -216,8 +220,7 @@ fn check_size(image: &ImageSummary, organ: &OrganBox) -> Result<(), SimError> {
 
 /// A base cell may be as large as what a power of two of voxels makes of the body's longest side.
 fn check_base(scene: &Scene, organ: &OrganBox, voxel_mm: f64) -> Result<(), SimError> {
-    let longest_mm = (organ.high - organ.low).max() * 1e3;
-    let most = 2.0 * longest_mm.max(voxel_mm);
+    let most = 2.0 * organ.longest_mm().max(voxel_mm);
     match scene.mesh.base_mm {
         Some(base) if base > most => {
             let want = format!("at most {most:.3}, twice the longest side of the body");

@@ -186,16 +186,22 @@ fn labels(
     volume: LabelVolume,
     mut summary: ImageSummary,
 ) -> Result<ImageSource, SimError> {
-    let ignored = |label: &i64| scene.image.ignore_labels.contains(label);
+    let image = &scene.image;
+    let named = |label: &i64| image.ignore_labels.contains(label);
+    let ignored = |label: &i64| {
+        named(label) || (*label != 0 && image.ignore_others && scene.material_of(*label).is_none())
+    };
     let (counts, mut without) = (volume.counts(), Vec::new());
     for (&label, &voxels) in volume.values().iter().zip(&counts).skip(1) {
         if ignored(&label) {
             summary.ignored_labels.push(LabelVoxels { label, voxels });
-        } else if scene.material_of(label).is_none() {
+        }
+        if !named(&label) && scene.material_of(label).is_none() {
             without.push(LabelVoxels { label, voxels });
         }
     }
-    if !without.is_empty() {
+    // What looks like a CT is none of labels to be left out either.
+    if !without.is_empty() && (!image.ignore_others || looks_like_intensities(&without)) {
         return Err(without_material(scene, summary.name, without));
     }
     let volume = if summary.ignored_labels.is_empty() {
@@ -215,10 +221,15 @@ fn labels(
 fn without_material(scene: &Scene, image: String, labels: Vec<LabelVoxels>) -> SimError {
     let low = labels.iter().map(|one| one.label).min().unwrap_or_default();
     let high = labels.iter().map(|one| one.label).max().unwrap_or_default();
-    if low < 0 || labels.len() > MOST_LABELS {
+    if looks_like_intensities(&labels) {
         return SimError::IntensitiesAsLabels(image, labels.len(), low, high);
     }
     SimError::LabelsWithoutMaterial { image, labels, entries: scene.materials.len() }
+}
+
+/// Label maps have no negative labels, and not so many.
+fn looks_like_intensities(labels: &[LabelVoxels]) -> bool {
+    labels.len() > MOST_LABELS || labels.iter().any(|one| one.label < 0)
 }
 
 /// Labels from the intensities of a file, by the materials' ranges.

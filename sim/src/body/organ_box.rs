@@ -26,6 +26,11 @@ impl OrganBox {
         (self.high - self.low).map(|edge| (edge * 1e6).round() / 1e3).into()
     }
 
+    /// Its longest edge, mm.
+    pub fn longest_mm(&self) -> f64 {
+        (self.high - self.low).max() * 1e3
+    }
+
     /// Where `x` lies on a grid of 2²⁰ points a side over the box, packed as a lattice key is.
     pub fn grid_key(&self, x: &Vector3<f64>) -> u64 {
         let size = self.high - self.low;

@@ -87,7 +87,8 @@ fn image(setup: &ImageBody) -> PlanRow {
         why += &format!(", smoothed by {} mm", image.blur_mm);
     }
     if !image.ignored_labels.is_empty() {
-        why += &format!("; {} label(s) ignored", image.ignored_labels.len());
+        let voxels: u64 = image.ignored_labels.iter().map(|one| one.voxels).sum();
+        why += &format!("; {} label(s) ignored, {voxels} voxels", image.ignored_labels.len());
     }
     for other in image.materials.iter().filter(|material| material.other) {
         why += &format!("; {} label(s) take the material of others", other.labels.len());
@@ -101,7 +102,10 @@ fn image(setup: &ImageBody) -> PlanRow {
 fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
     let used = setup.base_m * 1e3;
     let asked = scene.mesh.base_mm.unwrap_or(used);
-    let rounded = if (asked - used).abs() > 1e-9 * used {
+    let rounded = if scene.mesh.base_mm.is_none() {
+        "; no base_mm is given: a tenth of the body's longest side, rounded to a power of two of voxels"
+            .into()
+    } else if (asked - used).abs() > 1e-9 * used {
         format!("; {asked} mm were asked for, rounded to a power of two of voxels")
     } else {
         String::new()

@@ -88,6 +88,9 @@ pub struct Image {
     /// Labels of a label map that become void.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore_labels: Vec<i64>,
+    /// Whether all labels of a label map that no entry of the materials names become void.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ignore_others: bool,
 }
 
 impl Image {
@@ -210,7 +213,8 @@ pub struct MeshOptions {
     /// Length of a unit of that file, m.
     #[serde(default = "default_unit")]
     pub unit_m: f64,
-    /// Edge of a base cell, mm; rounded to a power of two times the voxel edge.
+    /// Edge of a base cell, mm; rounded to a power of two times the voxel edge. A tenth of the body's
+    /// longest side if absent.
     pub base_mm: Option<f64>,
     /// Level of the uniform mesh at the start, the floor of merging.
     #[serde(default)]

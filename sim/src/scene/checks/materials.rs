@@ -36,6 +36,17 @@ impl Check<'_> {
                         smoothed (give the materials a range)";
             self.that(intensities || sigma == 0.0, "image.blur_mm", sigma, want)?;
         }
+        if image.ignore_others {
+            let want = "false or no such key: the image holds intensities, and what is in no range is void";
+            self.that(!intensities, "image.ignore_others", true, want)?;
+            let want = "false or no such key beside mesh.path, whose tags all need a material";
+            self.that(scene.mesh.path.is_none(), "image.ignore_others", true, want)?;
+            let taken = scene.materials.iter().position(|material| material.other);
+            let want = taken.map_or(String::new(), |k| {
+                format!("false or no such key, for materials[{k}] takes all other labels")
+            });
+            self.that(taken.is_none(), "image.ignore_others", true, &want)?;
+        }
         for (i, label) in image.ignore_labels.iter().enumerate() {
             let key = format!("image.ignore_labels[{i}]");
             let want = "no such key: the image holds intensities, and what is in no range is void";

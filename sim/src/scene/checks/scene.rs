@@ -141,9 +141,7 @@ impl Check<'_> {
     fn mesh(&self, scene: &Scene) -> Result<(), SimError> {
         let mesh = &scene.mesh;
         let finest = yawara_mesh::lattice::MAX_LEVEL;
-        if mesh.path.is_none() {
-            let want = "the edge of a base cell in mm";
-            let base_mm = self.given(mesh.base_mm, "mesh.base_mm", want)?;
+        if let (None, Some(base_mm)) = (&mesh.path, mesh.base_mm) {
             self.positive("mesh.base_mm", base_mm)?;
         }
         let (start, max) = (mesh.start_level, mesh.finest_level());
