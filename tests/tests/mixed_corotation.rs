@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{
     Anderson, Body, Element, Equilibrium, FORCES, Newton, Problem, Tolerance, check_mixed,
-    equilibrium_by_name, forces_by_name,
+    equilibrium_by_name, forces_by_name, law_by_name,
 };
 use yawara_embed::{ElementFormulation, MixedModuli, P1P1};
 use yawara_mesh::{BisectionForest, Placement};
@@ -227,13 +227,55 @@ fn a_small_load_gives_what_linear_statics_gives() {
     }
 }
 
+/// The elements of `of` under a law in an empty body.
+fn under(law: &str, empty: Body, of: &Body) -> Body {
+    let mut body = empty.with_law(law_by_name(law, 0.0).unwrap());
+    of.elements().iter().for_each(|element| body.insert(*element));
+    body
+}
+
+/// Where all strain is the same the pressures that fit it give each element the forces and the energy that it has
+/// without.
+#[test]
+fn a_law_with_a_growth_of_its_own_knows_no_pressure_where_it_is_homogeneous() {
+    for (name, poisson_ratio) in CARRYING.iter().zip([0.3, 0.45, 0.4]) {
+        let organ = Organ::homogeneous([2, 1, 1], 1e4, poisson_ratio);
+        let (linear, rest) = setting(&organ, 1.0);
+        let mut alone = under("neo_hookean", Body::new(), &linear);
+        let mut pressed = under("neo_hookean", Body::mixed(P1P1::default()), &linear);
+        let f = Matrix3::new(1.9, 0.3, 0.0, -0.2, 0.7, 0.1, 0.0, 0.4, 0.8);
+        let x: Vec<_> = rest.iter().map(|x| f * x).collect();
+        // With no rotation growth is that of the symmetric part.
+        let stretch = if *name == "none" { 0.5 * (f + f.transpose()) } else { f };
+        let growth = stretch.determinant() - 1.0;
+        let MixedModuli { bulk, shear, .. } =
+            MixedModuli::new(&linear.elements()[0].elasticity).unwrap();
+        pressed.set_pressures(&vec![bulk / shear * growth; x.len()]);
+        let (want, _, scale) = evaluate(name, &mut alone, &x);
+        let (got, residuals, _) = evaluate(name, &mut pressed, &x);
+        assert!(distance(&got, &want) < 1e-12 * scale, "{name}: {}", distance(&got, &want));
+        let volume: f64 = linear.elements().iter().map(|e| e.geometry.volume).sum();
+        assert!(largest(&residuals) < 1e-12 * shear * volume, "{name}: {}", largest(&residuals));
+        let [have, want] = [pressed.energy(&x), alone.energy(&x)];
+        assert!((have - want).abs() < 1e-12 * want, "{name}: {have} J, want {want} J");
+    }
+}
+
 /// A bar is bent far in one jump, of a material that hardly changes its volume: by the exact tangent with
 /// pressures a few steps are enough, the last of them quadratic. The kept inverse is not used.
 #[test]
 fn newton_bends_a_mixed_bar() {
-    for (name, poisson_ratio) in [("element", 0.3), ("element", 0.499), ("none", 0.45)] {
+    let cases = [
+        ("element", 0.3, "linear"),
+        ("element", 0.499, "linear"),
+        ("none", 0.45, "linear"),
+        ("element", 0.3, "neo_hookean"),
+        ("element", 0.499, "neo_hookean"),
+    ];
+    for (name, poisson_ratio, law) in cases {
         let organ = Organ::homogeneous([4, 1, 1], 1e4, poisson_ratio);
-        let (mut body, mut x) = setting(&organ, 1.0);
+        let (linear, mut x) = setting(&organ, 1.0);
+        let mut body = under(law, Body::mixed(P1P1::default()), &linear);
         let (rest, n) = (x.clone(), x.len());
         let [low, high] =
             [f64::min, f64::max].map(|of| rest.iter().map(|x| x.x).reduce(of).unwrap());

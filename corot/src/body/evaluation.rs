@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use super::storage::Body;
 use crate::element::Element;
-use crate::element::pressures::Pressures;
 use crate::element::rotation::polar_warm;
 use crate::element::tetrahedron::stress_matrix;
 use crate::element::turning::Turning;
@@ -14,7 +13,7 @@ use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
 use crate::kernels::simd::{LANES, set_matrix};
 use crate::kernels::vertex::VertexPass;
-use crate::law::states::StateRun;
+use crate::law::states::{Question, StateRun};
 
 /// The most runs of elements that are evaluated at once. How many there are goes by the number of
 /// elements alone: so do the last digits.
@@ -132,6 +131,7 @@ impl Body {
                     Turning::Nearest,
                     positions,
                     &mut sums.forces,
+                    &mut sums.pressure_residuals,
                 );
             }
         };
@@ -158,15 +158,21 @@ impl Body {
     }
 
     /// Adds to `forces` what the law has beyond D ε, V R (σ − D ε̃) ∇λ with each element's stored
-    /// rotation; nothing under a linear law. Returns Σ_e ‖·‖² of what was added.
+    /// rotation, and to the residuals of pressures what its growth has beyond tr ε; nothing under a linear law.
+    /// Returns Σ_e ‖·‖² of what was added.
     ///
     /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself, with
     /// rotations of its own.
     pub fn add_law_forces(&mut self, positions: &Field, forces: &mut Field) -> f64 {
         let Self { elements, pressures, states, .. } = self;
-        let runs = states.runs(elements.len());
-        let pressures = pressures.as_ref();
-        runs.map(|run| run.add_to(elements, pressures, Turning::Given, positions, forces)).sum()
+        let Some(run) = states.runs(elements.len()).next() else { return 0.0 };
+        let mut residuals = vec![0.0; pressures.as_ref().map_or(0, |p| p.vertices.len())];
+        let (turning, pressed) = (Turning::Given, pressures.as_ref());
+        let squares = run.add_to(elements, pressed, turning, positions, forces, &mut residuals);
+        if let Some(pressures) = pressures {
+            pressures.add_residuals(&residuals, states.stiffening());
+        }
+        squares
     }
 
     /// f_int of a co-rotation by vertices into `forces` (overwritten): rotations are renewed, then
@@ -211,16 +217,21 @@ impl Body {
             let Element { vertices, elasticity, rotation, .. } = element;
             let strain = element.corotated_strain(positions);
             let (mut stress, mut pull) = (elasticity * strain, 0.0);
-            if let Some(pressures) = pressures {
+            let pressed = pressures.as_ref();
+            if let Some(pressures) = pressed {
                 let dilation = strain[0] + strain[1] + strain[2];
                 pressures.add_residual(number, *vertices, dilation, &mut residuals);
                 stress = pressures.moduli(number).deviatoric * strain;
                 pull = pressures.pull(number, *vertices);
             }
             if let Some(law) = &mut law {
-                let assumed = |p: &Pressures| p.assumed_strain(number, *vertices, &strain);
-                let strain = pressures.as_ref().map_or(strain, assumed);
-                (stress, pull) = (law.stress(number, elasticity, strain), 0.0);
+                let growth;
+                (stress, growth) =
+                    law.stress(&Question { number, element, strain, pressures: pressed });
+                pull = 0.0;
+                if let Some(pressures) = pressed {
+                    pressures.add_growth(number, *vertices, growth, &mut residuals);
+                }
             }
             let stress = turning.stress(&stress_matrix(&stress), element, positions);
             let scaled = rotation * stress * element.geometry.volume;

@@ -10,7 +10,7 @@ use super::storage::Body;
 use crate::element::Element;
 use crate::element::pressures::PressureTangent;
 use crate::field::Field;
-use crate::law::states::States;
+use crate::law::states::{Question, States};
 use crate::law::{ConstitutiveLaw, LawHalf};
 
 /// What an element hands on when its tetrahedron splits or merges; empty under a linear law.
@@ -100,12 +100,15 @@ impl Body {
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
     }
 
-    /// Σ ½ V σ : ε of the elements at `positions` (m, by vertex number) with their rotations, and what elastic
-    /// grips store, J. Cost: O(elements).
+    /// What the elements store at `positions` (m, by vertex number) with their rotations, ½ V σ : ε where their law says
+    /// nothing else, and elastic grips, J. Cost: O(elements).
     pub fn energy(&self, positions: &Field) -> f64 {
+        let pressures = self.pressures.as_ref();
         let elements = self.elements().iter().enumerate().map(|(number, element)| {
             let strain = element.corotated_strain(positions);
-            0.5 * element.geometry.volume * self.stress(number, positions).dot(&strain)
+            let density = self.states.energy(&Question { number, element, strain, pressures });
+            let volume = element.geometry.volume;
+            volume * density.unwrap_or_else(|| 0.5 * self.stress(number, positions).dot(&strain))
         });
         let held = self.grips().iter().map(|grip| grip.energy(positions));
         elements.chain(held).sum()
@@ -144,10 +147,10 @@ impl Body {
     /// The law's answer for an element at `positions` with its stored rotation: σ and ∂σ/∂ε, Pa,
     /// pressures as they are.
     pub(crate) fn response(&self, number: usize, positions: &Field) -> (Strain, Matrix6<f64>) {
-        let (stress, law) = self.law_response(number, positions);
+        let (stress, law, growth) = self.law_response(number, positions);
         match &self.pressures {
             None => (stress, law),
-            Some(pressures) => (stress, pressures.tangent(number, &law).modulus),
+            Some(pressures) => (stress, pressures.tangent(number, &law, growth).modulus),
         }
     }
 
@@ -158,22 +161,22 @@ impl Body {
         positions: &Field,
     ) -> Option<PressureTangent> {
         let pressures = self.pressures.as_ref()?;
-        Some(pressures.tangent(number, &self.law_response(number, positions).1))
+        let (_, law, growth) = self.law_response(number, positions);
+        Some(pressures.tangent(number, &law, growth))
     }
 
-    /// σ and ∂σ/∂ε̃ at the assumed strain ε̃, Pa.
-    fn law_response(&self, number: usize, positions: &Field) -> (Strain, Matrix6<f64>) {
+    /// σ and ∂σ/∂ε̃ at what the law sees, Pa, and the derivative of the law's own growth by ε if it has one.
+    fn law_response(
+        &self,
+        number: usize,
+        positions: &Field,
+    ) -> (Strain, Matrix6<f64>, Option<Strain>) {
         let element = &self.elements()[number];
         if self.law().is_linear() {
-            return (self.stress(number, positions), element.elasticity);
+            return (self.stress(number, positions), element.elasticity, None);
         }
         let strain = element.corotated_strain(positions);
-        let assumed = match &self.pressures {
-            None => strain,
-            Some(pressures) => pressures.assumed_strain(number, element.vertices, &strain),
-        };
-        let point = self.states.point(number, &element.elasticity, assumed);
-        let mut trial = vec![0.0; self.states.len()];
-        (self.law().stress(&point, &mut trial), self.law().tangent(&point))
+        let pressures = self.pressures.as_ref();
+        self.states.response(&Question { number, element, strain, pressures })
     }
 }

@@ -173,7 +173,7 @@ impl Body {
         self.of_tet[index] = self.elements.len() as u32;
         let pressed = self.pressures.as_mut().map(|p| p.push(&element));
         self.packets.push(pressed.as_ref().unwrap_or(&element));
-        self.states.push();
+        self.states.push(&element.elasticity);
         self.elements.push(element);
     }
 

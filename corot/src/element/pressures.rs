@@ -155,6 +155,18 @@ impl Pressures {
         }
     }
 
+    /// Takes a growth beyond `dilation` into the rows of an element's corners.
+    pub fn add_growth(
+        &self,
+        number: usize,
+        corners: [usize; 4],
+        growth: f64,
+        residuals: &mut [f64],
+    ) {
+        let more = self.elements[number].quarter * growth;
+        corners.into_iter().for_each(|v| residuals[v] -= more);
+    }
+
     /// P, factored, J: rows by vertex number, 1 where there is no element. None for want of memory.
     pub fn matrix(&self, elements: &[Element]) -> Option<SparseLdl> {
         let n = self.vertices.len();
@@ -177,6 +189,13 @@ impl Pressures {
         }
     }
 
+    /// Adds to P q − G u of all vertices, times the law's `stiffening`.
+    pub fn add_residuals(&mut self, residuals: &[f64], stiffening: f64) {
+        for (vertex, &residual) in self.vertices.iter_mut().zip(residuals) {
+            vertex.residual += stiffening * residual;
+        }
+    }
+
     /// How an element's elasticity divides up.
     pub fn moduli(&self, number: usize) -> &MixedModuli {
         &self.moduli[number]
@@ -185,6 +204,11 @@ impl Pressures {
     /// q̄; vertices that nothing has set have none.
     fn mean(&self, corners: [usize; 4]) -> f64 {
         0.25 * corners.map(|v| self.vertices.get(v).map_or(0.0, |v| v.q)).iter().sum::<f64>()
+    }
+
+    /// μ q̄, Pa.
+    pub fn mean_stress(&self, number: usize, corners: [usize; 4]) -> f64 {
+        self.moduli[number].shear * self.mean(corners)
     }
 
     /// D'ε + μ q̄ m, Pa.
@@ -199,10 +223,19 @@ impl Pressures {
         deviatoric * strain + Strain::new(pressure, pressure, pressure, 0.0, 0.0, 0.0)
     }
 
-    /// The derivatives of an element with pressures, C = ∂σ/∂ε̃ of its law (Pa) at the assumed strain.
-    pub fn tangent(&self, number: usize, law: &Matrix6<f64>) -> PressureTangent {
+    /// The derivatives of an element with pressures, C = ∂σ/∂ε̃ of its law (Pa) at what it sees, and the derivative of
+    /// its growth by ε if that is the law's own.
+    pub fn tangent(
+        &self,
+        number: usize,
+        law: &Matrix6<f64>,
+        growth: Option<Strain>,
+    ) -> PressureTangent {
         let MixedModuli { bulk, shear, expansion, .. } = &self.moduli[number];
         let PressedElement { own, across, .. } = self.elements[number];
+        if let Some(growth) = growth {
+            return PressureTangent { modulus: *law, pull: 0.25 * *shear * growth, own, across };
+        }
         let pull = law * expansion;
         let dilation = Strain::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0);
         let modulus = law - *bulk * pull * dilation.transpose();

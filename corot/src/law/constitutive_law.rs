@@ -9,10 +9,15 @@ use yawara_embed::Strain;
 pub struct MaterialPoint<'a> {
     /// The homogenised elasticity D, Pa.
     pub elasticity: &'a Matrix6<f64>,
+    /// What the law derived from D when the element came in, [`ConstitutiveLaw::moduli_len`] numbers.
+    pub moduli: &'a [f64],
     /// The assumed strain ε̃ at the end of the step. With displacements alone it is
     /// ε = sym(RᵀF) − I. With pressures it is ε + D⁻¹m (μ q̄ − κ mᵀε), m = (1,1,1,0,0,0), for which
-    /// D ε̃ = D'ε + μ q̄ m: one law serves both elements and knows of no pressure.
+    /// D ε̃ = D'ε + μ q̄ m: one law serves both elements and knows of no pressure. A law with a
+    /// [`growth`](ConstitutiveLaw::growth) of its own sees ε always.
     pub strain: Strain,
+    /// μ q̄, Pa, for a law with a growth of its own in an element with pressures.
+    pub pressure: Option<f64>,
     /// The state at the start of the step, [`ConstitutiveLaw::state_len`] numbers.
     pub state: &'a [f64],
     /// Length of the step, s; infinite where no time passes.
@@ -71,7 +76,9 @@ pub struct LawHalf<'a> {
 /// let mut state = [0.0; 12];
 /// for _ in 0..1000 {
 ///     let committed = state;
-///     let point = MaterialPoint { elasticity: &elasticity, strain, state: &committed, step_s: 0.1 };
+///     let (elasticity, state) = (&elasticity, &committed[..]);
+///     let point =
+///         MaterialPoint { elasticity, moduli: &[], strain, pressure: None, state, step_s: 0.1 };
 ///     Maxwell(1.0).stress(&point, &mut state);
 /// }
 /// assert!(state[0].abs() < 1e-12, "held long enough, nothing is left");
@@ -87,8 +94,14 @@ pub trait ConstitutiveLaw: Send + Sync {
     /// to `trial`. Called once per element in every evaluation of forces.
     fn stress(&self, point: &MaterialPoint<'_>, trial: &mut [f64]) -> Strain;
 
-    /// ∂σ/∂ε̃ at the end of the step, Pa.
+    /// ∂σ/∂ε̃ at the end of the step, Pa, with the pressure as it is where the point has one.
     fn tangent(&self, point: &MaterialPoint<'_>) -> Matrix6<f64>;
+
+    /// What it stores, J/m³, where that is not ½ σ·ε. With the pressure p of a point ½ p times the growth stands
+    /// for what the change of volume stores.
+    fn energy(&self, _point: &MaterialPoint<'_>) -> Option<f64> {
+        None
+    }
 
     /// The factor of D in the matrix whose inverse is kept, for steps of `step_s`; > 0.
     fn stiffening(&self, step_s: f64) -> f64;
@@ -98,10 +111,20 @@ pub trait ConstitutiveLaw: Send + Sync {
         false
     }
 
-    /// Whether it may be that of a body with pressures: one whose volumetric stress is κ tr ε̃.
-    fn takes_pressures(&self) -> bool {
-        true
+    /// By how much an element has grown, as part of its volume, with its derivative by ε, for a law that does not
+    /// take tr ε for it. In an element with pressures its mean stress is then κ times this growth, and the law finds
+    /// the pressure in its point.
+    fn growth(&self, _strain: &Strain) -> Option<(f64, Strain)> {
+        None
     }
+
+    /// How many numbers it derives from an element's D once for all.
+    fn moduli_len(&self) -> usize {
+        0
+    }
+
+    /// Sets these numbers.
+    fn set_moduli(&self, _elasticity: &Matrix6<f64>, _moduli: &mut [f64]) {}
 
     /// The state of a half of a tetrahedron that splits: a copy.
     fn split(&self, parent: &[f64], half: &mut [f64]) {

@@ -24,6 +24,8 @@ pub(crate) struct States {
     trial: Vec<f64>,
     /// σ − D ε̃ of the last evaluation, Pa.
     beyond: Vec<Strain>,
+    /// What the law has derived from each elasticity.
+    moduli: Vec<f64>,
     step_s: f64,
     stiffening: f64,
 }
@@ -36,21 +38,58 @@ pub(crate) struct StateRun<'a> {
     committed: &'a [f64],
     trial: &'a mut [f64],
     beyond: &'a mut [Strain],
+    moduli: &'a [f64],
+}
+
+/// What a law is asked about an element.
+pub(crate) struct Question<'a> {
+    /// The element's number.
+    pub number: usize,
+    pub element: &'a Element,
+    /// ε.
+    pub strain: Strain,
+    pub pressures: Option<&'a Pressures>,
+}
+
+impl Question<'_> {
+    /// What a law sees of it; D ε̃, Pa; and the law's own growth, if it has one, with its derivative.
+    fn put<'a>(
+        &'a self,
+        law: &dyn ConstitutiveLaw,
+        moduli: &'a [f64],
+        state: &'a [f64],
+        step_s: f64,
+    ) -> (MaterialPoint<'a>, Strain, Option<(f64, Strain)>) {
+        let Self { number, element, strain, pressures } = self;
+        let elasticity = &element.elasticity;
+        let mut point =
+            MaterialPoint { elasticity, moduli, strain: *strain, pressure: None, state, step_s };
+        let Some(pressures) = pressures else { return (point, elasticity * strain, None) };
+        let growth = law.growth(strain);
+        match growth {
+            Some(_) => point.pressure = Some(pressures.mean_stress(*number, element.vertices)),
+            None => point.strain = pressures.assumed_strain(*number, element.vertices, strain),
+        }
+        (point, pressures.stress(*number, element.vertices, strain), growth)
+    }
 }
 
 impl StateRun<'_> {
-    /// σ of its element `i`, with the state that it leaves.
-    pub fn stress(&mut self, i: usize, elasticity: &Matrix6<f64>, strain: Strain) -> Strain {
-        let (n, step_s) = (self.law.state_len(), self.step_s);
-        let state = &self.committed[n * i..n * (i + 1)];
-        let point = MaterialPoint { elasticity, strain, state, step_s };
-        let stress = self.law.stress(&point, &mut self.trial[n * i..n * (i + 1)]);
-        self.beyond[i] = stress - elasticity * strain;
-        stress
+    /// σ of an element, with the state that it leaves, and by how much its growth is more than tr ε.
+    pub fn stress(&mut self, question: &Question<'_>) -> (Strain, f64) {
+        let i = question.number - self.first;
+        let [n, m] = [self.law.state_len(), self.law.moduli_len()];
+        let [state, moduli] = [&self.committed[n * i..][..n], &self.moduli[m * i..][..m]];
+        let (point, linear, growth) = question.put(self.law, moduli, state, self.step_s);
+        let stress = self.law.stress(&point, &mut self.trial[n * i..][..n]);
+        self.beyond[i] = stress - linear;
+        let dilation = question.strain.rows(0, 3).sum();
+        (stress, growth.map_or(0.0, |(growth, _)| growth - dilation))
     }
 
     /// Adds what the law has beyond linear elasticity, V R (σ − D ε̃) ∇λ of each element with its
-    /// rotation, to `forces`; returns Σ ‖·‖² of the elements' shares.
+    /// rotation, to `forces`, and beyond tr ε to the `residuals` of pressures; returns Σ ‖·‖² of the elements'
+    /// shares.
     pub fn add_to(
         mut self,
         elements: &[Element],
@@ -58,14 +97,15 @@ impl StateRun<'_> {
         turning: Turning,
         positions: &Field,
         forces: &mut Field,
+        residuals: &mut [f64],
     ) -> f64 {
         let mut squares = 0.0;
         for (i, element) in elements.iter().enumerate() {
-            let mut strain = element.corotated_strain(positions);
+            let (number, strain) = (self.first + i, element.corotated_strain(positions));
+            let (_, growth) = self.stress(&Question { number, element, strain, pressures });
             if let Some(pressures) = pressures {
-                strain = pressures.assumed_strain(self.first + i, element.vertices, &strain);
+                pressures.add_growth(number, element.vertices, growth, residuals);
             }
-            self.stress(i, &element.elasticity, strain);
             let stress = turning.stress(&stress_matrix(&self.beyond[i]), element, positions);
             let scaled = element.rotation * stress;
             squares += element.add_forces(&(scaled * element.geometry.volume), forces);
@@ -94,6 +134,7 @@ impl States {
             committed: Vec::new(),
             trial: Vec::new(),
             beyond: Vec::new(),
+            moduli: Vec::new(),
             step_s: f64::INFINITY,
             stiffening: 1.0,
         };
@@ -123,13 +164,17 @@ impl States {
         if self.law.is_linear() { 0 } else { self.law.state_len() }
     }
 
-    /// A state of zeros for one element more.
-    pub fn push(&mut self) {
-        if !self.law.is_linear() {
-            self.committed.resize(self.committed.len() + self.len(), 0.0);
-            self.trial.resize(self.trial.len() + self.len(), 0.0);
-            self.beyond.push(Strain::zeros());
+    /// A state of zeros for one element more, of this elasticity.
+    pub fn push(&mut self, elasticity: &Matrix6<f64>) {
+        if self.law.is_linear() {
+            return;
         }
+        self.committed.resize(self.committed.len() + self.len(), 0.0);
+        self.trial.resize(self.trial.len() + self.len(), 0.0);
+        self.beyond.push(Strain::zeros());
+        let at = self.moduli.len();
+        self.moduli.resize(at + self.law.moduli_len(), 0.0);
+        self.law.set_moduli(elasticity, &mut self.moduli[at..]);
     }
 
     /// The last element takes the place of element `at`.
@@ -138,8 +183,9 @@ impl States {
             return;
         }
         self.beyond.swap_remove(at);
-        let n = self.len();
-        for states in [&mut self.committed, &mut self.trial] {
+        let (n, m) = (self.len(), self.law.moduli_len());
+        let lists = [(n, &mut self.committed), (n, &mut self.trial), (m, &mut self.moduli)];
+        for (n, states) in lists {
             let last = states.len() - n;
             states.copy_within(last.., n * at);
             states.truncate(last);
@@ -168,22 +214,34 @@ impl States {
     pub fn runs(&mut self, length: usize) -> impl Iterator<Item = StateRun<'_>> {
         let (n, step_s, law) = (self.len(), self.step_s, &*self.law);
         let (mut committed, mut trial) = (&self.committed[..], &mut self.trial[..]);
+        let (m, mut moduli) = (law.moduli_len(), &self.moduli[..]);
         let runs = self.beyond.chunks_mut(length.max(1)).enumerate();
         runs.map(move |(run, beyond)| {
             let states = ..n * beyond.len();
             let committed = committed.split_off(states).unwrap_or_default();
             let trial = trial.split_off_mut(states).unwrap_or_default();
-            StateRun { law, step_s, first: length * run, committed, trial, beyond }
+            let moduli = moduli.split_off(..m * beyond.len()).unwrap_or_default();
+            StateRun { law, step_s, first: length * run, committed, trial, beyond, moduli }
         })
     }
 
-    /// What the law sees of an element.
-    pub fn point<'a>(
-        &'a self,
-        number: usize,
-        elasticity: &'a Matrix6<f64>,
-        strain: Strain,
-    ) -> MaterialPoint<'a> {
-        MaterialPoint { elasticity, strain, state: self.of(number), step_s: self.step_s }
+    /// What the law stores in an element, J/m³, where it says so.
+    pub fn energy(&self, question: &Question<'_>) -> Option<f64> {
+        if self.law.is_linear() {
+            return None;
+        }
+        let (number, m) = (question.number, self.law.moduli_len());
+        let moduli = &self.moduli[m * number..][..m];
+        self.law.energy(&question.put(self.law(), moduli, self.of(number), self.step_s).0)
+    }
+
+    /// σ and ∂σ/∂ε̃ of an element, Pa, and the derivative of its growth by ε if that is the law's own.
+    pub fn response(&self, question: &Question<'_>) -> (Strain, Matrix6<f64>, Option<Strain>) {
+        let (number, m) = (question.number, self.law.moduli_len());
+        let moduli = &self.moduli[m * number..][..m];
+        let (point, _, growth) = question.put(self.law(), moduli, self.of(number), self.step_s);
+        let mut trial = vec![0.0; self.len()];
+        let stress = self.law.stress(&point, &mut trial);
+        (stress, self.law.tangent(&point), growth.map(|(_, slope)| slope))
     }
 }

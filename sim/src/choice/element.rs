@@ -1,9 +1,9 @@
 //! Which element a scene calls for, and which one it gets.
 
-use yawara_corot::{Body, CorotError, LAWS, check_mixed, law_by_name};
+use yawara_corot::{Body, check_mixed};
 use yawara_embed::{ElementFormulation, P1, P1P1, formulation_by_name};
 
-use super::stages::{Stages, law_of_scene};
+use super::stages::Stages;
 use crate::error::SimError;
 use crate::report::WARNING;
 use crate::scene::{AUTO, Scene};
@@ -28,7 +28,7 @@ pub fn choose_element(poisson_ratios: impl IntoIterator<Item = f64>) -> &'static
 /// That of [`check_mixed`] if an element with pressures is asked for and another stage does not
 /// work with it; [`SimError::ElementUnknowns`] for unknowns that no body has.
 pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, SimError> {
-    let works = take_pressures(scene, stages);
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     if let Some(own) = &stages.element {
         let mixed = P1P1::default();
         let unknowns = (own.unknowns(), own.negative());
@@ -53,23 +53,6 @@ pub(crate) fn of_scene(scene: &Scene, stages: &Stages) -> Result<&'static str, S
             Ok(element.name())
         }
     }
-}
-
-/// Whether the stages of a scene work with pressures.
-fn take_pressures(scene: &Scene, stages: &Stages) -> Result<(), CorotError> {
-    check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref())?;
-    let name = match &stages.law {
-        Some(own) if own.takes_pressures() => return Ok(()),
-        Some(_) => "given",
-        None => {
-            let (name, damping_s) = law_of_scene(scene);
-            if law_by_name(name, damping_s).map_or(true, |law| law.takes_pressures()) {
-                return Ok(());
-            }
-            LAWS.iter().find(|law| **law == name).copied().unwrap_or_default()
-        }
-    };
-    Err(CorotError::NoPressures { stage: "law", name, choices: "linear, rayleigh" })
 }
 
 /// An empty body of an element.
@@ -98,7 +81,7 @@ pub(crate) fn reason(scene: &Scene, stages: &Stages, element: &str) -> String {
     }
     let highest = ratios(scene).fold(f64::NEG_INFINITY, f64::max);
     let asked = if scene.stages.element == AUTO { "" } else { "asked for; " };
-    let works = take_pressures(scene, stages);
+    let works = check_mixed(stages.forces.as_ref(), stages.equilibrium.as_ref());
     let better = choose_element(ratios(scene));
     let has_pressures =
         |name: &str| formulation_by_name(name).is_ok_and(|e| carries_pressures(e.as_ref()));

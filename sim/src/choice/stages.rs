@@ -74,7 +74,12 @@ impl Stages {
     /// # Errors
     /// [`SimError::Corot`] for a name or a damping that no law has.
     pub(crate) fn take_law(&mut self, scene: &Scene) -> Result<Box<dyn ConstitutiveLaw>, SimError> {
-        let (name, damping_s) = law_of_scene(scene);
+        let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
+        let name = match (&scene.stages.law[..], damping_s > 0.0) {
+            (AUTO, true) => "rayleigh",
+            (AUTO, false) => "linear",
+            (name, _) => name,
+        };
         self.law.take().map_or_else(|| Ok(law_by_name(name, damping_s)?), Ok)
     }
 
@@ -86,17 +91,6 @@ impl Stages {
         let name = if scene.dynamics.is_some() { "implicit_euler" } else { "quasi_static" };
         self.integrator.take().map_or_else(|| Ok(integrator_by_name(name)?), Ok)
     }
-}
-
-/// The name of a scene's law, and its damping by stiffness, s.
-pub(super) fn law_of_scene(scene: &Scene) -> (&str, f64) {
-    let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
-    let name = match (&scene.stages.law[..], damping_s > 0.0) {
-        (AUTO, true) => "rayleigh",
-        (AUTO, false) => "linear",
-        (name, _) => name,
-    };
-    (name, damping_s)
 }
 
 fn on_host(inverse: String) -> InverseFactory {

@@ -18,12 +18,59 @@ fn strain() -> Strain {
     Strain::new(0.1, -0.04, 0.03, 0.05, -0.02, 0.07)
 }
 
-/// The stress at a strain after a state, with the state that it leaves.
-fn stress(name: &str, strain: Strain, state: &[f64], step_s: f64) -> (Strain, Vec<f64>) {
+/// What `ask` finds at a point of a law: a strain after a state.
+fn at<T>(
+    name: &str,
+    (strain, pressure): (Strain, Option<f64>),
+    state: &[f64],
+    step_s: f64,
+    ask: impl FnOnce(&dyn ConstitutiveLaw, &MaterialPoint<'_>) -> T,
+) -> T {
     let (law, elasticity) = (law(name), elasticity());
-    let mut trial = vec![0.0; law.state_len()];
-    let point = MaterialPoint { elasticity: &elasticity, strain, state, step_s };
-    (law.stress(&point, &mut trial), trial)
+    let mut moduli = vec![f64::NAN; law.moduli_len()];
+    law.set_moduli(&elasticity, &mut moduli);
+    let (elasticity, moduli) = (&elasticity, &moduli[..]);
+    ask(law.as_ref(), &MaterialPoint { elasticity, moduli, strain, pressure, state, step_s })
+}
+
+/// The stress at a point, with the state that it leaves.
+fn stress_at(
+    name: &str,
+    place: (Strain, Option<f64>),
+    state: &[f64],
+    step_s: f64,
+) -> (Strain, Vec<f64>) {
+    at(name, place, state, step_s, |law, point| {
+        let mut trial = vec![0.0; law.state_len()];
+        (law.stress(point, &mut trial), trial)
+    })
+}
+
+fn stress(name: &str, strain: Strain, state: &[f64], step_s: f64) -> (Strain, Vec<f64>) {
+    stress_at(name, (strain, None), state, step_s)
+}
+
+/// No pressure, and for a law with a growth of its own a pressure too, Pa.
+fn pressures(name: &str) -> Vec<Option<f64>> {
+    let own = law(name).growth(&strain()).map(|_| Some(-300.0));
+    [Some(None), own].into_iter().flatten().collect()
+}
+
+/// The bar for central differences with steps of ∛ε, whose error is of order ε^⅔, and such a step.
+fn differences() -> (f64, f64) {
+    let step = f64::EPSILON.cbrt();
+    (step, 1e3 * step * step)
+}
+
+/// (f(ε + h) − f(ε − h))/2h along each of the six strains.
+fn slopes<T>(h: f64, f: impl Fn(Strain) -> T) -> [T; 6]
+where
+    T: std::ops::Sub<Output = T> + std::ops::Div<f64, Output = T>,
+{
+    std::array::from_fn(|i| {
+        let off = h * Strain::ith(i, 1.0);
+        (f(strain() + off) - f(strain() - off)) / (2.0 * h)
+    })
 }
 
 /// The state after two steps through different strains.
@@ -38,21 +85,57 @@ pub fn rest_gives_no_stress(name: &str) {
     assert_eq!(stress(name, Strain::zeros(), &rest, STEP_S), (Strain::zeros(), rest));
 }
 
-/// ∂σ/∂ε at a state by central differences: with steps of ∛ε the error is of order ε^⅔.
+/// ∂σ/∂ε at a state by central differences, and ∂σ/∂p where the growth is the law's own: the growth's slope.
 pub fn the_tangent_is_the_derivative(name: &str) {
-    let (state, elasticity, step) = (used(name), elasticity(), f64::EPSILON.cbrt());
-    let point =
-        MaterialPoint { elasticity: &elasticity, strain: strain(), state: &state, step_s: STEP_S };
-    let tangent = law(name).tangent(&point);
-    for i in 0..6 {
-        let [up, down] = [step, -step].map(|s| {
-            let mut to = strain();
-            to[i] += s;
-            stress(name, to, &state, STEP_S).0
-        });
-        let off = ((up - down) / (2.0 * step) - tangent.column(i)).amax();
-        assert!(off <= 1e3 * step * step * tangent.amax(), "column {i} off by {off:e} Pa");
+    let (state, (h, bar)) = (used(name), differences());
+    for pressure in pressures(name) {
+        let of = |place| stress_at(name, place, &state, STEP_S).0;
+        let tangent = at(name, (strain(), pressure), &state, STEP_S, |law, at| law.tangent(at));
+        for (i, slope) in slopes(h, |to| of((to, pressure))).iter().enumerate() {
+            let off = (slope - tangent.column(i)).amax();
+            assert!(off <= bar * tangent.amax(), "column {i} off by {off:e} Pa");
+        }
+        if let Some(p) = pressure {
+            let (_, growth) = law(name).growth(&strain()).unwrap();
+            let pull = of((strain(), Some(p + 1.0))) - of((strain(), pressure));
+            assert!((pull - growth).amax() < 1e-9, "{pull:?}, want {growth:?}");
+        }
     }
+}
+
+/// A growth of the law's own is tr ε at rest with its derivative, and its slope is one.
+pub fn its_growth_begins_as_the_trace(name: &str) {
+    let law = law(name);
+    let Some((growth, slope)) = law.growth(&Strain::zeros()) else { return };
+    assert_eq!((growth, slope), (0.0, Strain::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)));
+    let (h, bar) = differences();
+    let want = law.growth(&strain()).unwrap().1;
+    for (i, got) in slopes(h, |to| law.growth(&to).unwrap().0).into_iter().enumerate() {
+        assert!((got - want[i]).abs() < bar, "{i}: {got}, want {}", want[i]);
+    }
+}
+
+/// An energy of the law's own has the stress as its derivative, and with the pressure that belongs to the growth
+/// it is the same.
+pub fn its_energy_gives_its_stress(name: &str) {
+    let (state, (h, bar)) = (used(name), differences());
+    let energy = |place| at(name, place, &state, STEP_S, |law, point| law.energy(point));
+    if energy((strain(), None)).is_none() {
+        return;
+    }
+    let want = stress(name, strain(), &state, STEP_S).0;
+    let got = slopes(h, |to| energy((to, None)).unwrap());
+    for (i, got) in got.into_iter().enumerate() {
+        let off = (got - want[i]).abs();
+        assert!(off < bar * elasticity().amax(), "{i}: {got} Pa, want {} Pa", want[i]);
+    }
+    let Some((growth, _)) = law(name).growth(&strain()) else { return };
+    // Where κ = E/(3(1 − 2ν)).
+    let pressure = Some(1e4 / 1.2 * growth);
+    let [alone, pressed] = [None, pressure].map(|p| energy((strain(), p)).unwrap());
+    assert!((alone - pressed).abs() < 1e-12 * alone, "{alone} J/m³, with pressures {pressed} J/m³");
+    let off = (stress_at(name, (strain(), pressure), &state, STEP_S).0 - want).amax();
+    assert!(off < 1e-12 * elasticity().amax(), "off by {off} Pa");
 }
 
 /// Halves carry on where their parent was.
@@ -82,9 +165,7 @@ pub fn without_time_stress_is_elastic(name: &str) {
     let (state, elasticity) = (used(name), elasticity());
     let bar = 12.0 * f64::EPSILON * elasticity.amax();
     let tangent = |strain: Strain| {
-        let point =
-            MaterialPoint { elasticity: &elasticity, strain, state: &state, step_s: f64::INFINITY };
-        law(name).tangent(&point)
+        at(name, (strain, None), &state, f64::INFINITY, |law, point| law.tangent(point))
     };
     assert!((tangent(Strain::zeros()) - elasticity).amax() <= bar);
     if (tangent(strain()) - elasticity).amax() <= bar {

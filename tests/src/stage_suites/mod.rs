@@ -53,6 +53,8 @@ macro_rules! conformance {
         $crate::conformance!(@ constitutive_law, $($line)*;
             rest_gives_no_stress
             the_tangent_is_the_derivative
+            its_growth_begins_as_the_trace
+            its_energy_gives_its_stress
             halves_of_a_split_have_the_parents_stress
             equal_halves_merge_to_their_state
             without_time_stress_is_elastic
