@@ -108,6 +108,11 @@ fn displacements() -> Vec<Setting> {
         let own = [format!("tools.0.path={path}"), format!("materials.0.poisson_ratio={nu:?}")];
         Setting::new(name, "extreme", &[UNIFORM, &["time.steps=12"]].concat(), &own)
     };
+    let at_any_strain = |mut one: Setting| {
+        one.keys.push("stages.law=neo_hookean".to_owned());
+        one.name += ", neo_hookean";
+        one
+    };
     // Held by its vertices a bar without a Poisson ratio is stretched evenly: E A u/L, 16 N a length.
     let mut even = pull(0.0, 3);
     let held = ["support.hold=vertices", "tools.0.hold=vertices", "tools.0.release_s=9.0"];
@@ -127,7 +132,8 @@ fn displacements() -> Vec<Setting> {
     let pulls = (1..=3).map(|lengths| pull(0.45, lengths));
     let twists = [1, 2, 4].into_iter().map(twist);
     let turned = [0.3, 0.49].iter().map(inside_out);
-    pulls.chain([even]).chain(twists).chain(turned).collect()
+    let neo_hookean = [pull(0.45, 2), pull(0.45, 3), inside_out(&0.49)].map(at_any_strain);
+    pulls.chain([even]).chain(twists).chain(turned).chain(neo_hookean).collect()
 }
 
 /// Slivers in a mesh from a file, and voxels ten times as high as wide.
