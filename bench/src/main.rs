@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
-    Arguments, CaseArguments, Common, ablation, compare, drift, elements, estimates,
+    Arguments, CaseArguments, Common, ablation, compare, drift, elements, endurance, estimates,
     homogenisation, mesh, meshes, pareto, robust, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
@@ -63,6 +63,9 @@ enum Study {
     Extremes(CaseArguments),
     /// Stiff and extreme cases, by element and equilibrium: steps that converge, iterations, times.
     Robust(robust::Arguments),
+    /// Random grabs, pads and balls on the refining liver for 100000 steps: what does not converge, times,
+    /// memory (quick: 320 steps).
+    Endurance(endurance::Arguments),
     /// What the plan leaves out, against the same with everything switched on.
     Ablation(CaseArguments),
     /// Two results of a study, figure by figure: exits 1 if a count or an error got worse.
@@ -115,6 +118,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Stiff(arguments) => stiff::run(arguments),
         Study::Extremes(arguments) => extremes::run(arguments),
         Study::Robust(arguments) => robust::run(arguments),
+        Study::Endurance(arguments) => endurance::run(arguments),
         Study::Ablation(arguments) => ablation::run(arguments),
         Study::Compare(arguments) => {
             let found = compare::compare(arguments)?;

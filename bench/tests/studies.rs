@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
-    Arguments, Common, drift, elements, estimates, homogenisation, meshes, robust, scaling, table1,
+    Arguments, Common, drift, elements, endurance, estimates, homogenisation, meshes, robust,
+    scaling, table1,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -352,4 +353,44 @@ fn robust_has_a_row_for_every_case_element_and_equilibrium() {
         robust::Arguments { selection, equilibria: words(["anderson", "newten"]), ..arguments };
     let error = robust::run(&bad).unwrap_err().to_string();
     assert!(error.contains("newten") && !other.exists(), "{error}");
+}
+
+/// Two scenes of all, one of them cut short: every step is counted once, and again the same.
+#[test]
+fn endurance_counts_every_step_and_follows_from_its_seed() {
+    let (root, common) = scratch();
+    let run = |name: &str, seed| {
+        let common = Common { out: root.path().join(name), ..common.clone() };
+        let arguments = endurance::Arguments { common, steps: Some(50), seed };
+        let printed = endurance::run(&arguments).unwrap();
+        files(&root.path().join(name), "endurance", &printed)
+    };
+    let value = run("one", 3);
+    let cases: Vec<&str> = rows(&value).iter().map(|row| row["group"].as_str().unwrap()).collect();
+    assert_eq!(cases, ["grab", "pad", "all"]);
+    for row in rows(&value) {
+        let figures = &row["figures"];
+        let failed: f64 = ["not_finite", "out_of_iterations", "no_equilibrium"]
+            .map(|kind| number(figures, kind))
+            .iter()
+            .sum();
+        assert_eq!(number(figures, "converged") + failed, number(figures, "steps"), "{row}");
+        assert_eq!(failed, 0.0, "{row}");
+        assert!(number(figures, "splits") > 0.0 && number(figures, "force_max_n") > 0.0, "{row}");
+    }
+    let all = rows(&value).last().unwrap();
+    assert_eq!((number(&all["figures"], "steps"), number(&all["figures"], "scenes")), (50.0, 2.0));
+    assert!(value["unsolved"].as_array().unwrap().is_empty());
+    let figures = |value: &Value| rows(value).iter().map(|row| row["figures"].clone()).collect();
+    let (again, other): (Vec<Value>, Vec<Value>) =
+        (figures(&run("again", 3)), figures(&run("other", 4)));
+    let one: Vec<Value> = figures(&value);
+    assert_eq!(one, again);
+    assert_ne!(one, other);
+
+    let common = Common { out: root.path().join("none"), ..common };
+    let bad = endurance::Arguments { common, steps: Some(0), seed: 1 };
+    let error = endurance::run(&bad).unwrap_err();
+    assert!(matches!(error, BenchError::OutOfRange { option: "--steps", .. }), "{error}");
+    assert!(!root.path().join("none").exists());
 }

@@ -11,6 +11,7 @@ pub mod ablation;
 pub mod compare;
 pub mod drift;
 pub mod elements;
+pub mod endurance;
 pub mod estimates;
 pub mod homogenisation;
 pub mod mesh;
