@@ -76,9 +76,14 @@ pub struct LawHalf<'a> {
 /// let mut state = [0.0; 12];
 /// for _ in 0..1000 {
 ///     let committed = state;
-///     let (elasticity, state) = (&elasticity, &committed[..]);
-///     let point =
-///         MaterialPoint { elasticity, moduli: &[], strain, pressure: None, state, step_s: 0.1 };
+///     let point = MaterialPoint {
+///         elasticity: &elasticity,
+///         moduli: &[],
+///         strain,
+///         pressure: None,
+///         state: &committed,
+///         step_s: 0.1,
+///     };
 ///     Maxwell(1.0).stress(&point, &mut state);
 /// }
 /// assert!(state[0].abs() < 1e-12, "held long enough, nothing is left");
