@@ -36,7 +36,7 @@ pub(crate) struct Placement {
     /// Voxels along the file's axes.
     pub file_dims: [usize; 3],
     /// RAS+ axis i runs along file axis `axes[i].0`, backwards if `axes[i].1`.
-    axes: [(usize, bool); 3],
+    pub axes: [(usize, bool); 3],
 }
 
 impl Placement {

@@ -55,6 +55,11 @@ impl RawVolume {
         Ok(Self { source: source.into(), placement, scale, voxels })
     }
 
+    /// RAS+ axis i runs along the file's axis `axes()[i].0`, backwards if `axes()[i].1`.
+    pub fn axes(&self) -> [(usize, bool); 3] {
+        self.placement.axes
+    }
+
     /// The voxels as labels, in RAS+ orientation and cubes.
     ///
     /// Spacings that differ by less than 1 % count as one, their geometric mean; others are

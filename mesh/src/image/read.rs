@@ -20,6 +20,8 @@ pub struct ReadReport {
     pub format: &'static str,
     /// How the voxels were made cubes, or `None` if they were.
     pub resampling: Option<Resampling>,
+    /// RAS+ axis i runs along the file's axis `axes[i].0`, backwards if `axes[i].1`.
+    pub axes: [(usize, bool); 3],
 }
 
 /// Reads a label map: one integer per voxel, of any integer or float type, NIfTI-1, NRRD,
@@ -67,8 +69,9 @@ pub fn read_labels_with(
     spacing_mm: Option<f64>,
 ) -> Result<(LabelVolume, ReadReport), ImageError> {
     let (format, raw) = read_raw(path)?;
+    let axes = raw.axes();
     let (volume, resampling) = raw.labels(spacing_mm)?;
-    Ok((volume, ReadReport { format, resampling }))
+    Ok((volume, ReadReport { format, resampling, axes }))
 }
 
 /// Reads an intensity image and says what was done to it.
@@ -82,8 +85,9 @@ pub fn read_intensities_with(
     spacing_mm: Option<f64>,
 ) -> Result<(IntensityVolume, ReadReport), ImageError> {
     let (format, raw) = read_raw(path)?;
+    let axes = raw.axes();
     let (volume, resampling) = raw.intensities(spacing_mm)?;
-    Ok((volume, ReadReport { format, resampling }))
+    Ok((volume, ReadReport { format, resampling, axes }))
 }
 
 fn warn(path: &Path, report: &ReadReport) {

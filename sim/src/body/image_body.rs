@@ -8,13 +8,15 @@ use yawara_embed::Material;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
 
+use super::axes::ScannerAxes;
 use super::components::{self, spans_a_plane};
 use super::image_source::ImageSource;
-use super::organ_box::OrganBox;
+use super::organ_box::{OrganBox, Zone};
+use super::places::{FileVoxels, Places};
 use super::summary::{BodySummary, DomainSummary, ImageSummary};
 use super::{label_refinement, material_points};
 use crate::error::SimError;
-use crate::scene::{Region, Scene, SupportHold};
+use crate::scene::{Scene, SupportHold};
 
 /// Lengths of a body's longest side, mm.
 const SIZES_MM: RangeInclusive<f64> = 1.0..=5e3;
@@ -32,7 +34,9 @@ pub(crate) struct ImageBody {
     pub placement: Placement,
     /// One material per dense label; entry 0 stands for void.
     pub materials: Vec<Material>,
-    pub organ: OrganBox,
+    pub places: Places,
+    /// What `[[fixed]]` holds.
+    pub fixed: Vec<Zone>,
     /// Edge of a base cell, m.
     pub base_m: f64,
     /// By start vertex number: true where it touches a voxel that is not void.
@@ -47,11 +51,18 @@ impl ImageBody {
             None => ImageSource::read(scene)?,
         };
         let materials = source.materials(scene)?;
-        let ImageSource { volume, summary: image, .. } = source;
+        let ImageSource { volume, axes, summary: image, .. } = source;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty(image.name.clone()))?;
         if scene.image.path.is_some() && scene.image.unit.is_none() {
             check_size(&image, &organ)?;
         }
+        let places = Places {
+            name: image.name.clone(),
+            organ,
+            axes: ScannerAxes::of_grid(volume.grid()),
+            voxels: Some(FileVoxels::new(axes, &image)),
+        };
+        let fixed = places.fixed(scene)?;
         let voxel_mm = volume.grid().spacing_mm;
         check_base(scene, &organ, voxel_mm)?;
         let base_mm = scene.mesh.base_mm.unwrap_or_else(|| organ.longest_mm() / BASE_CELLS);
@@ -72,13 +83,14 @@ impl ImageBody {
             tree,
             placement,
             materials,
-            organ,
+            places,
+            fixed,
             base_m,
             solid: Vec::new(),
         };
         setup.drop_unheld_components(scene)?;
         setup.summary.label_refinement =
-            label_refinement::refine(&mut setup.forest, scene, &organ, &placement)?;
+            label_refinement::refine(&mut setup.forest, scene, &setup.places, &placement)?;
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
             setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
@@ -119,16 +131,15 @@ impl ImageBody {
                 };
                 vec![cell(-1e-6), cell(1e-6)]
             };
-            let points = scene
-                .fixed
-                .iter()
-                .flat_map(|region| material_points::of_volume(&self.volume, &self.organ, region));
+            let points = self.fixed.iter().flat_map(|zone| {
+                material_points::of_volume(&self.volume, &self.places.organ, zone)
+            });
             return points.map(|point| (cells(&point.rest), point.rest)).collect();
         }
         let held = self.forest.vertices().filter(|&v| {
             let x = self.rest(v);
-            let fixes = |region: &Region| region.contains(&self.organ, &x);
-            scene.fixed.iter().any(fixes) && touches_solid(&self.volume, &x)
+            let fixes = |zone: &Zone| zone.contains(&self.places.organ, &x);
+            self.fixed.iter().any(fixes) && touches_solid(&self.volume, &x)
         });
         held.map(|v| {
             let cells = lattice.cells_around(self.forest.point(v)).collect();

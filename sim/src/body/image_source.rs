@@ -19,11 +19,16 @@ use crate::scene::{Image, MaterialEntry, Phantom, Scene};
 /// The most labels without a material that a label map may have: others hold intensities.
 const MOST_LABELS: usize = 256;
 
+/// The axes of a volume that is in RAS+ order.
+const AS_STORED: [(usize, bool); 3] = [(0, false), (1, false), (2, false)];
+
 /// Labels, what each is made of, and how they came about.
 pub(crate) struct ImageSource {
     pub volume: LabelVolume,
     /// By dense label less 1 (void has none): the position in the scene's materials.
     material_of: Vec<usize>,
+    /// Axis i runs along the file's axis `axes[i].0`, backwards if `axes[i].1`.
+    pub axes: [(usize, bool); 3],
     pub summary: ImageSummary,
 }
 
@@ -37,12 +42,12 @@ impl ImageSource {
                 let (volume, report) = read_labels_with(path, scene.image.spacing())?;
                 let volume = volume.scaled(unit)?;
                 let summary = summary_of_file(path, LABELS, volume.grid(), &report, unit)?;
-                labels(scene, volume, summary)
+                labels(scene, volume, summary, report.axes)
             }
             None => {
                 let (volume, name) = phantom(scene)?;
                 let summary = summary(name.into(), LABELS, volume.grid());
-                labels(scene, volume, summary)
+                labels(scene, volume, summary, AS_STORED)
             }
         }
     }
@@ -53,7 +58,7 @@ impl ImageSource {
             format: "in memory".into(),
             ..summary("the volume in memory".into(), LABELS, volume.grid())
         };
-        labels(scene, volume, summary)
+        labels(scene, volume, summary, AS_STORED)
     }
 
     /// One material per dense label, void first.
@@ -185,6 +190,7 @@ fn labels(
     scene: &Scene,
     volume: LabelVolume,
     mut summary: ImageSummary,
+    axes: [(usize, bool); 3],
 ) -> Result<ImageSource, SimError> {
     let image = &scene.image;
     let named = |label: &i64| image.ignore_labels.contains(label);
@@ -214,7 +220,7 @@ fn labels(
     };
     let of_label = |label| scene.material_of(label).unwrap_or_default();
     let material_of = count(scene, &volume, &mut summary, of_label);
-    Ok(ImageSource { volume, material_of, summary })
+    Ok(ImageSource { volume, material_of, axes, summary })
 }
 
 /// Why labels without a material are refused; in ascending order.
@@ -263,7 +269,7 @@ fn intensities(scene: &Scene, path: &Path) -> Result<ImageSource, SimError> {
             material.name
         );
     }
-    Ok(ImageSource { volume, material_of, summary })
+    Ok(ImageSource { volume, material_of, axes: report.axes, summary })
 }
 
 fn nothing_in_range(image: String, values: &IntensityVolume) -> SimError {

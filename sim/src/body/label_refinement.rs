@@ -2,10 +2,11 @@
 
 use yawara_mesh::{BisectionForest, Placement};
 
-use super::organ_box::OrganBox;
+use super::organ_box::{OrganBox, Zone};
+use super::places::Places;
 use super::summary::LabelRefinementSummary;
 use crate::error::SimError;
-use crate::scene::{Region, Scene};
+use crate::scene::Scene;
 
 /// How far beyond a region a lattice point may be and count as on its edge, in lattice units.
 const SLACK: f64 = 1e-6;
@@ -15,7 +16,7 @@ const SLACK: f64 = 1e-6;
 pub(crate) fn refine(
     forest: &mut BisectionForest,
     scene: &Scene,
-    organ: &OrganBox,
+    places: &Places,
     placement: &Placement,
 ) -> Result<Option<LabelRefinementSummary>, SimError> {
     let mesh = &scene.mesh;
@@ -23,7 +24,10 @@ pub(crate) fn refine(
         return Ok(None);
     };
     let region = match &mesh.label_region {
-        Some(region) => in_lattice(region, organ, placement),
+        Some(region) => {
+            let zone = places.zone(region, "mesh.label_region")?;
+            in_lattice(&zone, &places.organ, placement)
+        }
         None => yawara_mesh::Region::Everywhere,
     };
     let done = forest.refine_to_labels(level, mesh.max_vertices, region)?;
@@ -31,20 +35,20 @@ pub(crate) fn refine(
     Ok(Some(LabelRefinementSummary { level, vertices: done.added, tets_left: done.left }))
 }
 
-/// A region of the organ's box in lattice units.
+/// A zone of the organ's box in lattice units.
 fn in_lattice(
-    region: &Region,
+    zone: &Zone,
     organ: &OrganBox,
     placement: &Placement,
 ) -> yawara_mesh::Region<'static> {
     let at = |fraction| (organ.at(fraction) - placement.origin) / placement.unit;
-    match region {
+    match zone {
         // Corners of tetrahedra are integers: the closed box may shrink to them.
-        Region::Box { min, max } => yawara_mesh::Region::Box(
+        Zone::Box { min, max } => yawara_mesh::Region::Box(
             at(*min).map(|x| (x - SLACK).ceil() as i32).into(),
             at(*max).map(|x| (x + SLACK).floor() as i32).into(),
         ),
-        Region::Sphere { centre, radius_m } => {
+        Zone::Sphere { centre, radius_m } => {
             yawara_mesh::Region::Ball(at(*centre).into(), radius_m / placement.unit + SLACK)
         }
     }

@@ -5,8 +5,7 @@ use yawara_corot::WeightedPoint;
 use yawara_mesh::PlainMesh;
 use yawara_mesh::volume::LabelVolume;
 
-use super::organ_box::OrganBox;
-use crate::scene::Region;
+use super::organ_box::{OrganBox, Zone};
 
 /// Weight of one corner in the quadrature of four points that is exact for squares.
 const NEAR: f64 = 0.585_410_196_624_968_5;
@@ -18,7 +17,7 @@ const OFF: f64 = 0.288_675_134_594_812_9;
 /// Barycentric coordinates that are off by no more than this are of one place.
 const SAME: f64 = 1e-9;
 
-impl Region {
+impl Zone {
     /// The axis along which it has no thickness within the organ's box, if it is one.
     fn flat_axis(&self) -> Option<usize> {
         let Self::Box { min, max } = self else { return None };
@@ -40,20 +39,16 @@ impl Region {
     }
 }
 
-/// Points of all voxels in `region` that are not void, two along each axis (Gauss). In a flat region
+/// Points of all voxels in `zone` that are not void, two along each axis (Gauss). In a flat region
 /// those of voxels' faces in its plane, which stand for a layer of one voxel. What is quadratic over a
 /// voxel is summed exactly.
 ///
 /// Cost: O(voxels in the box around the region).
-pub(crate) fn of_volume(
-    volume: &LabelVolume,
-    organ: &OrganBox,
-    region: &Region,
-) -> Vec<WeightedPoint> {
+pub(crate) fn of_volume(volume: &LabelVolume, organ: &OrganBox, zone: &Zone) -> Vec<WeightedPoint> {
     let voxel = volume.grid().spacing_mm * 1e-3;
     let dims = volume.grid().dims;
-    let flat = region.flat_axis();
-    let [low, high] = region.bounds(organ).map(|x| x / voxel);
+    let flat = zone.flat_axis();
+    let [low, high] = zone.bounds(organ).map(|x| x / voxel);
     // The layers on both sides of a plane; the one that it lies in, if it is no boundary of voxels.
     let range = |axis: usize| {
         let first = (low[axis] - 1e-6).floor().max(0.0) as usize;
@@ -88,7 +83,7 @@ pub(crate) fn of_volume(
                     for axis in (0..3).filter(|&axis| flat != Some(axis)) {
                         rest[axis] += side(corner, axis) * voxel;
                     }
-                    if region.contains(organ, &rest) {
+                    if zone.contains(organ, &rest) {
                         points.push(WeightedPoint { rest, weight });
                     }
                 }
@@ -98,21 +93,21 @@ pub(crate) fn of_volume(
     points
 }
 
-/// Four points of each tetrahedron, those in `region`. In a flat region three of each outer face
+/// Four points of each tetrahedron, those in `zone`. In a flat region three of each outer face
 /// whose corners lie in it, which stand for a layer as thick as `thickness`, m.
 ///
 /// Cost: O(tetrahedra).
 pub(crate) fn of_mesh(
     mesh: &PlainMesh,
     organ: &OrganBox,
-    region: &Region,
+    zone: &Zone,
     thickness: f64,
 ) -> Vec<WeightedPoint> {
     let mut points = Vec::new();
-    if region.flat_axis().is_some() {
+    if zone.flat_axis().is_some() {
         for face in mesh.boundary_faces() {
             let x = face.map(|v| mesh.points()[v as usize]);
-            if x.iter().all(|x| region.contains(organ, x)) {
+            if x.iter().all(|x| zone.contains(organ, x)) {
                 let area = 0.5 * (x[1] - x[0]).cross(&(x[2] - x[0])).norm();
                 let middle = |i: usize| 0.5 * (x[i] + x[(i + 1) % 3]);
                 let weight = area / 3.0 * thickness;
@@ -126,7 +121,7 @@ pub(crate) fn of_mesh(
         let weight = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0])).abs() / 24.0;
         let sum: Vector3<f64> = x.iter().sum();
         let inner = x.map(|x| FAR * sum + (NEAR - FAR) * x);
-        let inside = inner.into_iter().filter(|x| region.contains(organ, x));
+        let inside = inner.into_iter().filter(|x| zone.contains(organ, x));
         points.extend(inside.map(|rest| WeightedPoint { rest, weight }));
     }
     points

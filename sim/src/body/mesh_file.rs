@@ -9,20 +9,22 @@ use yawara_embed::{LinearTet, Material};
 use yawara_mesh::tet_file::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
 
+use super::axes::ScannerAxes;
 use super::components::spans_a_plane;
 use super::material_points::of_mesh;
-use super::organ_box::OrganBox;
+use super::organ_box::{OrganBox, Zone};
+use super::places::Places;
 use super::state::{BodyState, Cell, Hold};
 use crate::error::SimError;
-use crate::scene::{Region, Scene};
+use crate::scene::Scene;
 
 /// A mesh from a file with a material per tetrahedron.
 pub(crate) struct FileMesh {
-    /// What it is called in messages.
-    pub name: String,
     /// What was read and repaired, in words.
     pub done: String,
-    pub organ: OrganBox,
+    pub places: Places,
+    /// What `[[fixed]]` holds.
+    pub fixed: Vec<Zone>,
     pub longest_edge_m: f64,
     pub excluded_components: usize,
     pub excluded_tets: usize,
@@ -38,9 +40,12 @@ impl FileMesh {
         let loaded = read(path, unit_m)?;
         let name = path.display().to_string();
         let organ = bounding_box(&loaded.mesh);
+        let axes = ScannerAxes::identity();
+        let places = Places { name: name.clone(), organ, axes, voxels: None };
+        let fixed = places.fixed(scene)?;
         let done = describe(&loaded, unit_m);
         let (mesh, excluded_components, excluded_tets) =
-            held_parts(scene, &name, &organ, loaded.mesh)?;
+            held_parts(scene, &places, &fixed, loaded.mesh)?;
         let (count, limit) = (mesh.points().len(), scene.mesh.max_vertices);
         if count > limit {
             return Err(SimError::TooManyVertices { count, limit });
@@ -56,9 +61,9 @@ impl FileMesh {
             }
         }
         Ok(Self {
-            name,
             done,
-            organ,
+            places,
+            fixed,
             longest_edge_m,
             excluded_components,
             excluded_tets,
@@ -68,8 +73,8 @@ impl FileMesh {
     }
 
     /// Its material in a region: points with the volumes that they stand for, m³.
-    pub fn material_points(&self, region: &Region) -> Vec<WeightedPoint> {
-        of_mesh(&self.mesh, &self.organ, region, 0.25 * self.longest_edge_m)
+    pub fn material_points(&self, zone: &Zone) -> Vec<WeightedPoint> {
+        of_mesh(&self.mesh, &self.places.organ, zone, 0.25 * self.longest_edge_m)
     }
 
     /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
@@ -141,12 +146,12 @@ fn bounding_box(mesh: &PlainMesh) -> OrganBox {
 /// Parts that hang together by faces but that no fixed region holds are taken out and counted.
 fn held_parts(
     scene: &Scene,
-    name: &str,
-    organ: &OrganBox,
+    Places { name, organ, .. }: &Places,
+    fixed: &[Zone],
     mesh: PlainMesh,
 ) -> Result<(PlainMesh, usize, usize), SimError> {
-    let fixed: Vec<bool> =
-        mesh.points().iter().map(|x| scene.fixed.iter().any(|r| r.contains(organ, x))).collect();
+    let is_fixed = |x| fixed.iter().any(|zone| zone.contains(organ, x));
+    let fixed: Vec<bool> = mesh.points().iter().map(is_fixed).collect();
     let components = mesh.components();
     let (mut kept, mut excluded) = (Vec::new(), 0);
     for component in &components {
@@ -163,7 +168,7 @@ fn held_parts(
         }
     }
     if kept.is_empty() {
-        return Err(SimError::MeshNotFixed(name.into()));
+        return Err(SimError::MeshNotFixed(name.clone()));
     }
     if excluded == 0 {
         return Ok((mesh, 0, 0));

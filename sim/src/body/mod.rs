@@ -3,7 +3,7 @@
 //! [`start`] is the file to open first: it turns a scene into a mesh at rest, either from an image
 //! (`image_source` reads labels, `image_body` builds the start mesh, `components` leaves out what
 //! nothing holds, `label_refinement` refines towards boundaries of labels) or from a mesh file
-//! (`mesh_file`). `state` is that mesh while the simulation changes it.
+//! (`mesh_file`). `places` finds the places that a scene gives. `state` is that mesh while the simulation changes it.
 
 mod axes;
 mod components;
@@ -14,6 +14,7 @@ mod material_points;
 mod mesh_file;
 mod organ_box;
 mod outline;
+mod places;
 mod start;
 mod state;
 mod summary;
@@ -27,7 +28,8 @@ pub use summary::{
 
 pub(crate) use image_body::{ImageBody, touches_solid};
 pub(crate) use mesh_file::FileMesh;
-pub(crate) use organ_box::OrganBox;
+pub(crate) use organ_box::{OrganBox, Zone};
 pub(crate) use outline::{cut, same_cells, surface_level};
+pub(crate) use places::Places;
 pub(crate) use start::{Origin, Start};
 pub(crate) use state::{Cell, Hold, Standing};

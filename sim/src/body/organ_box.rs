@@ -1,10 +1,8 @@
-//! The box around a body, in whose fractions scenes give places.
+//! The box around a body, and regions in its fractions.
 
 use nalgebra::Vector3;
 use yawara_mesh::Lattice;
 use yawara_mesh::volume::LabelVolume;
-
-use crate::scene::Region;
 
 /// The bounding box of all non-void voxels, in solver coordinates (m).
 #[derive(Clone, Copy, Debug)]
@@ -47,10 +45,19 @@ impl OrganBox {
     }
 }
 
-impl Region {
-    /// True where solver position `x` lies in the region.
-    pub(crate) fn contains(&self, organ: &OrganBox, x: &Vector3<f64>) -> bool {
-        // Vertices that lie on the region's boundary in exact arithmetic belong to it.
+/// A region in fractions of the organ's box.
+#[derive(Clone, Debug)]
+pub(crate) enum Zone {
+    /// All points between two corners.
+    Box { min: [f64; 3], max: [f64; 3] },
+    /// All points near a centre, radius in m.
+    Sphere { centre: [f64; 3], radius_m: f64 },
+}
+
+impl Zone {
+    /// True where solver position `x` lies in it.
+    pub fn contains(&self, organ: &OrganBox, x: &Vector3<f64>) -> bool {
+        // Vertices that lie on the boundary in exact arithmetic belong to it.
         let slack = 1e-9 * (organ.high - organ.low).norm();
         match self {
             Self::Box { min, max } => {
@@ -62,7 +69,7 @@ impl Region {
     }
 
     /// Solver position of its centre.
-    pub(crate) fn centre(&self, organ: &OrganBox) -> Vector3<f64> {
+    pub fn centre(&self, organ: &OrganBox) -> Vector3<f64> {
         match self {
             Self::Box { min, max } => 0.5 * (organ.at(*min) + organ.at(*max)),
             Self::Sphere { centre, .. } => organ.at(*centre),

@@ -5,13 +5,13 @@ use yawara_corot::WeightedPoint;
 use yawara_mesh::VertexId;
 use yawara_mesh::volume::LabelVolume;
 
-use super::axes::ScannerAxes;
 use super::image_body::ImageBody;
 use super::material_points;
 use super::mesh_file::FileMesh;
-use super::organ_box::OrganBox;
+use super::organ_box::Zone;
+use super::places::Places;
 use crate::error::SimError;
-use crate::scene::{Region, Scene, SupportHold};
+use crate::scene::{Scene, SupportHold};
 
 /// κ h²/E of what holds material: its own layer is a tenth of a voxel thick.
 const STIFFER: f64 = 100.0;
@@ -24,10 +24,10 @@ pub(crate) enum Origin {
 
 /// A mesh at rest, and what tools and regions ask of it.
 pub(crate) struct Start {
-    /// What its source is called in messages.
-    pub name: String,
-    pub axes: ScannerAxes,
-    pub organ: OrganBox,
+    /// What its source is called, how it lies, and where its places are.
+    pub places: Places,
+    /// What `[[fixed]]` holds.
+    pub fixed: Vec<Zone>,
     /// Length of a typical element's edge, m.
     pub edge_m: f64,
     pub vertices: Vec<VertexId>,
@@ -55,9 +55,8 @@ impl Start {
             rest[v.index()] = setup.rest(v);
         }
         Self {
-            name: setup.image_name().into(),
-            axes: ScannerAxes::of_grid(setup.volume.grid()),
-            organ: setup.organ,
+            places: setup.places.clone(),
+            fixed: setup.fixed.clone(),
             edge_m: setup.start_edge_m(),
             vertices,
             rest,
@@ -69,9 +68,8 @@ impl Start {
     fn of_file(mesh: FileMesh) -> Self {
         let rest = mesh.mesh.points().to_vec();
         Self {
-            name: mesh.name.clone(),
-            axes: ScannerAxes::identity(),
-            organ: mesh.organ,
+            places: mesh.places.clone(),
+            fixed: mesh.fixed.clone(),
             edge_m: mesh.longest_edge_m,
             vertices: (0..rest.len() as u32).map(VertexId).collect(),
             solid: vec![true; rest.len()],
@@ -84,20 +82,22 @@ impl Start {
     pub fn is_fixed(&self, scene: &Scene, vertex: VertexId) -> bool {
         let x = &self.rest[vertex.index()];
         scene.support.hold == SupportHold::Vertices
-            && scene.fixed.iter().any(|region| region.contains(&self.organ, x))
+            && self.fixed.iter().any(|zone| zone.contains(&self.places.organ, x))
     }
 
-    /// The material in a region: points with the volumes that they stand for, m³.
-    pub fn material_points(&self, region: &Region) -> Vec<WeightedPoint> {
+    /// The material in a zone: points with the volumes that they stand for, m³.
+    pub fn material_points(&self, zone: &Zone) -> Vec<WeightedPoint> {
         match &self.origin {
-            Origin::Image(setup) => material_points::of_volume(&setup.volume, &self.organ, region),
-            Origin::MeshFile(mesh) => mesh.material_points(region),
+            Origin::Image(setup) => {
+                material_points::of_volume(&setup.volume, &self.places.organ, zone)
+            }
+            Origin::MeshFile(mesh) => mesh.material_points(zone),
         }
     }
 
     /// All of it.
     pub fn all_material(&self) -> Vec<WeightedPoint> {
-        self.material_points(&Region::Box { min: [0.0; 3], max: [1.0; 3] })
+        self.material_points(&Zone::Box { min: [0.0; 3], max: [1.0; 3] })
     }
 
     /// The point of the material nearest to `x`, and how far it may be for `x` to stand for it: the

@@ -60,7 +60,7 @@ fn mesh_file(scene: &Scene, mesh: &FileMesh, stages: &Stages) -> Vec<PlanRow> {
     let why = format!("every tetrahedron has one of {} material(s)", mesh.materials.len());
     vec![
         row("image", "none", false, "the scene names a mesh file"),
-        row("mesh", &mesh.name, true, &mesh.done),
+        row("mesh", &mesh.places.name, true, &mesh.done),
         domain,
         row("homogenisation", stages.homogenisation.name(), false, why),
     ]
@@ -81,7 +81,7 @@ fn image(setup: &ImageBody) -> PlanRow {
         why += &format!("; {}", image.resampling());
     }
     why += &format!("; {nx} x {ny} x {nz} voxels of {} mm", image.voxel_mm);
-    let [x, y, z] = setup.organ.size_mm();
+    let [x, y, z] = setup.places.organ.size_mm();
     why += &format!(", body of {x} x {y} x {z} mm");
     if image.blur_mm > 0.0 {
         why += &format!(", smoothed by {} mm", image.blur_mm);

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::region::Region;
 use super::stage_names::StageNames;
-use super::tool::{Region, ToolEntry};
+use super::tool::ToolEntry;
 
 /// A scene: body, loads, stages and budgets. Unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,7 +1,7 @@
 //! What a scene file says, and whether it makes sense.
 //!
-//! `description` is the file to open first: [`Scene`] and its tables, data only; `stage_names`
-//! and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
+//! `description` is the file to open first: [`Scene`] and its tables, data only; `stage_names`,
+//! `region` and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
 //! `schema` refuses unknown and missing keys with the line they stand in, `checks` refuses values
 //! out of range.
 
@@ -10,6 +10,7 @@ mod description;
 pub mod file;
 mod key_path;
 mod overrides;
+mod region;
 mod schema;
 mod stage_names;
 mod tool;
@@ -19,10 +20,12 @@ pub use description::{
     MeshOptions, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry,
     Time, Void,
 };
+pub use region::Region;
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{
     GrabEntry, GrabHold, Key, LoadEntry, LoadKey, Normal, PressureEntry, PressureKey, ProbeEntry,
-    Region, ToolEntry,
+    ToolEntry,
 };
 
+pub(crate) use region::{Shape, Way};
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

@@ -5,26 +5,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A region in fractions of the organ's bounding box (right, anterior, superior): 0 is the low
-/// side, 1 the high side.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "shape", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Region {
-    /// All points between two corners.
-    Box {
-        /// Low corner, fractions.
-        min: [f64; 3],
-        /// High corner, fractions.
-        max: [f64; 3],
-    },
-    /// All points near a centre.
-    Sphere {
-        /// Centre, fractions.
-        centre: [f64; 3],
-        /// Radius, m.
-        radius_m: f64,
-    },
-}
+use super::region::{Region, Way, one};
+use crate::SimError;
 
 /// A tool by its `kind`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -94,7 +76,14 @@ pub enum GrabHold {
 #[serde(deny_unknown_fields)]
 pub struct ProbeEntry {
     /// Where its centre is before it moves, fractions of the organ's bounding box.
-    pub centre: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre: Option<[f64; 3]>,
+    /// The same in scanner RAS, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_mm: Option<[f64; 3]>,
+    /// The same as voxel indices of the image file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_voxel: Option<[f64; 3]>,
     /// Its radius, m.
     pub radius_m: f64,
     /// As for a grab; turns do nothing.
@@ -106,6 +95,17 @@ pub struct ProbeEntry {
     pub spacing_m: Option<f64>,
     /// When it is taken away, s; never if absent.
     pub release_s: Option<f64>,
+}
+
+impl ProbeEntry {
+    /// Where its centre is before it moves; `place` and `key` (the entry's) begin messages.
+    ///
+    /// # Errors
+    /// [`SimError::MissingKey`] or [`SimError::Value`] unless that is given in one way.
+    pub(crate) fn start(&self, place: &str, key: &str) -> Result<(Way, [f64; 3]), SimError> {
+        let ways = [self.centre, self.centre_mm, self.centre_voxel];
+        one(place, &format!("{key}.centre"), ways)
+    }
 }
 
 /// A pressure on the part of the surface that lies in a region at rest.

@@ -17,7 +17,7 @@ use super::equilibrium::StepSolver;
 use super::figures::Figure;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
-use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Start};
+use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
@@ -111,13 +111,17 @@ impl<'a> SimulationBuilder<'a> {
         let first = GoalEntry::Force { tool: 0 };
         let asked = scene.refinement.goal.as_ref();
         let goal = asked.or_else(|| stages.indicator.is_of_goal().then_some(&first));
-        let goal_points = goal.and_then(GoalEntry::region).map(|at| start.material_points(at));
+        let goal_points = goal.and_then(GoalEntry::region).map(|region| {
+            let zone = start.places.zone(region, "refinement.goal.region")?;
+            Ok::<_, SimError>(start.material_points(&zone))
+        });
+        let goal_points = goal_points.transpose()?;
         let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
         let integrator = stages.take_integrator(scene)?;
         let Stages {
             homogenisation, element: own, forces, equilibrium, indicator, inverse, ..
         } = stages;
-        let Start { name, axes, organ, origin, .. } = start;
+        let Start { places: Places { name, axes, organ, .. }, fixed, origin, .. } = start;
         let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
         let (mut state, refiner) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
@@ -153,7 +157,7 @@ impl<'a> SimulationBuilder<'a> {
                 };
                 let state = content.state(&holds, empty);
                 let fixed = match scene.support.hold {
-                    SupportHold::Vertices => &scene.fixed[..],
+                    SupportHold::Vertices => &fixed[..],
                     SupportHold::Elastic => &[],
                 };
                 let regions = Regions::new(fixed, organ, labels, &holds);
@@ -214,13 +218,13 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
     let stiffness = Some(given.unwrap_or_else(|| start.holding_stiffness(scene)));
     let held = |i: usize| {
         let is_first = |point: &WeightedPoint| {
-            !scene.fixed[..i].iter().any(|region| region.contains(&start.organ, &point.rest))
+            !start.fixed[..i].iter().any(|zone| zone.contains(&start.places.organ, &point.rest))
         };
-        let mut points = start.material_points(&scene.fixed[i]);
+        let mut points = start.material_points(&start.fixed[i]);
         points.retain(is_first);
         (None, MaterialHold { points, stiffness })
     };
-    (0..scene.fixed.len()).map(held).collect()
+    (0..start.fixed.len()).map(held).collect()
 }
 
 /// Puts what is held into the elements of `state` that are not void.

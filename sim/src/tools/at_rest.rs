@@ -6,7 +6,7 @@ use yawara_mesh::VertexId;
 
 use super::surface_points::SurfacePoints;
 use super::surface_source::SurfaceSource;
-use crate::body::{Hold, OrganBox, ScannerAxes, Start};
+use crate::body::{Hold, Places, ScannerAxes, Start, Zone};
 use crate::error::SimError;
 use crate::scene::{Region, Scene};
 
@@ -47,7 +47,7 @@ impl<'a> BodyAtRest<'a> {
     /// # Errors
     /// [`SimError::Value`] if another one has just that already: they can't both lead it.
     pub(crate) fn grab(&mut self, key: &str, region: &Region) -> Result<(), SimError> {
-        let points = self.start.material_points(region);
+        let points = self.start.material_points(&self.zone(key, region)?);
         let is_same = |(_, other): &&(String, Vec<WeightedPoint>)| {
             let mut pairs = points.iter().zip(other);
             other.len() == points.len() && pairs.all(|(a, b)| a.rest == b.rest)
@@ -75,23 +75,28 @@ impl<'a> BodyAtRest<'a> {
         self.holds
     }
 
-    pub(crate) fn organ(&self) -> OrganBox {
-        self.start.organ
+    pub(crate) fn places(&self) -> &Places {
+        &self.start.places
+    }
+
+    /// The `region` of a tool whose key is `key`.
+    fn zone(&self, key: &str, region: &Region) -> Result<Zone, SimError> {
+        self.places().zone(region, &format!("{key}.region"))
     }
 
     /// The image or the mesh file, as messages call it.
     pub fn name(&self) -> &str {
-        &self.start.name
+        &self.start.places.name
     }
 
     /// How solver axes lie in the scanner.
     pub fn axes(&self) -> ScannerAxes {
-        self.start.axes
+        self.start.places.axes
     }
 
     /// The point at these fractions of the body's bounding box (right, anterior, superior), m.
     pub fn at(&self, fractions: [f64; 3]) -> Vector3<f64> {
-        self.start.organ.at(fractions)
+        self.start.places.organ.at(fractions)
     }
 
     /// Length of a typical element's edge, m.
@@ -122,11 +127,12 @@ impl<'a> BodyAtRest<'a> {
         key: &str,
         region: &Region,
     ) -> Result<Vec<WeightedPoint>, SimError> {
-        let inside = self.start.material_points(region);
+        let zone = self.zone(key, region)?;
+        let inside = self.start.material_points(&zone);
         if !inside.is_empty() {
             return Ok(inside);
         }
-        let centre = region.centre(&self.start.organ);
+        let centre = zone.centre(&self.start.places.organ);
         let distance = |point: &WeightedPoint| (point.rest - centre).norm();
         let all = self.start.all_material();
         let nearest = all.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
@@ -150,7 +156,7 @@ impl<'a> BodyAtRest<'a> {
         key: &str,
         region: &Region,
     ) -> Result<Vec<WeightedPoint>, SimError> {
-        let inside = self.start.material_points(region);
+        let inside = self.start.material_points(&self.zone(key, region)?);
         match inside.is_empty() {
             false => Ok(inside),
             true => {
@@ -197,6 +203,7 @@ impl<'a> BodyAtRest<'a> {
     /// [`SimError::PatchEmpty`] with `key` if there are none; [`SimError::Surface`] if the surface
     /// can't be made.
     pub fn surface_patch(&mut self, key: &str, region: &Region) -> Result<SurfacePoints, SimError> {
-        self.surface.patch(key, region)
+        let zone = self.zone(key, region)?;
+        self.surface.patch(key, &zone)
     }
 }

@@ -6,7 +6,7 @@ use yawara_mesh::VertexId;
 use super::at_rest::BodyAtRest;
 use super::path::{ToolPath, acts};
 use super::tool::{MaterialHold, Tool};
-use crate::body::OrganBox;
+use crate::body::{OrganBox, Zone};
 use crate::error::SimError;
 use crate::scene::{GrabEntry, GrabHold, Region};
 
@@ -18,6 +18,7 @@ pub(super) struct Grab {
     stiffness: Option<f64>,
     organ: OrganBox,
     region: Region,
+    zone: Zone,
     centre: Vector3<f64>,
     axis: Vector3<f64>,
     path: ToolPath,
@@ -26,14 +27,16 @@ pub(super) struct Grab {
 
 impl Grab {
     pub fn new(entry: &GrabEntry, key: &str, body: &BodyAtRest<'_>) -> Result<Self, SimError> {
-        let organ = body.organ();
+        let organ = body.places().organ;
+        let zone = body.places().zone(&entry.region, &format!("{key}.region"))?;
         Ok(Self {
             key: key.into(),
             hold: entry.hold,
             stiffness: entry.stiffness_n_m4,
             organ,
+            centre: zone.centre(&organ),
             region: entry.region.clone(),
-            centre: entry.region.centre(&organ),
+            zone,
             axis: body.axes().to_solver_direction(&Vector3::from(entry.turn_axis)),
             path: ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?,
             release_s: entry.release_s,
@@ -82,7 +85,7 @@ impl Tool for Grab {
     }
 
     fn takes(&self, rest: &Vector3<f64>) -> bool {
-        self.region.contains(&self.organ, rest)
+        self.zone.contains(&self.organ, rest)
     }
 
     fn target(&self, rest: &Vector3<f64>, t: f64) -> Vector3<f64> {
@@ -97,7 +100,7 @@ impl Tool for Grab {
             return Ok(None);
         }
         let mut points = body.material_points(&self.key, &self.region)?;
-        if let Region::Sphere { radius_m, .. } = self.region {
+        if let Zone::Sphere { radius_m, .. } = self.zone {
             for point in &mut points {
                 let part = (point.rest - self.centre).norm() / radius_m;
                 // One that lies outside is alone.

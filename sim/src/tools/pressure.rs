@@ -26,8 +26,9 @@ impl Pressure {
         key: &str,
         body: &mut BodyAtRest<'_>,
     ) -> Result<Self, SimError> {
+        let zone = body.places().zone(&entry.region, &format!("{key}.region"))?;
         Ok(Self {
-            centre: entry.region.centre(&body.organ()),
+            centre: zone.centre(&body.places().organ),
             keys: entry.pressure.clone(),
             normal: entry.normal,
             surface_points: body.surface_patch(key, &entry.region)?,

@@ -22,9 +22,10 @@ pub(super) struct Probe {
 impl Probe {
     pub fn new(entry: &ProbeEntry, key: &str, body: &mut BodyAtRest<'_>) -> Result<Self, SimError> {
         let path = ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?;
-        let centre = body.at(entry.centre);
+        let centre = body.places().start_of(entry, key)?;
         if body.is_inside(&(centre + path.motion(0.0).0)) {
-            let (key, value) = (format!("{key}.centre"), format!("{:?}", entry.centre));
+            let (way, at) = entry.start(body.name(), key)?;
+            let (key, value) = (format!("{key}.centre{}", way.suffix()), format!("{at:?}"));
             let want = "a place from which the path begins outside of the body";
             return Err(SimError::value(body.name(), &key, value, want));
         }

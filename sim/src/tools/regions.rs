@@ -6,25 +6,19 @@ use nalgebra::Vector3;
 use yawara_mesh::volume::LabelVolume;
 
 use super::tool::Tool;
-use crate::body::{Hold, OrganBox, touches_solid};
-use crate::scene::Region;
+use crate::body::{Hold, OrganBox, Zone, touches_solid};
 
 /// Where vertices that come in are held.
 pub(crate) struct Regions {
     organ: OrganBox,
-    fixed: Vec<Region>,
+    fixed: Vec<Zone>,
     /// The image, if any tool holds vertices.
     volume: Option<Arc<LabelVolume>>,
 }
 
 impl Regions {
     /// Those of a scene whose start mesh is held by `holds`.
-    pub fn new(
-        fixed: &[Region],
-        organ: OrganBox,
-        volume: Arc<LabelVolume>,
-        holds: &[Hold],
-    ) -> Self {
+    pub fn new(fixed: &[Zone], organ: OrganBox, volume: Arc<LabelVolume>, holds: &[Hold]) -> Self {
         let grabs = holds.iter().any(|hold| matches!(hold, Hold::Grabbed(_)));
         Self { organ, fixed: fixed.to_vec(), volume: grabs.then_some(volume) }
     }
@@ -41,7 +35,7 @@ impl Regions {
         mut ring: impl Iterator<Item = Hold>,
         tools: &[Box<dyn Tool>],
     ) -> Hold {
-        if self.fixed.iter().any(|region| region.contains(&self.organ, rest)) {
+        if self.fixed.iter().any(|zone| zone.contains(&self.organ, rest)) {
             return Hold::Fixed;
         }
         let takes = |hold: &Hold| matches!(hold, Hold::Grabbed(tool) if tools[*tool].takes(rest));
@@ -79,8 +73,7 @@ mod tests {
 
     /// Two fixed slabs at the ends of a cube of 1 m, which is void where y < 0.4.
     fn regions() -> Regions {
-        let slab =
-            |low: f64, high: f64| Region::Box { min: [low, 0.0, 0.0], max: [high, 1.0, 1.0] };
+        let slab = |low: f64, high: f64| Zone::Box { min: [low, 0.0, 0.0], max: [high, 1.0, 1.0] };
         let grid = Grid::centred([10; 3], 100.0);
         let labels = (0..1000u16).map(|i| u16::from(i / 10 % 10 >= 4)).collect();
         Regions {

@@ -7,9 +7,9 @@ use yawara_mesh::isosurface::{Outline, Outlines};
 use yawara_mesh::volume::LabelVolume;
 
 use super::surface_points::SurfacePoints;
-use crate::body::{ImageBody, Origin, Start, cut};
+use crate::body::{ImageBody, Origin, Start, Zone, cut};
 use crate::error::SimError;
-use crate::scene::{Region, Scene};
+use crate::scene::Scene;
 
 /// Width of the blur that takes the stairs off voxels, voxels.
 const SIGMA_VOXELS: f64 = 1.0;
@@ -62,7 +62,7 @@ impl<'a> SurfaceSource<'a> {
 
     /// Points all over the surface, `spacing` (m) or a little more apart where it is smooth.
     pub fn points(&mut self, spacing: f64) -> Result<SurfacePoints, SimError> {
-        let name = self.start.name.clone();
+        let name = self.start.places.name.clone();
         let Triangles { points, corners, off } = self.triangles()?;
         let area: f64 = corners.iter().map(|face| area(&face.map(|i| points[i])).norm()).sum();
         let least = (area / MOST_POINTS).sqrt();
@@ -78,15 +78,15 @@ impl<'a> SurfaceSource<'a> {
         Ok(SurfacePoints::new(kept.points, Vec::new(), *off))
     }
 
-    /// The triangles whose middles lie in `region`: their middles with their area vectors.
-    pub fn patch(&mut self, key: &str, region: &Region) -> Result<SurfacePoints, SimError> {
-        let (organ, name) = (self.start.organ, self.start.name.clone());
+    /// The triangles whose middles lie in `zone`: their middles with their area vectors.
+    pub fn patch(&mut self, key: &str, zone: &Zone) -> Result<SurfacePoints, SimError> {
+        let (organ, name) = (self.start.places.organ, self.start.places.name.clone());
         let Triangles { points, corners, off } = self.triangles()?;
         let (mut middles, mut areas) = (Vec::new(), Vec::new());
         for face in corners {
             let corners = face.map(|i| points[i]);
             let middle = corners.iter().sum::<Vector3<f64>>() / 3.0;
-            if region.contains(&organ, &middle) {
+            if zone.contains(&organ, &middle) {
                 middles.push(middle);
                 areas.push(area(&corners));
             }

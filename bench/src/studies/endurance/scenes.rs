@@ -158,7 +158,7 @@ impl Liver {
             }
         }
         GrabEntry {
-            region: Region::Sphere { centre: self.fractions(&centre).into(), radius_m: GRAB_M },
+            region: Region::around(self.fractions(&centre).into(), GRAB_M),
             hold,
             stiffness_n_m4: None,
             path,
@@ -199,7 +199,9 @@ impl Liver {
             go(1, AROUND_M * direction);
         }
         ProbeEntry {
-            centre: [0.5; 3],
+            centre: Some([0.5; 3]),
+            centre_mm: None,
+            centre_voxel: None,
             radius_m: BALL_M,
             path,
             path_csv: None,
@@ -270,7 +272,7 @@ mod tests {
             let (_, scene) = liver.scene(0, 100, seed);
             let centres = scene.tools.iter().map(|tool| match tool {
                 ToolEntry::Grab(GrabEntry { region: Region::Sphere { centre, .. }, .. }) => {
-                    Vector3::from(*centre).component_mul(&(liver.high - liver.low))
+                    Vector3::from(centre.unwrap()).component_mul(&(liver.high - liver.low))
                 }
                 other => panic!("{other:?}"),
             });

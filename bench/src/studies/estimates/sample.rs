@@ -148,7 +148,7 @@ impl Place {
         let [mut min, mut max] = [0, 1].map(|i| self.at(corner(i)));
         let axis = self.axis;
         (min[axis], max[axis]) = (min[axis].min(max[axis]), min[axis].max(max[axis]));
-        Region::Box { min, max }
+        Region::between(min, max)
     }
 
     /// The direction out of the face.
@@ -162,7 +162,7 @@ impl Place {
         let mut fractions = [0; 3].map(|_| random.between(0.25, 0.75));
         fractions[self.axis] = random.between(0.7, 1.0);
         let radius_m = least * random.between(0.25, 0.4);
-        let region = Region::Sphere { centre: self.at(fractions), radius_m };
+        let region = Region::around(self.at(fractions), radius_m);
         let across = [random.between(0.0, 0.3), random.between(0.7, 1.0)];
         let face = self.slab([0.9, 1.0], across);
         let moved = least * random.between(0.02, 0.08) * random.direction();
@@ -187,7 +187,9 @@ impl Place {
                 fractions[self.axis] = 1.0 + radius_m / self.size()[self.axis];
                 let depth = least * random.between(0.04, 0.1);
                 let probe = ProbeEntry {
-                    centre: self.at(fractions),
+                    centre: Some(self.at(fractions)),
+                    centre_mm: None,
+                    centre_voxel: None,
                     radius_m,
                     path: path(-depth * self.outward(), 0.0),
                     path_csv: None,

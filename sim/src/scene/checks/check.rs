@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use crate::SimError;
-use crate::scene::Region;
+use crate::scene::{Region, Shape};
 
 pub(crate) struct Check<'a> {
     pub place: &'a str,
@@ -38,19 +38,21 @@ impl Check<'_> {
     }
 
     pub fn region(&self, region: &Region, key: &str) -> Result<(), SimError> {
-        match region {
-            Region::Box { min, max } => {
-                self.vector(&format!("{key}.min"), min)?;
-                self.vector(&format!("{key}.max"), max)?;
+        match region.shape(self.place, key)? {
+            Shape::Box(way, min, max) => {
+                let [low, high] =
+                    ["min", "max"].map(|name| format!("{key}.{name}{}", way.suffix()));
+                self.vector(&low, &min)?;
+                self.vector(&high, &max)?;
                 (0..3).try_for_each(|i| {
-                    let want = format!("at most {key}.max[{i}], {:?}", max[i]);
+                    let want = format!("at most {high}[{i}], {:?}", max[i]);
                     // Flat boxes are faces, so equality is fine.
-                    self.that(min[i] <= max[i], &format!("{key}.min[{i}]"), min[i], &want)
+                    self.that(min[i] <= max[i], &format!("{low}[{i}]"), min[i], &want)
                 })
             }
-            Region::Sphere { centre, radius_m } => {
-                self.vector(&format!("{key}.centre"), centre)?;
-                self.positive(&format!("{key}.radius_m"), *radius_m)
+            Shape::Sphere(way, centre, radius_m) => {
+                self.vector(&format!("{key}.centre{}", way.suffix()), &centre)?;
+                self.positive(&format!("{key}.radius_m"), radius_m)
             }
         }
     }

@@ -32,7 +32,8 @@ impl Check<'_> {
             }
             ToolEntry::Probe(probe) => {
                 let radius = probe.radius_m;
-                self.vector(&format!("{key}.centre"), &probe.centre)?;
+                let (way, centre) = probe.start(self.place, key)?;
+                self.vector(&format!("{key}.centre{}", way.suffix()), &centre)?;
                 self.positive(&format!("{key}.radius_m"), radius)?;
                 if let Some(spacing) = probe.spacing_m {
                     let key = format!("{key}.spacing_m");
