@@ -85,6 +85,16 @@ impl Start {
             && self.fixed.iter().any(|zone| zone.contains(&self.places.organ, x))
     }
 
+    /// The material that fixed region `i` holds: all of it that none before it does.
+    pub fn held_by(&self, i: usize) -> Vec<WeightedPoint> {
+        let is_first = |point: &WeightedPoint| {
+            !self.fixed[..i].iter().any(|zone| zone.contains(&self.places.organ, &point.rest))
+        };
+        let mut points = self.material_points(&self.fixed[i]);
+        points.retain(is_first);
+        points
+    }
+
     /// The material in a zone: points with the volumes that they stand for, m³.
     pub fn material_points(&self, zone: &Zone) -> Vec<WeightedPoint> {
         match &self.origin {

@@ -8,12 +8,19 @@ use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::{PlanRow, WARNING};
 use crate::scene::{AUTO, GrabHold, MassModel, Scene, SupportHold, ToolEntry};
+use crate::tools::Holding;
 
 /// Why a body with inertia keeps all of its parts.
 const FREE: &str = "with inertia no part need be held";
 
 /// The plan of a scene, in the order of the pipeline.
-pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) -> Vec<PlanRow> {
+pub(crate) fn rows(
+    scene: &Scene,
+    start: &Start,
+    stages: &Stages,
+    chosen: &str,
+    held: &[Holding],
+) -> Vec<PlanRow> {
     let mut rows = match &start.origin {
         Origin::Image(setup) => {
             vec![
@@ -34,8 +41,8 @@ pub(crate) fn rows(scene: &Scene, start: &Start, stages: &Stages, chosen: &str) 
         refinement(scene, stages),
         estimates(scene, stages),
         budget(scene),
-        holds(scene),
-        tools(scene, start),
+        holds(scene, held),
+        tools(scene, start, held),
         compliance(scene),
         surface(scene, start),
     ]);
@@ -279,7 +286,7 @@ fn budget(scene: &Scene) -> PlanRow {
 }
 
 /// What is held: the same on every mesh, or not.
-fn holds(scene: &Scene) -> PlanRow {
+fn holds(scene: &Scene, held: &[Holding]) -> PlanRow {
     let is_grab = |hold| {
         let mut tools = scene.tools.iter();
         tools.any(|tool| matches!(tool, ToolEntry::Grab(grab) if grab.hold == hold))
@@ -288,21 +295,33 @@ fn holds(scene: &Scene) -> PlanRow {
     let material = fixed(SupportHold::Elastic) || is_grab(GrabHold::Mean) || is_grab(GrabHold::Pad);
     match (fixed(SupportHold::Vertices) || is_grab(GrabHold::Vertices), material) {
         (false, false) => row("holds", "none", false, "nothing is fixed or grabbed"),
-        (false, true) => row("holds", "material", true, "the same problem on every mesh"),
+        (false, true) => {
+            let why = format!("the same problem on every mesh{}", amounts(held, true));
+            row("holds", "material", true, why)
+        }
         (true, _) => {
-            let why = format!("{WARNING}a finer mesh has more vertices to hold, another problem");
+            let why = format!(
+                "as the start mesh{}; {WARNING}a finer mesh has more vertices to hold, another problem",
+                amounts(held, true)
+            );
             row("holds", "vertices", true, why)
         }
     }
 }
 
-/// How many tools of each kind, and which of them hardly do what was meant.
-fn tools(scene: &Scene, start: &Start) -> PlanRow {
+/// How much each fixed region has, or each tool.
+fn amounts(held: &[Holding], fixed: bool) -> String {
+    let those = held.iter().filter(|one| (one.kind == "fixed") == fixed);
+    those.map(|one| format!("; {}: {}", one.key, one.in_words())).collect()
+}
+
+/// How many tools of each kind, how much they have of the body, and which of them hardly do what was meant.
+fn tools(scene: &Scene, start: &Start, held: &[Holding]) -> PlanRow {
     let kinds: Vec<&str> = scene.tools.iter().map(ToolEntry::kind).collect();
     if kinds.is_empty() {
         return row("tools", "none", false, "the scene has none");
     }
-    let mut why = format!("{} tool(s)", kinds.len());
+    let mut why = format!("{} tool(s){}", kinds.len(), amounts(held, false));
     for odd in crate::tools::warnings(scene, start) {
         why += &format!("; {WARNING}{odd}");
     }

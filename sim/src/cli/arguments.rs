@@ -25,6 +25,8 @@ pub enum Command {
     Run(RunArguments),
     /// Says which stages a scene needs, and why.
     Plan(PlanArguments),
+    /// Draws what a scene holds and loads, and where its tools go.
+    Preview(PreviewArguments),
     /// Writes the undeformed tetrahedra of a label map.
     Mesh(MeshArguments),
     /// Writes the labels that a scene would use of an image: resampled to cubes, classified.
@@ -94,6 +96,22 @@ pub struct PlanArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Prints a JSON array instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct PreviewArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = DEFAULT_SCENE)]
+    pub scene: String,
+    /// The picture to write.
+    #[arg(long, value_name = "FILE.png")]
+    pub out: PathBuf,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Prints what is held as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
 }

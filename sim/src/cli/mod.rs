@@ -10,6 +10,7 @@ mod init;
 mod input;
 mod labels;
 mod mesh;
+mod preview;
 mod printer;
 mod run;
 mod surface;
@@ -86,6 +87,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
             }
         }
         Command::Plan(arguments) => plan(&arguments, &mut out)?,
+        Command::Preview(arguments) => preview::run(&arguments, &mut out)?,
         Command::Mesh(arguments) => mesh::run(&arguments, &mut out)?,
         Command::Labels(arguments) => labels::run(&arguments, &mut out)?,
         Command::Surface(arguments) => surface::run(&arguments, &mut out)?,

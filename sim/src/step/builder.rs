@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::{Grip, WeightedPoint};
+use yawara_corot::Grip;
 use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
@@ -23,7 +23,7 @@ use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
 use crate::report::{Recorder, RunStatistics, Surfaces};
 use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold};
-use crate::tools::{self, BodyAtRest, MaterialHold, Regions, Tool};
+use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 
 /// All tools, by number.
 type Tools = Vec<Box<dyn Tool>>;
@@ -106,8 +106,8 @@ impl<'a> SimulationBuilder<'a> {
         let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
-        let (mut tools, holds, grips) = self.make_tools(&start)?;
-        let mut plan = plan::rows(scene, &start, &stages, element);
+        let (mut tools, holds, grips, held) = self.make_tools(&start)?;
+        let mut plan = plan::rows(scene, &start, &stages, element, &held);
         let first = GoalEntry::Force { tool: 0 };
         let asked = scene.refinement.goal.as_ref();
         let goal = asked.or_else(|| stages.indicator.is_of_goal().then_some(&first));
@@ -191,8 +191,11 @@ impl<'a> SimulationBuilder<'a> {
     }
 
     /// All tools, what holds each vertex of the start mesh by its number, and what supports and tools
-    /// hold of the material.
-    fn make_tools(&mut self, start: &Start) -> Result<(Tools, Vec<Hold>, Grips), SimError> {
+    /// hold of the material, and how much that is.
+    fn make_tools(
+        &mut self,
+        start: &Start,
+    ) -> Result<(Tools, Vec<Hold>, Grips, Vec<Holding>), SimError> {
         let mut grips = supports(self.scene, start);
         let mut body = BodyAtRest::new(self.scene, start);
         let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
@@ -205,7 +208,8 @@ impl<'a> SimulationBuilder<'a> {
             grips.extend(tool.grip(&body)?.map(|hold| (Some(number), hold)));
             made.push(tool);
         }
-        Ok((made, body.into_holds(), grips))
+        let held = tools::holdings(self.scene, &mut body)?;
+        Ok((made, body.into_holds(), grips, held))
     }
 }
 
@@ -216,14 +220,7 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
     }
     let given = scene.support.stiffness_n_m4;
     let stiffness = Some(given.unwrap_or_else(|| start.holding_stiffness(scene)));
-    let held = |i: usize| {
-        let is_first = |point: &WeightedPoint| {
-            !start.fixed[..i].iter().any(|zone| zone.contains(&start.places.organ, &point.rest))
-        };
-        let mut points = start.material_points(&start.fixed[i]);
-        points.retain(is_first);
-        (None, MaterialHold { points, stiffness })
-    };
+    let held = |i: usize| (None, MaterialHold { points: start.held_by(i), stiffness });
     (0..start.fixed.len()).map(held).collect()
 }
 

@@ -70,6 +70,16 @@ impl<'a> BodyAtRest<'a> {
         self.start.nearest_material(x).0 == Some(*x)
     }
 
+    /// The mesh that it is of.
+    pub(crate) fn start(&self) -> &'a Start {
+        self.start
+    }
+
+    /// What holds a vertex.
+    pub(crate) fn held_by(&self, vertex: VertexId) -> Hold {
+        self.holds[vertex.index()]
+    }
+
     /// What holds each vertex, by number.
     pub(crate) fn into_holds(self) -> Vec<Hold> {
         self.holds

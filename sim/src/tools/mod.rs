@@ -7,6 +7,7 @@
 
 mod at_rest;
 mod grab;
+mod holding;
 mod idle;
 mod load;
 mod path;
@@ -22,10 +23,12 @@ use crate::error::SimError;
 use crate::scene::ToolEntry;
 
 pub use at_rest::BodyAtRest;
+pub use holding::Holding;
 pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
 pub use tool::{MaterialHold, Tool};
 
+pub(crate) use holding::holdings;
 pub(crate) use idle::warnings;
 pub(crate) use regions::Regions;
 

@@ -37,6 +37,11 @@ impl SurfacePoints {
         self.rest.len()
     }
 
+    /// Where they are at rest, m.
+    pub(super) fn rest(&self) -> &[Vector3<f64>] {
+        &self.rest
+    }
+
     /// A point as the mesh carries it.
     pub fn point(&self, i: usize) -> Option<&ElementPoint> {
         self.bound[i].as_ref().map(|(_, point)| point)
