@@ -217,7 +217,7 @@ max = [0, 1, 1]
         assert_eq!(scene.image.path.as_deref(), Some(Path::new("some where.nii.gz")));
         assert_eq!(scene.gravity_m_s2, [0.0, 0.0, -9.81]);
         let crate::scene::Region::Box { max, .. } = &scene.fixed[0] else { panic!() };
-        assert_eq!(max, &[0.5, 1.0, 1.0]);
+        assert_eq!(max, &Some([0.5, 1.0, 1.0]));
         assert_eq!(scene.name, "quoted");
     }
 
