@@ -169,3 +169,19 @@ fn a_load_acts_on_a_mesh_from_a_file_too() {
     let run = ["run", "cube.toml", "--out", "run", "--set", &set];
     bench.refused(&run, &["tools[0].at_mm lies outside", "cube.msh", "0.200 mm"]);
 }
+
+#[test]
+fn a_mesh_file_has_millimetres_but_no_voxels() {
+    let bench = Workbench::new();
+    bench.write("cube.msh", CUBE);
+    let cube = on_file("cube.msh").replace("label = 1", "other = true");
+    let cube = cube.replace("path = \"cube.msh\"", "path = \"cube.msh\"\nunit_m = 1.0");
+    bench.write("bar.toml", cube);
+    let fixed = |ends: &str| format!("fixed=[{{ shape = 'box', {ends} }}]");
+    let by_mm = fixed("min_mm = [0, 0, 0], max_mm = [0, 1000, 1000]");
+    bench.succeed(&["plan", "bar.toml", "--set", &by_mm]);
+    bench.succeed(&["preview", "bar.toml", "--set", &by_mm, "--out", "cube.png"]);
+    let by_voxels = fixed("min_voxel = [0, 0, 0], max_voxel = [0, 1, 1]");
+    let words = ["fixed[0].min_voxel", "a mesh file has no voxels"];
+    bench.refused(&["plan", "bar.toml", "--set", &by_voxels], &words);
+}

@@ -44,6 +44,8 @@ const WIDTH: i64 = 1280;
 const MARGIN: i64 = 44;
 /// The most pixels down for the views.
 const TALLEST: f64 = 620.0;
+/// The least room across for a view, whose name stands above it, pixels.
+const NAME: f64 = 290.0;
 /// Pixels above the views, and of a line of the legend.
 const TOP: i64 = 96;
 const LINE: i64 = 28;
@@ -108,7 +110,11 @@ impl Preview {
         let (low, high) = self.shown();
         let size = high - low;
         let free = (WIDTH - 6 * MARGIN) as f64;
-        let scale = (free / (2.0 * size.x + size.y)).min(TALLEST / size.y.max(size.z));
+        let mut scale = TALLEST / size.y.max(size.z);
+        let wide = |scale: f64| 2.0 * (scale * size.x).max(NAME) + (scale * size.y).max(NAME);
+        while wide(scale) > free {
+            scale *= 0.99;
+        }
         let tall = (size.y.max(size.z) * scale).ceil() as i64;
         let below = TOP + tall + MARGIN;
         let height = below + 2 * LINE + LINE * (self.holdings.len() as i64 + 2);
@@ -119,7 +125,7 @@ impl Preview {
             let mut view = View { look, low, high, corner: [left, TOP], scale };
             view.corner[1] += (tall - view.size()[1]) / 2;
             self.draw(&view, &mut picture);
-            left += view.size()[0] + 2 * MARGIN;
+            left += view.size()[0].max(NAME as i64) + 2 * MARGIN;
         }
         self.scale_bar([MARGIN, below + 4], scale, &mut picture);
         self.legend([MARGIN, below + 2 * LINE], &mut picture);
@@ -153,14 +159,16 @@ impl Preview {
 
     /// One view with its name and letters.
     fn draw(&self, view: &View<'_>, picture: &mut Picture) {
-        let held: Vec<(Colour, &[Vector3<f64>])> = (0..self.holdings.len())
-            .map(|i| (self.colour(i), &self.holdings[i].places[..]))
-            .collect();
-        view.draw(&self.solid, &held, picture);
-        for (colour, places) in held {
-            // Few places would hardly be seen.
-            for x in places.iter().filter(|_| places.len() < 400) {
-                picture.disc(view.pixel(x), 3.0, colour);
+        let all = (0..self.holdings.len()).map(|i| (self.colour(i), &self.holdings[i]));
+        // Vertices and points have no size.
+        let (spread, dots): (Vec<_>, Vec<_>) =
+            all.partition(|(_, one)| one.volume_cm3.or(one.area_cm2).is_some());
+        let spread: Vec<_> =
+            spread.into_iter().map(|(colour, one)| (colour, &one.places[..])).collect();
+        view.draw(&self.solid, &spread, picture);
+        for (colour, one) in dots {
+            for x in &one.places {
+                picture.disc(view.pixel(x), 4.0, colour);
             }
         }
         for way in &self.ways {
