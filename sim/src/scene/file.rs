@@ -236,7 +236,7 @@ steps = 2 | steps = -2 | line 14: time.steps is -2, want a whole number, at leas
 max = [0, 1, 1] | max = [0, 1] | line 19: fixed[0].max is an array of 2, \
     want an array of 3 numbers
 max = [0, 1, 1] | radius_m = 1 | line 19: unknown key `fixed[0].radius_m`; \
-    valid keys here are `max`, `min`, `shape`
+    valid keys here are `max`, `max_mm`, `max_voxel`, `min`, `min_mm`, `min_voxel`, `shape`
 0.3 | nan | line 9: materials[0].poisson_ratio is NaN, want more than -1 and less than 0.5
 [mesh] | [time] | line 13, column 2: duplicate key (at `time`)
 steps = 2 | steps = | line 14, column";
