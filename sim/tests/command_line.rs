@@ -171,6 +171,13 @@ fn steps_that_do_not_converge_are_written_and_exit_with_1() {
     assert!(text.contains("3 of 3 steps did not converge"), "{text}");
     let summary: Value = serde_json::from_str(&bench.read("runs/bar/summary.json")).unwrap();
     assert_eq!(summary["steps"]["converged"], 0);
+    let first = &summary["steps"]["first_failure"];
+    assert_eq!((&first["step"], &first["label"]), (&1.into(), &1.into()), "{first}");
+    let place = first["place_mm"].as_array().unwrap();
+    assert!(place.iter().all(|x| x.as_f64().unwrap().abs() < 100.0), "{first}");
+    for words in ["want 1.0e-300", "mm in label 1", "try       [dynamics]"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
 }
 
 /// A solver without pressures takes them from the element.

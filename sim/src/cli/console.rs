@@ -94,6 +94,10 @@ pub fn summary(summary: &Summary) -> String {
     if converged < count {
         let missed = count - converged;
         line("warning", format!("{missed} of {count} steps did not converge; see steps.csv"));
+        if let Some(failure) = &steps.first_failure {
+            line("first", failure.to_string());
+            failure.advice.iter().for_each(|words| line("try", words.clone()));
+        }
     }
     text
 }

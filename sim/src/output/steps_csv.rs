@@ -97,6 +97,7 @@ mod tests {
             fallbacks: 3,
             residual: 1e-7,
             converged: true,
+            failure: None,
             error_estimate: Some(0.0625),
             goal: Some(GoalReport { name: "volume_m3", value: 0.25, error: None }),
             force_n: [-1.5, 0.0, 1e300],

@@ -6,6 +6,7 @@
 
 mod capture;
 mod comparison_points;
+mod failure;
 mod fields;
 mod made_by;
 mod recorder;
@@ -18,6 +19,7 @@ pub use crate::body::{
     Part,
 };
 pub use comparison_points::Probe;
+pub use failure::Failure;
 pub use fields::Fields;
 pub use made_by::MadeBy;
 pub use records::{
@@ -27,6 +29,7 @@ pub use records::{
 };
 pub use tool::{ToolReport, ToolSummary};
 
+pub(crate) use failure::Missed;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::{WARNING, milliseconds};
 pub(crate) use surfaces::Surfaces;

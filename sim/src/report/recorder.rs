@@ -7,6 +7,7 @@ use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
+use super::failure::Missed;
 use super::records::{
     EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
     StepReport, StepSummary, Summary,
@@ -130,6 +131,8 @@ pub(crate) struct StepOutcome {
     pub converged_by: Vec<&'static str>,
     /// Time of each application of the inverse, ms.
     pub solve_ms: Vec<f64>,
+    /// Of the last attempt that did not converge.
+    pub missed: Option<Missed>,
 }
 
 /// Sums, extremes and times over the steps of a run.
@@ -177,6 +180,9 @@ impl RunStatistics {
         steps.count += 1;
         steps.halvings += outcome.halvings;
         steps.converged += usize::from(report.converged);
+        if steps.first_failure.is_none() {
+            steps.first_failure.clone_from(&report.failure);
+        }
         // A NaN must stay visible: `max` would drop it.
         if !(report.residual <= steps.residual_max) {
             steps.residual_max = report.residual;

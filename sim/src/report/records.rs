@@ -7,6 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::failure::Failure;
 use super::made_by::MadeBy;
 use super::tool::{ToolReport, ToolSummary};
 use crate::body::BodySummary;
@@ -82,6 +83,8 @@ pub struct StepReport {
     pub residual: f64,
     /// Whether the residual reached the tolerance in every part.
     pub converged: bool,
+    /// Where it did not, and what may help.
+    pub failure: Option<Failure>,
     /// How far the energy, and with it the force of a tool that acts alone, is from that on a mesh
     /// without end, relative; none where it is not known.
     pub error_estimate: Option<f64>,
@@ -273,6 +276,9 @@ pub struct StepSummary {
     pub converged_by: BTreeMap<&'static str, usize>,
     /// How often a step or a part of one was cut in two.
     pub halvings: usize,
+    /// The first step that did not converge.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_failure: Option<Failure>,
     /// The largest relative residual at a step's end.
     pub residual_max: f64,
     /// Wall-clock time per step, ms.

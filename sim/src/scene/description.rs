@@ -252,6 +252,10 @@ pub struct Time {
     pub steps: usize,
     /// Length of a step, s.
     pub step_s: f64,
+    /// Whether a step that does not converge whole is made in parts, each as long as converges: tools
+    /// and loads then go there little by little.
+    #[serde(default = "default_adaptive", skip_serializing_if = "Clone::clone")]
+    pub adaptive: bool,
 }
 
 /// When to split and merge.
@@ -396,6 +400,10 @@ pub struct SurfaceEntry {
 
 fn default_seed() -> u64 {
     1
+}
+
+fn default_adaptive() -> bool {
+    true
 }
 
 fn default_density() -> f64 {

@@ -14,6 +14,8 @@ use super::dynamics::Motion;
 use super::grips::Grips;
 use super::held::Held;
 use super::indicator::Dual;
+use super::missed;
+use super::pace::Pace;
 use super::predictor::Predictor;
 use super::settling::Settling;
 use super::span::Span;
@@ -56,6 +58,7 @@ pub(crate) struct StepSolver {
     reached_s: f64,
     /// When the step under way has to end wherever it is.
     deadline: Option<Instant>,
+    pace: Pace,
 }
 
 impl StepSolver {
@@ -81,6 +84,7 @@ impl StepSolver {
             grips: Grips::default(),
             reached_s: 0.0,
             deadline: None,
+            pace: Pace::new(if scene.time.adaptive { scene.solver.max_halvings } else { 0 }),
         }
     }
 
@@ -190,8 +194,8 @@ impl StepSolver {
         Ok(())
     }
 
-    /// Brings the body from the last equilibrium to the end of `step`, in halves where the whole
-    /// does not converge. Where even the smallest part does not, or where the iterations of a step are
+    /// Brings the body from the last equilibrium to the end of `step`, in parts where the whole
+    /// does not converge. Where even the shortest does not, or where the iterations of a step are
     /// used up, the body stays at the last equilibrium on the way, and the next step starts from there.
     /// At a `deadline` it stays where the least residual was.
     pub fn advance(
@@ -206,9 +210,8 @@ impl StepSolver {
         self.set_off(step, acting.state);
         self.predictor.begin(&acting.state.positions);
         acting.contact.begin();
-        let smallest = (step.to - step.from) / f64::from(1u32 << self.rules.max_halvings);
-        let mut waiting = vec![step];
-        while let Some(span) = waiting.pop() {
+        while self.reached_s < step.to {
+            let span = self.pace.next(self.reached_s, step);
             let before = acting.state.standing();
             let mut outcome = self.attempt(step, span, acting, &mut total)?;
             let is_released = !self.fading.is_empty() && span.to == step.to;
@@ -220,23 +223,22 @@ impl StepSolver {
             }
             let is_late = self.tolerance(&total).is_late();
             if outcome.converged || is_late {
-                // Solved halves that the clock cuts off are no solved step.
-                total.report.converged = outcome.converged && (waiting.is_empty() || !is_late);
+                // Solved parts that the clock cuts off are no solved step.
+                let is_whole = span.to == step.to || !is_late;
+                total.report.converged = outcome.converged && is_whole;
                 total.report.substeps += 1;
                 total.report.residual = total.report.residual.max(outcome.residual);
                 self.reached_s = span.to;
                 if is_late {
                     break;
                 }
+                self.pace.succeed();
                 continue;
             }
             acting.state.put(before);
             let may_go_on = self.tolerance(&total).max_iterations > 0;
-            if span.to - span.from > 1.5 * smallest && may_go_on {
+            if self.pace.fail(span, step) && may_go_on {
                 total.halvings += 1;
-                let middle = 0.5 * (span.from + span.to);
-                waiting.push(Span { from: middle, to: span.to });
-                waiting.push(Span { from: span.from, to: middle });
                 continue;
             }
             tracing::warn!(
@@ -353,12 +355,26 @@ impl StepSolver {
         total.report.times.solve_ms += milliseconds(begin);
         total.report.iterations += outcome.iterations;
         total.report.fallbacks += outcome.fallbacks;
+        contact.add_loads(&mut pressed);
         if outcome.converged || tolerance.is_late() {
-            contact.add_loads(&mut pressed);
             let left = |v: usize| own[v] + pressed[v] - self.internal[v];
             self.grips.note_forces(left, &held.free, state);
             self.tool_loads = pressed;
             total.converged_by.push(outcome.method);
+        } else {
+            let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
+            let problem = Problem {
+                body: &mut state.body,
+                forces: &*self.forces,
+                inertia,
+                external: &external,
+                free: &held.free,
+                constraints,
+                pushes: None,
+                inverse: &applied,
+            };
+            let forces = missed::unbalanced(problem, &state.positions, &tolerance);
+            total.missed = missed::worst(state, &forces);
         }
         let (solve_ms, error) = applied.end();
         total.solve_ms.extend(solve_ms);

@@ -18,8 +18,8 @@ use crate::body::BodyState;
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{
-    Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary, ToolReport,
-    milliseconds,
+    Failure, Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary,
+    ToolReport, milliseconds,
 };
 use crate::scene::Scene;
 use crate::tools::{Pose, Tool, path_of};
@@ -115,6 +115,11 @@ impl Simulation {
             tools: reports,
             ..outcome.report
         };
+        if let (false, Some(missed)) = (outcome.report.converged, outcome.missed) {
+            let failure = Failure::new(&outcome.report, &missed, &self.scene, self.recorder.axes);
+            outcome.report.failure =
+                Some(Failure { reached_s: self.solver.reached_s(), ..failure });
+        }
         self.recorder.statistics.add(&outcome, state, milliseconds(begin));
         Ok(outcome.report)
     }

@@ -1,0 +1,129 @@
+//! Why a step found no equilibrium, where, and what may help.
+
+use std::fmt;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::records::StepReport;
+use crate::body::ScannerAxes;
+use crate::scene::Scene;
+
+/// A residual that is above its limit by less than this factor may be small enough for its scene.
+const NEARLY: f64 = 100.0;
+
+/// Where an attempt that did not converge is farthest from balance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Missed {
+    /// Solver axes, at rest, m.
+    pub place: Vector3<f64>,
+    /// Of the material there.
+    pub label: i64,
+    /// What is left, N.
+    pub force_n: f64,
+    /// Tetrahedra that are turned inside out or folded flat.
+    pub folded: usize,
+}
+
+/// A step that did not converge.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Failure {
+    /// Number of the step, from 1.
+    pub step: usize,
+    /// Time at its end, s.
+    pub time_s: f64,
+    /// Time up to which the body was followed, s.
+    pub reached_s: f64,
+    /// Relative residual where it was given up.
+    pub residual: f64,
+    /// What it had to reach: `solver.residual`.
+    pub limit: f64,
+    /// Iterations in all parts of the step.
+    pub iterations: usize,
+    /// Where at rest the forces are farthest from balance, scanner RAS, mm.
+    pub place_mm: [f64; 3],
+    /// The label there.
+    pub label: i64,
+    /// The force that is left there, N.
+    pub force_n: f64,
+    /// Tetrahedra that are turned inside out or folded flat.
+    pub folded: usize,
+    /// What to try, most likely first.
+    pub advice: Vec<String>,
+}
+
+impl Failure {
+    /// Of a step in this scene, which the body was not followed through at all.
+    pub(crate) fn new(
+        report: &StepReport,
+        missed: &Missed,
+        scene: &Scene,
+        axes: ScannerAxes,
+    ) -> Self {
+        Self {
+            step: report.step,
+            time_s: report.time_s,
+            reached_s: 0.0,
+            residual: report.residual,
+            limit: scene.solver.residual,
+            iterations: report.iterations,
+            place_mm: axes.to_ras_mm(&missed.place).into(),
+            label: missed.label,
+            force_n: missed.force_n,
+            folded: missed.folded,
+            advice: advice(report, missed, scene),
+        }
+    }
+}
+
+/// What to try, most likely first.
+fn advice(report: &StepReport, missed: &Missed, scene: &Scene) -> Vec<String> {
+    let (Scene { time, solver, .. }, law) = (scene, &scene.stages.law[..]);
+    let folded = missed.folded;
+    let is_used_up = report.iterations >= solver.step_iterations;
+    let is_linear = ["auto", "linear"].contains(&law) && scene.stages.corotation == "element";
+    let (steps, step_s) = (2 * time.steps, 0.5 * time.step_s);
+    let (iterations, residual) = (4 * solver.step_iterations, 2.0 * report.residual);
+    let all = [
+        (
+            folded > 0 && is_linear && scene.dynamics.is_none(),
+            format!(
+                "stages.law = \"neo_hookean\": {folded} tetrahedra are folded or inside out, where \
+                 the linear law ends"
+            ),
+        ),
+        (
+            scene.stages.equilibrium != "fallback",
+            "stages.equilibrium = \"fallback\", which tries all methods in turn".into(),
+        ),
+        (!time.adaptive, "time.adaptive = true, to make a step in parts".into()),
+        (
+            is_used_up,
+            format!("solver.step_iterations = {iterations}: the step has used up its iterations"),
+        ),
+        (is_used_up, format!("time.steps = {steps} with time.step_s = {step_s}: less at once")),
+        (
+            report.residual < NEARLY * solver.residual,
+            format!("solver.residual = {residual:.0e}, if that is exact enough"),
+        ),
+        (
+            scene.dynamics.is_none(),
+            "[dynamics]: a load beyond what the body can bear at rest sets it in motion".into(),
+        ),
+    ];
+    all.into_iter().filter(|(applies, _)| *applies).map(|(_, words)| words).collect()
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { step, time_s, reached_s, residual, limit, iterations, .. } = self;
+        let [x, y, z] = self.place_mm;
+        write!(
+            f,
+            "step {step} (to {time_s:.4} s) came to {reached_s:.4} s: relative residual \
+             {residual:.1e}, want {limit:.1e}, after {iterations} iterations; worst at \
+             ({x:.1}, {y:.1}, {z:.1}) mm in label {} with {:.2e} N",
+            self.label, self.force_n
+        )
+    }
+}
