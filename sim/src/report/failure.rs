@@ -3,9 +3,8 @@
 use std::fmt;
 
 use nalgebra::Vector3;
-use serde::Serialize;
 
-use super::records::StepReport;
+use super::records::{Failure, StepReport};
 use crate::body::ScannerAxes;
 use crate::scene::Scene;
 
@@ -23,33 +22,6 @@ pub(crate) struct Missed {
     pub force_n: f64,
     /// Tetrahedra that are turned inside out or folded flat.
     pub folded: usize,
-}
-
-/// A step that did not converge.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Failure {
-    /// Number of the step, from 1.
-    pub step: usize,
-    /// Time at its end, s.
-    pub time_s: f64,
-    /// Time up to which the body was followed, s.
-    pub reached_s: f64,
-    /// Relative residual where it was given up.
-    pub residual: f64,
-    /// What it had to reach: `solver.residual`.
-    pub limit: f64,
-    /// Iterations in all parts of the step.
-    pub iterations: usize,
-    /// Where at rest the forces are farthest from balance, scanner RAS, mm.
-    pub place_mm: [f64; 3],
-    /// The label there.
-    pub label: i64,
-    /// The force that is left there, N.
-    pub force_n: f64,
-    /// Tetrahedra that are turned inside out or folded flat.
-    pub folded: usize,
-    /// What to try, most likely first.
-    pub advice: Vec<String>,
 }
 
 impl Failure {

@@ -19,13 +19,12 @@ pub use crate::body::{
     Part,
 };
 pub use comparison_points::Probe;
-pub use failure::Failure;
 pub use fields::Fields;
 pub use made_by::MadeBy;
 pub use records::{
-    EstimateSummary, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary, Momentum,
-    Percentiles, PlanRow, Range, StageTimes, StepReport, StepSummary, Summary, SurfaceFrame,
-    SurfaceSummary,
+    EstimateSummary, Failure, ForceSummary, Frame, GoalReport, InverseSummary, MeshSummary,
+    Momentum, Percentiles, PlanRow, Range, StageTimes, StepReport, StepSummary, Summary,
+    SurfaceFrame, SurfaceSummary,
 };
 pub use tool::{ToolReport, ToolSummary};
 

@@ -7,7 +7,6 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::failure::Failure;
 use super::made_by::MadeBy;
 use super::tool::{ToolReport, ToolSummary};
 use crate::body::BodySummary;
@@ -107,6 +106,33 @@ pub struct GoalReport {
     pub value: f64,
     /// How far that is from the value on a mesh without end; none with an indicator that can't tell.
     pub error: Option<f64>,
+}
+
+/// A step that did not converge.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Failure {
+    /// Number of the step, from 1.
+    pub step: usize,
+    /// Time at its end, s.
+    pub time_s: f64,
+    /// Time up to which the body was followed, s.
+    pub reached_s: f64,
+    /// Relative residual where it was given up.
+    pub residual: f64,
+    /// What it had to reach: `solver.residual`.
+    pub limit: f64,
+    /// Iterations in all parts of the step.
+    pub iterations: usize,
+    /// Where at rest the forces are farthest from balance, scanner RAS, mm.
+    pub place_mm: [f64; 3],
+    /// The label there.
+    pub label: i64,
+    /// The force that is left there, N.
+    pub force_n: f64,
+    /// Tetrahedra that are turned inside out or folded flat.
+    pub folded: usize,
+    /// What to try, most likely first.
+    pub advice: Vec<String>,
 }
 
 /// The deformed mesh at one moment, for output.
