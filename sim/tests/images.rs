@@ -215,14 +215,14 @@ fn resampling_and_classification_are_said() {
     assert_eq!(output.status.code(), Some(0), "{stderr}");
     assert!(stderr.contains("no voxel lies in the range of material \"fat\""), "{stderr}");
     let text = String::from_utf8(output.stdout).unwrap();
-    let said = "NIfTI-1 intensities; resampled from 12 x 10 x 8 voxels of 3.0000 x 3.0000 x 6.0000";
+    let said = "NIfTI intensities; resampled from 12 x 10 x 8 voxels of 3.0000 x 3.0000 x 6.0000";
     assert!(text.contains(said), "{text}");
     assert!(text.contains("warning   no voxel lies in the range of \"fat\""), "{text}");
 
     let summary = json(&bench, "runs/ct/summary.json");
     let image = &summary["image"];
     assert_eq!(image["name"], "ct.nii");
-    assert_eq!((&image["format"], &image["content"]), (&"NIfTI-1".into(), &"intensities".into()));
+    assert_eq!((&image["format"], &image["content"]), (&"NIfTI".into(), &"intensities".into()));
     assert_eq!(image["resampled"], true);
     assert_eq!(image["stored_dims"], serde_json::json!([12, 10, 8]));
     assert_eq!(image["dims"], serde_json::json!([12, 10, 16]));

@@ -25,12 +25,12 @@ pub enum ImageError {
     /// A file of zero bytes.
     #[error("the file is empty, want an image")]
     EmptyFile,
-    /// The first bytes are not those of a single-file NIfTI-1 image.
-    #[error("not a NIfTI-1 image: {field} is {value}, want {want}")]
+    /// The first bytes are not those of a single-file NIfTI image.
+    #[error("not a NIfTI image: {field} is {value}, want {want}")]
     NotNifti { field: &'static str, value: String, want: &'static str },
     /// A header of a .hdr/.img pair.
     #[error(
-        "magic \"ni1\" is one half of a .hdr/.img pair; convert the pair to a single .nii file"
+        "the magic is that of one half of a .hdr/.img pair; convert the pair to a single .nii file"
     )]
     HeaderPair,
     /// A gzip or zlib stream that does not inflate.
@@ -51,7 +51,7 @@ pub enum ImageError {
     TooLong { unit: &'static str, want: u64 },
     /// A file that looks like none of the image formats, by its first bytes.
     #[error(
-        "starts with {0}: no NIfTI-1, NRRD, MetaImage or DICOM image, and the name ends in none \
+        "starts with {0}: no NIfTI, NRRD, MetaImage or DICOM image, and the name ends in none \
          of their extensions"
     )]
     UnknownFormat(String),
@@ -91,14 +91,14 @@ pub enum ImageError {
         "datatype {code} ({name}) is not supported; want a real integer or float type of 8 to 64 \
          bits"
     )]
-    Datatype { code: i16, name: &'static str },
+    Datatype { code: i64, name: &'static str },
     /// A time series or a multi-channel image; `count` is the product of all dimensions but the three
     /// of space.
     #[error(
         "holds {count} volumes or channels ({rank} dimensions), want one; extract a single 3-D \
          volume first"
     )]
-    NotThreeDimensional { rank: i16, count: u64 },
+    NotThreeDimensional { rank: i64, count: u64 },
     /// More voxels than can be handled.
     #[error(
         "the header says {}×{}×{} = {voxels} voxels, the limit is {limit}",

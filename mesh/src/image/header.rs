@@ -103,7 +103,7 @@ pub(crate) fn only_three(sizes: &[u64], axes: [usize; 3]) -> Result<[u64; 3], Im
     let count = others.fold(1u64, |product, axis| product.saturating_mul(sizes[axis]));
     let rank = sizes.len() as i16;
     if count > 1 {
-        return Err(ImageError::NotThreeDimensional { rank, count });
+        return Err(ImageError::NotThreeDimensional { rank: rank.into(), count });
     }
     Ok(axes.map(|axis| sizes[axis]))
 }

@@ -16,7 +16,7 @@ const START_BYTES: u64 = 512;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ReadReport {
-    /// The format's name, e.g. `NIfTI-1`.
+    /// The format's name, e.g. `NIfTI`.
     pub format: &'static str,
     /// How the voxels were made cubes, or `None` if they were.
     pub resampling: Option<Resampling>,
@@ -24,7 +24,7 @@ pub struct ReadReport {
     pub axes: [(usize, bool); 3],
 }
 
-/// Reads a label map: one integer per voxel, of any integer or float type, NIfTI-1, NRRD,
+/// Reads a label map: one integer per voxel, of any integer or float type, NIfTI, NRRD,
 /// MetaImage, or a DICOM series (its directory, or one file of it).
 ///
 /// As [`read_labels_with`] without a spacing; resampling is told by a warning.
@@ -108,7 +108,7 @@ impl Format {
     /// Name and cargo feature.
     fn names(self) -> (&'static str, &'static str) {
         match self {
-            Self::Nifti => ("NIfTI-1", "nifti"),
+            Self::Nifti => ("NIfTI", "nifti"),
             Self::Nrrd => ("NRRD", "nrrd"),
             Self::MetaImage => ("MetaImage", "metaimage"),
             Self::Dicom => ("DICOM", "dicom"),
@@ -120,7 +120,15 @@ impl Format {
         if starts(b"NRRD") {
             return Some(Self::Nrrd);
         }
-        if starts(&[0x1f, 0x8b]) || starts(&[0x5c, 1, 0, 0]) || starts(&[0, 0, 1, 0x5c]) {
+        // gzip, and lengths of a header, 348 and 540, in either byte order.
+        let nifti = [
+            &[0x1f, 0x8b][..],
+            &[0x5c, 1, 0, 0],
+            &[0, 0, 1, 0x5c],
+            &[0x1c, 2, 0, 0],
+            &[0, 0, 2, 0x1c],
+        ];
+        if nifti.into_iter().any(starts) {
             return Some(Self::Nifti);
         }
         if start.get(128..132) == Some(b"DICM") {

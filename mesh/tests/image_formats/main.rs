@@ -177,7 +177,7 @@ fn the_report_names_the_format() {
         Vector3::repeat(2.0),
         Vector3::zeros(),
     );
-    let names = ["NIfTI-1", "NRRD", "NRRD", "NRRD", "MetaImage"];
+    let names = ["NIfTI", "NRRD", "NRRD", "NRRD", "MetaImage"];
     for (bytes, name) in stored.everywhere().iter().zip(names) {
         let read = |path: &std::path::Path| read_labels_with(path, None);
         let (_, report) = read_files(&[("organ", bytes)], read).unwrap();

@@ -1,4 +1,4 @@
-//! Builds NIfTI-1 files byte by byte and reads them back.
+//! Builds NIfTI files byte by byte and reads them back.
 
 use std::io::Write;
 use std::path::Path;
@@ -82,8 +82,57 @@ impl File {
         [&self.header[..], &gap, &self.data].concat()
     }
 
+    /// The same file in version 2: every field as wide and where nifti2.h has it.
+    pub fn second(&self) -> Vec<u8> {
+        let mut header = [0u8; 540];
+        let mut put = |at: usize, mut bytes: Vec<u8>| {
+            if self.big {
+                bytes.reverse();
+            }
+            header[at..at + bytes.len()].copy_from_slice(&bytes);
+        };
+        let low = |at: usize, count: usize| {
+            let mut bytes = self.header[at..at + count].to_vec();
+            if self.big {
+                bytes.reverse();
+            }
+            bytes
+        };
+        let i16 = |at: usize| i16::from_le_bytes(low(at, 2).try_into().unwrap());
+        let f64 = |at: usize| f64::from(f32::from_le_bytes(low(at, 4).try_into().unwrap()));
+        put(0, 540i32.to_le_bytes().to_vec());
+        (0..8).for_each(|i| put(16 + 8 * i, i64::from(i16(40 + 2 * i)).to_le_bytes().to_vec()));
+        (0..8).for_each(|i| put(104 + 8 * i, f64(76 + 4 * i).to_le_bytes().to_vec()));
+        put(12, low(70, 2));
+        put(14, low(72, 2));
+        put(168, (f64(108) as i64).saturating_add(192).to_le_bytes().to_vec());
+        for (from, to) in [(112, 176), (116, 184)] {
+            put(to, f64(from).to_le_bytes().to_vec());
+        }
+        for (from, to) in [(252, 344), (254, 348)] {
+            put(to, i32::from(i16(from)).to_le_bytes().to_vec());
+        }
+        (0..18).for_each(|i| put(352 + 8 * i, f64(256 + 4 * i).to_le_bytes().to_vec()));
+        put(500, i32::from(self.header[123]).to_le_bytes().to_vec());
+        header[4..12].copy_from_slice(b"n+2\0\r\n\x1a\n");
+        let gap = vec![0xab; self.gap];
+        [&header[..], &gap, &self.data].concat()
+    }
+
+    /// What is read; if the file is one of version 1, the same from version 2, where an offset is whole.
     pub fn labels(&self) -> Result<LabelVolume, ImageError> {
-        scratch(&self.bytes(), read_labels)
+        let read = scratch(&self.bytes(), read_labels);
+        let is_first = self.header[344..] == *b"n+1\0" && self.header[..4].contains(&0x5c);
+        let offset: [u8; 4] = self.header[108..112].try_into().unwrap();
+        let offset = if self.big { f32::from_be_bytes(offset) } else { f32::from_le_bytes(offset) };
+        if is_first && offset.fract() == 0.0 {
+            match (&read, scratch(&self.second(), read_labels)) {
+                (Ok(one), Ok(two)) => assert_eq!(*one, two),
+                (Err(_), Err(_)) => (),
+                (one, two) => panic!("version 1: {one:?}, version 2: {two:?}"),
+            }
+        }
+        read
     }
 
     pub fn error(&self) -> ImageError {

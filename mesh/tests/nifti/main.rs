@@ -23,6 +23,7 @@ proptest! {
     fn damaged_files_never_panic(
         flips in prop::collection::vec((any::<prop::sample::Index>(), 0u8..8), 0..12),
         keep in prop_oneof![Just(1.0), 0.0..1.0],
+        second in any::<bool>(),
         zipped in any::<bool>(),
         flip_after_zip in any::<bool>(),
     ) {
@@ -34,7 +35,8 @@ proptest! {
             let length = (bytes.len() as f64 * keep) as usize;
             bytes.truncate(length);
         };
-        let mut bytes = fuzz_base().bytes();
+        let base = fuzz_base();
+        let mut bytes = if second { base.second() } else { base.bytes() };
         if !(zipped && flip_after_zip) {
             flip(&mut bytes);
         }

@@ -84,7 +84,19 @@ fn what_is_no_nifti_is_refused() {
         );
     }
     let mut file = File::small();
-    assert_says(&file.put(0, 540i32.to_le_bytes()).error(), &["NIfTI-2"]);
+    assert_says(&file.put(0, 540i32.to_le_bytes()).error(), &["header takes 540 bytes"]);
+    let mut second = File::small().second();
+    second[10] = b' ';
+    let error = scratch(&second, read_labels).unwrap_err();
+    assert_says(&error, &["magic is \"n+2\\x00\\r\\n \\n\", want \"n+2\\x00\\r\\n\\x1a\\n\""]);
+    second[4..12].copy_from_slice(b"ni2\0\r\n\x1a\n");
+    let error = scratch(&second, read_labels).unwrap_err();
+    assert!(matches!(error.problem(), ImageError::HeaderPair));
+    for dim in [-1, 0, 1 << 33, i64::MAX] {
+        let mut second = File::small().second();
+        second[24..32].copy_from_slice(&dim.to_le_bytes());
+        assert_says(&scratch(&second, read_labels).unwrap_err(), &["organ.nii"]);
+    }
     let mut file = File::small();
     let error = file.put(344, *b"\0\0\0\0").error();
     assert!(matches!(error.problem(), ImageError::NotNifti { field: "magic", .. }));
@@ -212,7 +224,9 @@ fn unsupported_types_are_refused_by_name() {
     for (datatype, name) in names {
         let mut file = File::small();
         let error = file.typed(datatype, 64).error();
-        assert!(matches!(error.problem(), ImageError::Datatype { code, .. } if *code == datatype));
+        assert!(
+            matches!(error.problem(), ImageError::Datatype { code, .. } if *code == i64::from(datatype))
+        );
         assert_says(&error, &[name, &datatype.to_string()]);
     }
     let mut file = File::small();

@@ -29,7 +29,7 @@ pub struct MaterialVoxels {
 pub struct ImageSummary {
     /// The file, or which phantom.
     pub name: String,
-    /// Its format, e.g. `NIfTI-1`; `procedural` for a phantom.
+    /// Its format, e.g. `NIfTI`; `procedural` for a phantom.
     pub format: String,
     /// `label map` or `intensities`.
     pub content: &'static str,

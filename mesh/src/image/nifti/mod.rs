@@ -1,6 +1,6 @@
-//! NIfTI-1 images (.nii, .nii.gz), read and written.
+//! NIfTI images (.nii, .nii.gz): versions 1 and 2 are read, version 1 is written.
 //!
-//! Open `reader` first. `header` checks the 348 bytes of the header field by field.
+//! Open `reader` first. `header` checks the header field by field.
 
 mod header;
 mod reader;

@@ -1,14 +1,14 @@
-//! Reads NIfTI-1 images: the header is checked field by field before the voxels are read.
+//! Reads NIfTI images: the header is checked field by field before the voxels are read.
 
 use std::path::Path;
 
-use super::header::{HEADER_BYTES, Header, check_start};
+use super::header::{Header, LEAST_BYTES, Start};
 use crate::image::ImageError;
 use crate::image::bytes::{ByteStream, GZIP_MAGIC};
 use crate::image::raw::RawVolume;
 use crate::image::voxels::Voxels;
 
-/// Reads a single-file NIfTI-1 image.
+/// Reads a single-file NIfTI-1 or NIfTI-2 image.
 ///
 /// Compression is recognised by the gzip magic, not by the name. The sform places the voxels,
 /// else the qform, else the spacings alone. An unknown unit counts as millimetre. The scale
@@ -17,11 +17,11 @@ use crate::image::voxels::Voxels;
 /// Cost: O(voxels); at most two copies of the stored bytes.
 ///
 /// # Errors
-/// [`ImageError`] that names the file and the field: no readable file, no NIfTI-1 image, a
+/// [`ImageError`] that names the file and the field: no readable file, no NIfTI image, a
 /// header that contradicts the file's length (bytes after the voxels too), a damaged gzip stream, more than one volume, more than 2³¹ voxels, a
 /// complex or colour datatype, spacings ≤ 0 or not finite, a singular or sheared affine.
 /// # Source
-/// nifti1.h, <https://nifti.nimh.nih.gov/nifti-1>.
+/// nifti1.h, <https://nifti.nimh.nih.gov/nifti-1>; nifti2.h, <https://nifti.nimh.nih.gov/nifti-2>.
 pub fn read_nifti(path: &Path) -> Result<RawVolume, ImageError> {
     read(path).map_err(ImageError::in_file(path))
 }
@@ -31,13 +31,15 @@ fn read(path: &Path) -> Result<RawVolume, ImageError> {
     if stream.starts_with(&GZIP_MAGIC)? {
         stream = stream.inflate_gzip();
     }
-    let start = stream.take(HEADER_BYTES as u64)?;
-    check_start(&start)?;
-    let found = start.len() as u64;
-    let start: [u8; HEADER_BYTES] =
-        start.try_into().map_err(|_| stream.length_error("header", found, HEADER_BYTES as u64))?;
-    let header = Header::parse(&start)?;
-    let gap = header.vox_offset - HEADER_BYTES as u64;
+    let mut bytes = stream.take(LEAST_BYTES as u64)?;
+    let start = Start::of(&bytes)?;
+    let length = start.header_bytes();
+    bytes.extend(stream.take((length - LEAST_BYTES) as u64)?);
+    if bytes.len() < length {
+        return Err(stream.length_error("header", bytes.len() as u64, length as u64));
+    }
+    let header = Header::parse(&bytes, start)?;
+    let gap = header.vox_offset - length as u64;
     stream.check_length(gap, header.voxel_bytes)?;
     stream.skip(gap, "extensions before vox_offset")?;
     let bytes = stream.voxel_bytes(header.voxel_bytes)?;
