@@ -70,3 +70,24 @@ fn a_scene_is_replaced_only_when_forced_and_nothing_is_refused_half_written() {
     bench.refused(&["init", "block.nii"], &["--out is scene.toml", "--force"]);
     bench.succeed(&["init", "block.nii", "--force"]);
 }
+
+/// As 3D Slicer writes its segments; quotes in a name stay in the name.
+#[test]
+#[cfg(feature = "nrrd")]
+fn segments_give_materials_their_names() {
+    let bench = Workbench::new();
+    let header = "NRRD0004\ntype: uchar\ndimension: 3\nspace: left-posterior-superior\n\
+                  sizes: 8 8 8\nspace directions: (5,0,0) (0,5,0) (0,0,5)\n\
+                  kinds: domain domain domain\nencoding: raw\nspace origin: (0,0,0)\n\
+                  Segment0_LabelValue:=1\nSegment0_Name:=left \"lobe\"\n\n";
+    bench.write("organ.seg.nrrd", [header.as_bytes(), &[1; 512]].concat());
+    bench.succeed(&["init", "organ.seg.nrrd"]);
+    assert!(
+        bench.read("scene.toml").contains("name = 'left \"lobe\"'"),
+        "{}",
+        bench.read("scene.toml")
+    );
+    let said = bench.succeed(&["labels", "organ.seg.nrrd", "--out", "labels.nii"]);
+    assert!(said.contains("label 1 (left \"lobe\"): 512 voxels"), "{said}");
+    bench.succeed(&["run", "scene.toml", "--steps", "1"]);
+}

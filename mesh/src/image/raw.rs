@@ -1,6 +1,7 @@
 //! An image as its file holds it: any axes, any spacings, any type; and how labels and
 //! intensities in RAS+ orientation and cubic voxels are made of it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::image::ImageError;
@@ -23,6 +24,7 @@ pub struct RawVolume {
     placement: Placement,
     scale: Option<[f64; 2]>,
     voxels: Voxels,
+    label_names: BTreeMap<i64, String>,
 }
 
 impl RawVolume {
@@ -52,7 +54,18 @@ impl RawVolume {
         if voxels.count() != dims.iter().product() {
             return Err(ImageError::VoxelCount { found: voxels.count(), dims });
         }
-        Ok(Self { source: source.into(), placement, scale, voxels })
+        let label_names = BTreeMap::new();
+        Ok(Self { source: source.into(), placement, scale, voxels, label_names })
+    }
+
+    /// The same with names of labels, which need not occur.
+    pub fn with_label_names(self, label_names: BTreeMap<i64, String>) -> Self {
+        Self { label_names, ..self }
+    }
+
+    /// The names that its file gives labels.
+    pub fn label_names(&self) -> &BTreeMap<i64, String> {
+        &self.label_names
     }
 
     /// RAS+ axis i runs along the file's axis `axes()[i].0`, backwards if `axes()[i].1`.

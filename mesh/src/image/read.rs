@@ -1,5 +1,6 @@
 //! Reads an image file of any format that was built in, recognised by its content.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -22,6 +23,8 @@ pub struct ReadReport {
     pub resampling: Option<Resampling>,
     /// RAS+ axis i runs along the file's axis `axes[i].0`, backwards if `axes[i].1`.
     pub axes: [(usize, bool); 3],
+    /// The names that the file gives labels, as 3D Slicer does in a `.seg.nrrd`.
+    pub label_names: BTreeMap<i64, String>,
 }
 
 /// Reads a label map: one integer per voxel, of any integer or float type, NIfTI, NRRD,
@@ -69,9 +72,9 @@ pub fn read_labels_with(
     spacing_mm: Option<f64>,
 ) -> Result<(LabelVolume, ReadReport), ImageError> {
     let (format, raw) = read_raw(path)?;
-    let axes = raw.axes();
+    let (axes, label_names) = (raw.axes(), raw.label_names().clone());
     let (volume, resampling) = raw.labels(spacing_mm)?;
-    Ok((volume, ReadReport { format, resampling, axes }))
+    Ok((volume, ReadReport { format, resampling, axes, label_names }))
 }
 
 /// Reads an intensity image and says what was done to it.
@@ -85,9 +88,9 @@ pub fn read_intensities_with(
     spacing_mm: Option<f64>,
 ) -> Result<(IntensityVolume, ReadReport), ImageError> {
     let (format, raw) = read_raw(path)?;
-    let axes = raw.axes();
+    let (axes, label_names) = (raw.axes(), raw.label_names().clone());
     let (volume, resampling) = raw.intensities(spacing_mm)?;
-    Ok((volume, ReadReport { format, resampling, axes }))
+    Ok((volume, ReadReport { format, resampling, axes, label_names }))
 }
 
 fn warn(path: &Path, report: &ReadReport) {

@@ -372,3 +372,19 @@ fn data_of_the_wrong_length_or_kind_are_refused() {
         assert_says(&error, &["i16"]);
     }
 }
+
+/// As 3D Slicer writes them; segments without a label or a name have none.
+#[test]
+fn segments_of_slicer_name_labels() {
+    let segments = "Segment0_Name:=left lobe\nSegment0_LabelValue:=300\nSegment0_Color:=0 1 0\n\
+                    Segment1_LabelValue:=1\nSegment1_Name:= \nSegment2_Name:=gone\n\
+                    Segment3_LabelValue:=x\nSegment3_Name:=odd\n";
+    let whole = File::small().bytes();
+    let bytes = [b"NRRD0004\n", segments.as_bytes(), &whole[b"NRRD0004\n".len()..]].concat();
+    let folder = tempfile::TempDir::new().unwrap();
+    let path = folder.path().join("organ.seg.nrrd");
+    std::fs::write(&path, bytes).unwrap();
+    let (volume, report) = yawara_mesh::image::read_labels_with(&path, None).unwrap();
+    assert_eq!(volume.values(), [0, 1, 300]);
+    assert_eq!(report.label_names.into_iter().collect::<Vec<_>>(), [(300, "left lobe".into())]);
+}

@@ -63,8 +63,12 @@ fn describe(volume: &LabelVolume, report: &ReadReport, ranges: &[ValueRange]) ->
     text += &format!("\n{nx} x {ny} x {nz} voxels of {} mm\n", volume.grid().spacing_mm);
     let counts = volume.counts();
     for (label, voxels) in volume.values().iter().zip(&counts) {
-        let void = if *label == 0 { " (void)" } else { "" };
-        text += &format!("label {label}{void}: {voxels} voxels\n");
+        let name = match report.label_names.get(label) {
+            Some(name) => format!(" ({name})"),
+            None if *label == 0 => " (void)".into(),
+            None => String::new(),
+        };
+        text += &format!("label {label}{name}: {voxels} voxels\n");
     }
     for range in ranges.iter().filter(|range| !volume.values().contains(&range.label)) {
         text += &format!("label {}: no voxel in its range\n", range.label);

@@ -1,5 +1,6 @@
 //! Reads NRRD images (.nrrd; .nhdr with its data file).
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::geometry::geometry;
@@ -49,7 +50,8 @@ const TYPES: &[(&[&str], VoxelType)] = &[
 /// size 1. `space` must be right-anterior-superior, left-anterior-superior or
 /// left-posterior-superior; without it the axes count as right, anterior, superior and the first
 /// voxel's centre as the origin. `space units` and `units` may be m, cm, mm and µm, mm unless
-/// given. `axis mins`, `old min`, `kinds` and the measurement frame are ignored.
+/// given. `axis mins`, `old min`, `kinds` and the measurement frame are ignored. Segments of 3D Slicer
+/// (`.seg.nrrd`) give labels their names, if all are in one layer.
 ///
 /// Cost: O(voxels); at most two copies of the stored bytes.
 ///
@@ -65,7 +67,7 @@ pub fn read_nrrd(path: &Path) -> Result<RawVolume, ImageError> {
 
 fn read(path: &Path) -> Result<RawVolume, ImageError> {
     let mut stream = ByteStream::open(path)?;
-    let header = read_header(&mut stream)?;
+    let (header, keys) = read_header(&mut stream)?;
     let want = "3, or up to 16 if all other axes have size 1";
     let sizes = header.sizes("dimension", "sizes", MAX_DIMENSION, want)?;
     let (dims, affine) = geometry(&header, &sizes)?;
@@ -86,11 +88,25 @@ fn read(path: &Path) -> Result<RawVolume, ImageError> {
         _ => Voxels::decode(kind, big_endian, &bytes),
     };
     drop(bytes);
-    RawVolume::new(path, dims.map(|d| d as usize), &affine, None, voxels)
+    let volume = RawVolume::new(path, dims.map(|d| d as usize), &affine, None, voxels)?;
+    Ok(volume.with_label_names(segments(&keys)))
 }
 
-fn read_header(stream: &mut ByteStream) -> Result<TextHeader, ImageError> {
-    let mut header = TextHeader::default();
+/// Labels by the names of 3D Slicer's segments: `Segment0_LabelValue:=1`, `Segment0_Name:=liver`.
+fn segments(keys: &BTreeMap<String, String>) -> BTreeMap<i64, String> {
+    let labels = keys.iter().filter_map(|(key, value)| {
+        let label = value.trim().parse().ok()?;
+        let name = keys.get(&format!("{}_Name", key.strip_suffix("_LabelValue")?))?;
+        Some((label, name.trim().to_owned()))
+    });
+    labels.filter(|(_, name)| !name.is_empty()).collect()
+}
+
+/// Fields, and the `key:=value` lines, which are the writer's own business.
+fn read_header(
+    stream: &mut ByteStream,
+) -> Result<(TextHeader, BTreeMap<String, String>), ImageError> {
+    let (mut header, mut keys) = (TextHeader::default(), BTreeMap::new());
     let magic = header.next_line(stream)?.unwrap_or_default();
     let version = magic.strip_prefix("NRRD000").and_then(|v| v.parse().ok());
     if !version.is_some_and(|version: u8| (1..=5).contains(&version)) {
@@ -99,15 +115,16 @@ fn read_header(stream: &mut ByteStream) -> Result<TextHeader, ImageError> {
     while let Some(line) = header.next_line(stream)?.filter(|line| !line.is_empty()) {
         match line.split_once(':') {
             _ if line.starts_with('#') => {}
-            // Keys are the writer's own business.
-            Some((_, value)) if value.starts_with('=') => {}
+            Some((key, value)) if value.starts_with('=') => {
+                keys.insert(key.to_owned(), value[1..].to_owned());
+            }
             Some((name, value)) => header.insert(name, value)?,
             None => {
                 return Err(header.refuse_line(&line, "`field: value`, `key:=value` or a comment"));
             }
         }
     }
-    Ok(header)
+    Ok((header, keys))
 }
 
 /// Skips lines of the stored data, inflates, then skips bytes: in the order of the format.

@@ -10,7 +10,7 @@ use std::path::Path;
 use yawara::{SimError, scene_file};
 use yawara_mesh::atomic_file;
 use yawara_mesh::image::{
-    ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
+    ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
 };
 use yawara_mesh::volume::LabelVolume;
 
@@ -47,14 +47,14 @@ pub fn run(arguments: &InitArguments, out: &mut Printer) -> Result<(), SimError>
 /// The labels of a label map or of the intensities of a CT.
 fn read(image: &Path) -> Result<(LabelVolume, Content), SimError> {
     match read_labels_with(image, None) {
-        Ok((volume, _)) if is_label_map(&volume) => {
+        Ok((volume, ReadReport { label_names: names, .. })) if is_label_map(&volume) => {
             let longest = places::longest_mm(&volume);
-            match coarser_mm(longest, volume.grid().spacing_mm) {
-                None => Ok((volume, Content::Labels { voxel_mm: None })),
-                voxel_mm => {
-                    Ok((read_labels_with(image, voxel_mm)?.0, Content::Labels { voxel_mm }))
-                }
-            }
+            let voxel_mm = coarser_mm(longest, volume.grid().spacing_mm);
+            let volume = match voxel_mm {
+                None => volume,
+                voxel_mm => read_labels_with(image, voxel_mm)?.0,
+            };
+            Ok((volume, Content::Labels { voxel_mm, names }))
         }
         // Hounsfield units: many values, negative ones, or none that are whole.
         _ => intensities(image),

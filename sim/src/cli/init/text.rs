@@ -1,5 +1,6 @@
 //! A proposed scene as commented TOML.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -26,8 +27,8 @@ const SOFT_PA: f64 = 5e3;
 
 /// What the image holds.
 pub(super) enum Content {
-    /// Labels, resampled or as they are.
-    Labels { voxel_mm: Option<f64> },
+    /// Labels, resampled or as they are, with the names that the file has for them.
+    Labels { voxel_mm: Option<f64>, names: BTreeMap<i64, String> },
     /// Hounsfield units.
     Intensities { voxel_mm: f64, blur_mm: f64, materials: Vec<MaterialEntry> },
 }
@@ -91,8 +92,8 @@ impl Proposal<'_> {
 
     fn image_keys(&self) -> String {
         match &self.content {
-            Content::Labels { voxel_mm: None } => String::new(),
-            Content::Labels { voxel_mm: Some(voxel_mm) } => {
+            Content::Labels { voxel_mm: None, .. } => String::new(),
+            Content::Labels { voxel_mm: Some(voxel_mm), .. } => {
                 format!(
                     "# Coarser than the file, which takes less time.\nvoxel_mm = {voxel_mm:?}\n"
                 )
@@ -117,18 +118,22 @@ impl Proposal<'_> {
                 quoted(name)
             );
         };
-        if let Content::Intensities { materials, .. } = &self.content {
-            for one in materials {
-                let head = format!("range = {:?}", one.range.unwrap_or_default());
-                let (pa, nu) = (one.young_modulus_pa, one.poisson_ratio);
-                entry(&head, &one.name, pa, nu, one.density_kg_m3);
+        let names = match &self.content {
+            Content::Intensities { materials, .. } => {
+                for one in materials {
+                    let head = format!("range = {:?}", one.range.unwrap_or_default());
+                    let (pa, nu) = (one.young_modulus_pa, one.poisson_ratio);
+                    entry(&head, &one.name, pa, nu, one.density_kg_m3);
+                }
+                return text;
             }
-            return text;
-        }
+            Content::Labels { names, .. } => names,
+        };
         let labels = self.labels();
         for (label, voxels) in labels.iter().take(MOST_ENTRIES) {
             let head = format!("label = {label} # {voxels} voxels");
-            entry(&head, &format!("label {label}"), SOFT_PA, 0.45, 1050.0);
+            let name = names.get(label).cloned().unwrap_or_else(|| format!("label {label}"));
+            entry(&head, &name, SOFT_PA, 0.45, 1050.0);
         }
         if labels.len() > MOST_ENTRIES {
             let head = format!("other = true # {} smaller labels", labels.len() - MOST_ENTRIES);
