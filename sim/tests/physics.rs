@@ -41,6 +41,27 @@ fn a_bar_turned_by_half_a_turn_springs_back() {
 }
 
 #[test]
+fn a_turn_that_is_too_much_at_once_is_made_in_parts() {
+    let turn = |adaptive: bool| {
+        let mut set = vec![format!("time.adaptive={adaptive}")];
+        let one = ["time.steps=1", "time.step_s=1.0", "mesh.max_level=0"];
+        set.extend(one.map(String::from));
+        set.push("stages.equilibrium=anderson".into());
+        let (scene, _) = scene_file::load("twist", &set).unwrap();
+        let stages = Stages::by_name(&scene.stages).unwrap();
+        Simulation::new(&scene, stages).unwrap().step().unwrap()
+    };
+    let parts = turn(true);
+    assert!(parts.converged && parts.substeps > 1 && parts.failure.is_none(), "{parts:?}");
+    let whole = turn(false);
+    assert!(!whole.converged && whole.substeps == 0);
+    let failure = whole.failure.unwrap();
+    assert_eq!((failure.step, failure.time_s, failure.reached_s, failure.label), (1, 1.0, 0.0, 1));
+    let [adaptive, fallback, ..] = &failure.advice[..] else { panic!("{failure:?}") };
+    assert!(adaptive.contains("time.adaptive = true") && fallback.contains("\"fallback\""));
+}
+
+#[test]
 fn a_body_between_two_fixed_faces_sags() {
     let (reports, frame) = beam(&[
         "tools=[]",

@@ -57,6 +57,11 @@ fn advice(report: &StepReport, missed: &Missed, scene: &Scene) -> Vec<String> {
     let (steps, step_s) = (2 * time.steps, 0.5 * time.step_s);
     let (iterations, residual) = (4 * solver.step_iterations, 2.0 * report.residual);
     let all = [
+        (!time.adaptive, "time.adaptive = true, to make a step in parts".into()),
+        (
+            scene.stages.equilibrium != "fallback",
+            "stages.equilibrium = \"fallback\", which tries all methods in turn".into(),
+        ),
         (
             folded > 0 && is_linear && scene.dynamics.is_none(),
             format!(
@@ -64,11 +69,6 @@ fn advice(report: &StepReport, missed: &Missed, scene: &Scene) -> Vec<String> {
                  the linear law ends"
             ),
         ),
-        (
-            scene.stages.equilibrium != "fallback",
-            "stages.equilibrium = \"fallback\", which tries all methods in turn".into(),
-        ),
-        (!time.adaptive, "time.adaptive = true, to make a step in parts".into()),
         (
             is_used_up,
             format!("solver.step_iterations = {iterations}: the step has used up its iterations"),
