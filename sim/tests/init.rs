@@ -87,7 +87,7 @@ fn segments_give_materials_their_names() {
         "{}",
         bench.read("scene.toml")
     );
-    let said = bench.succeed(&["labels", "organ.seg.nrrd", "--out", "labels.nii"]);
+    let said = bench.succeed(&["labels", "organ.seg.nrrd"]);
     assert!(said.contains("label 1 (left \"lobe\"): 512 voxels"), "{said}");
     bench.succeed(&["run", "scene.toml", "--steps", "1"]);
 }

@@ -161,9 +161,9 @@ pub struct MeshArguments {
 pub struct LabelsArguments {
     /// A label map or, with --range, an image of intensities (NIfTI, NRRD, MetaImage).
     pub image: PathBuf,
-    /// The file to write.
+    /// The file to write [default: none, the labels are listed only].
     #[arg(long, value_name = "FILE.nii.gz")]
-    pub out: PathBuf,
+    pub out: Option<PathBuf>,
     /// Edge of the voxels in mm [default: the image's, its smallest where they differ].
     #[arg(long, value_name = "F")]
     pub voxel_mm: Option<f64>,

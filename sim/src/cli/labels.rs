@@ -25,9 +25,11 @@ pub fn run(arguments: &LabelsArguments, out: &mut Printer) -> Result<(), SimErro
         let smooth = gaussian_blur(&intensities, blur_mm.unwrap_or(0.0))?;
         (classify(&smooth, &ranges)?, report)
     };
-    write(file, &volume)?;
+    if let Some(file) = file {
+        write(file, &volume)?;
+    }
     out.print(&describe(&volume, &report, &ranges))?;
-    out.print(&format!("written to {}\n", file.display()))
+    file.iter().try_for_each(|file| out.print(&format!("written to {}\n", file.display())))
 }
 
 /// LABEL:LOW:HIGH; whether low is below high, [`classify`] checks.
