@@ -167,3 +167,15 @@ fn codestreams_that_announce_too_much_are_refused() {
     small.extend([0x11; 6]);
     refused(coding, &small, &["489 packets", "at most 314"]);
 }
+
+/// Whatever its name. Of an empty file only the name can tell that it was a slice.
+#[test]
+fn one_damaged_slice_of_a_series_is_named() {
+    let [a, b, c] = small().map(|slice| slice.bytes());
+    let cases = [("slice", b.len() - 1), ("slice", b.len() / 2), ("slice", 132), ("slice.dcm", 0)];
+    for (name, length) in cases {
+        let cut = b[..length].to_vec();
+        let folder = Folder::new(&[("1", a.clone()), (name, cut), ("3", c.clone())]);
+        assert_says(&error(&folder), &[&format!("/{name}: ")]);
+    }
+}
