@@ -16,7 +16,7 @@ const NEARLY: f64 = 100.0;
 pub(crate) struct Missed {
     /// Solver axes, at rest, m.
     pub place: Vector3<f64>,
-    /// Of the material there.
+    /// The largest label around it.
     pub label: i64,
     /// What is left, N.
     pub force_n: f64,
@@ -25,17 +25,18 @@ pub(crate) struct Missed {
 }
 
 impl Failure {
-    /// Of a step in this scene, which the body was not followed through at all.
+    /// Of a step in this scene through which the body was followed up to `reached_s`.
     pub(crate) fn new(
         report: &StepReport,
         missed: &Missed,
+        reached_s: f64,
         scene: &Scene,
         axes: ScannerAxes,
     ) -> Self {
         Self {
             step: report.step,
             time_s: report.time_s,
-            reached_s: 0.0,
+            reached_s,
             residual: report.residual,
             limit: scene.solver.residual,
             iterations: report.iterations,

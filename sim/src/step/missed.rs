@@ -23,7 +23,7 @@ pub(super) fn unbalanced(
     rows.map(|row| Vector3::new(row[0], row[1], row[2])).collect()
 }
 
-/// The vertex with the largest of `forces`, with the label of the stiffest material around it; none
+/// The vertex with the largest of `forces`, with the largest label of what is around it; none
 /// where all are zero or not finite.
 pub(super) fn worst(state: &BodyState, forces: &[Vector3<f64>]) -> Option<Missed> {
     let sizes = forces.iter().map(Vector3::norm).enumerate();

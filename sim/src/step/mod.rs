@@ -3,8 +3,8 @@
 //! `simulation` is the file to open first: it owns the parts, which do not know it, and runs them in
 //! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads,
 //! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
-//! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement` splits and merges the mesh of `content` where the
-//! [`indicator`] and `marking` ask for it, and estimates how far
+//! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement`
+//! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel.
 
 mod builder;

@@ -116,9 +116,9 @@ impl Simulation {
             ..outcome.report
         };
         if let (false, Some(missed)) = (outcome.report.converged, outcome.missed) {
-            let failure = Failure::new(&outcome.report, &missed, &self.scene, self.recorder.axes);
-            outcome.report.failure =
-                Some(Failure { reached_s: self.solver.reached_s(), ..failure });
+            let (reached_s, axes) = (self.solver.reached_s(), self.recorder.axes);
+            let failure = Failure::new(&outcome.report, &missed, reached_s, &self.scene, axes);
+            outcome.report.failure = Some(failure);
         }
         self.recorder.statistics.add(&outcome, state, milliseconds(begin));
         Ok(outcome.report)
