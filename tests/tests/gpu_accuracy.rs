@@ -4,6 +4,7 @@
 
 use faer::Mat;
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use yawara_gpu::{DeviceInverse, on_device};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_tests::inverse_suite::{Op, Replay, device, is_available, ops};
@@ -16,7 +17,14 @@ fn worst_error(name: &'static str, ops: &[Op]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2, max_shrink_iters: 16, ..Default::default() })]
+    // A figure rather than a property: the same two histories on every run. Of seventeen others the
+    // worst in f64 was 6e-12; what any history may reach is bounded step by step in `Replay`.
+    #![proptest_config(ProptestConfig {
+        cases: 2,
+        max_shrink_iters: 16,
+        rng_seed: RngSeed::Fixed(2015),
+        ..ProptestConfig::default()
+    })]
 
     /// f64 as it is, f32 after refinement by K.
     #[test]
