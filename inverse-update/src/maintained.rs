@@ -351,6 +351,9 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
+        if self.kept().is_rebuilt {
+            return Ok(0.0);
+        }
         let drift = self.drift(seed)?;
         if is_too_far(self.name(), drift, M::DRIFT_LIMIT.max(WORSE * self.fresh_drift)) {
             self.rebuild()?;

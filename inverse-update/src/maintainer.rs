@@ -246,7 +246,8 @@ pub trait InverseMaintainer: Send {
     /// and rebuilds the inverse if a row misses by more than [`DRIFT_LIMIT`] of its unit, or
     /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the most that a
     /// row misses; what may be rounding of K u, entry by entry, is not counted. An inverse that a
-    /// rebuild makes no better is let be. [`Counts`] tell of the rebuild.
+    /// rebuild makes no better is let be. [`Counts`] tell of the rebuild. One that was computed from K since its
+    /// last change has not drifted: nothing is measured, and 0 returned.
     ///
     /// Every row of K C − I shows, whatever the stiffness there, for the loads come together as no
     /// row expects them. To be called now and then, best after updates, each time with another

@@ -256,6 +256,18 @@ fn a_following_pressure_all_round_has_no_net_force_and_a_dead_one_has_the_same()
     }
 }
 
+#[test]
+fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_the_next() {
+    let mut simulation = simulation("palpate", &["time.steps=60", "output.frames_every=1000"]);
+    let reports = run(&mut simulation);
+    for report in &reports[..59] {
+        assert_eq!(report.times.indicator_ms > 0.0, report.step % 3 == 0, "{report:?}");
+        assert!(report.splits + report.merges == 0 || report.step % 3 == 1, "{report:?}");
+    }
+    assert!(reports.iter().map(|r| r.splits).sum::<usize>() > 20);
+    assert!(reports.iter().all(|r| r.converged));
+}
+
 /// What a contact has made come in would be asked for again by the elements that it made: where that does
 /// not count, it goes out, comes in again, and the force is another in every third step.
 #[test]

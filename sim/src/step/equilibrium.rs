@@ -98,6 +98,14 @@ impl StepSolver {
         self.motion.is_none() && self.gravity == Vector3::zeros() && self.fading.is_empty()
     }
 
+    /// Whether nothing acts on a body at time `t` that has neither inertia nor a memory: it is at rest then.
+    fn is_unloaded(&self, t: f64, acting: &Acting<'_>) -> bool {
+        self.motion.is_none()
+            && self.gravity == Vector3::zeros()
+            && acting.state.body.law().state_len() == 0
+            && !acting.tools.iter().any(|tool| tool.acts_at(t))
+    }
+
     /// The dual of a figure of `value`: how the body of the last equilibrium answers when a tool moves by
     /// `lead`, or to `loads`, m and N.
     ///
@@ -213,6 +221,10 @@ impl StepSolver {
         while self.reached_s < step.to {
             let span = self.pace.next(self.reached_s, step);
             let before = acting.state.standing();
+            if span.to == step.to && self.is_unloaded(step.to, acting) {
+                // No way back from a pulled shape, which may be unstable now, leads anywhere else.
+                acting.state.rest();
+            }
             let mut outcome = self.attempt(step, span, acting, &mut total)?;
             let is_released = !self.fading.is_empty() && span.to == step.to;
             if !outcome.converged && is_released && self.tolerance(&total).max_iterations > 0 {

@@ -1,13 +1,13 @@
 //! Splits and merges: which vertices come in and go out, and the repair of all later stages.
 
+use std::mem::take;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
-use yawara_corot::Loads;
 use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
 use super::content::Content;
-use super::indicator::{Dual, Indicator, Measured, RingMember, Sight};
+use super::indicator::{Indicator, Measured, RingMember, Sight};
 use super::marking::{Limits, Wish};
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
@@ -45,6 +45,24 @@ pub(crate) struct Refiner {
     members: Vec<RingMember>,
     /// Splits that are wanted, as last measured.
     waiting: ClosureQueue,
+    /// Vertices that are to go out, as last measured.
+    leaving: Vec<VertexId>,
+}
+
+/// What a step does about the mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Turn {
+    pub measures: bool,
+    pub changes: bool,
+}
+
+impl Turn {
+    /// That of `step`, where something is done in every so many: what is wanted is measured in one step and
+    /// done in the next, so that neither takes as long as both.
+    pub fn of(step: usize, every: usize) -> Self {
+        let is = |nth: usize| step % every == nth.min(every - 1);
+        Self { measures: is(0), changes: is(1) }
+    }
 }
 
 /// When the mesh is to be refined, and how far.
@@ -63,10 +81,6 @@ pub(crate) struct Round<'a> {
     pub step: usize,
     /// When the time for splits is over.
     pub deadline: Option<Instant>,
-    /// What holds the body and pushes it.
-    pub loads: &'a Loads,
-    /// The figures whose error is asked for.
-    pub duals: &'a [Dual],
 }
 
 impl Round<'_> {
@@ -110,6 +124,7 @@ impl Refiner {
             ring: Vec::new(),
             members: Vec::new(),
             waiting: ClosureQueue::new(),
+            leaving: Vec::new(),
         }
     }
 
@@ -120,7 +135,7 @@ impl Refiner {
 
     /// The estimates, once after each measurement of an indicator that has them.
     pub fn take_estimates(&mut self) -> Estimates {
-        std::mem::take(&mut self.estimates)
+        take(&mut self.estimates)
     }
 
     /// Whether the indicator says how far figures are off.
@@ -133,24 +148,37 @@ impl Refiner {
         self.waiting.len()
     }
 
-    /// Merges where the indicator has become small, then splits where it is large.
+    /// Measures what the mesh wants at a step: merges where the indicator has become small, splits where it is
+    /// large.
+    pub fn rank(
+        &mut self,
+        sight: &Sight<'_>,
+        step: usize,
+        times: &mut StageTimes,
+    ) -> Result<(), SimError> {
+        let begin = Instant::now();
+        let limits = self.rank_splits(sight)?;
+        self.leaving = self.wanted_merges(sight.body, step, limits.merge_below);
+        times.indicator_ms = milliseconds(begin);
+        Ok(())
+    }
+
+    /// Merges, then splits, as they were ranked.
     pub fn remesh(
         &mut self,
         round: &mut Round<'_>,
         times: &mut StageTimes,
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
-        let Round { state, loads, duals, .. } = round;
-        let limits = self.rank_splits(&Sight { body: state, loads, duals })?;
-        let leaving = self.wanted_merges(round.state, round.step, limits.merge_below);
-        times.indicator_ms = milliseconds(begin);
-
-        let begin = Instant::now();
         let inverse_before = round.inverse.total_ms;
         let mut done = Remeshed::default();
-        for v in leaving {
-            self.merge(round, v)?;
-            done.merges += 1;
+        for v in take(&mut self.leaving) {
+            // What was ranked in the step before may be needed now, or held.
+            let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
+            if !is_held && self.content.forest.merge_ring(v, &mut self.ring) {
+                self.merge(round, v)?;
+                done.merges += 1;
+            }
         }
         for _ in 0..self.rules.refinement.max_splits_per_step {
             let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
@@ -445,4 +473,23 @@ fn old_vertices(ring: &[Tet]) -> Vec<usize> {
     vertices.sort_unstable();
     vertices.dedup();
     vertices
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wanted_is_done_in_the_next_step_if_there_is_one_before_it_is_measured_again() {
+        let turns = |every: usize| -> String {
+            let letter = |step| match Turn::of(step, every) {
+                Turn { measures: true, changes: true } => 'b',
+                Turn { measures: true, .. } => 'm',
+                Turn { changes: true, .. } => 'c',
+                Turn { .. } => '-',
+            };
+            (1..=6).map(letter).collect()
+        };
+        assert_eq!([1, 2, 3].map(turns), ["bbbbbb", "cmcmcm", "c-mc-m"]);
+    }
 }

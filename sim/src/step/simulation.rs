@@ -11,7 +11,7 @@ use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
 use super::indicator::{Dual, Sight};
-use super::refinement::{Estimates, Refiner, Remeshed, Round};
+use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
 use crate::body::BodyState;
@@ -124,7 +124,7 @@ impl Simulation {
         Ok(outcome.report)
     }
 
-    /// The splits and merges of a step, no splits after a `deadline`, and the estimates before them.
+    /// The estimates of a step, and what the mesh wants, then its splits and merges, no splits after a `deadline`.
     fn remesh(
         &mut self,
         step: usize,
@@ -132,14 +132,39 @@ impl Simulation {
         felt: &mut [ToolReport],
         report: &mut StepReport,
     ) -> Result<Remeshed, SimError> {
-        let Self { body, tools, contact, solver, goal, scene, recorder, .. } = self;
-        let SimulatedBody { state, inverse, refiner } = body;
-        let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
-        let refines = scene.mesh.refines() && step.is_multiple_of(scene.refinement.every_steps);
-        let is_written = step.is_multiple_of(scene.output.frames_every);
-        if !refines && !is_written && scene.time.steps != step {
-            return Ok(Remeshed::default());
+        let refines = self.scene.mesh.refines();
+        let turn = refines.then(|| Turn::of(step, self.scene.refinement.every_steps));
+        let ranks = turn.is_some_and(|turn| turn.measures);
+        let is_written = step.is_multiple_of(self.scene.output.frames_every);
+        if ranks || is_written || self.scene.time.steps == step {
+            self.measure(step, ranks, felt, report)?;
         }
+        let Self { body, tools, scene, .. } = self;
+        let SimulatedBody { state, inverse, refiner } = body;
+        let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes)) else {
+            return Ok(Remeshed::default());
+        };
+        let mut round = Round { state, inverse, tools, step, deadline };
+        let remeshed = refiner.remesh(&mut round, &mut report.times)?;
+        if remeshed.splits + remeshed.merges > 0 {
+            let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
+            inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
+            tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
+        }
+        Ok(remeshed)
+    }
+
+    /// The estimates of a step, and, if it `ranks`, what the mesh wants.
+    fn measure(
+        &mut self,
+        step: usize,
+        ranks: bool,
+        felt: &mut [ToolReport],
+        report: &mut StepReport,
+    ) -> Result<(), SimError> {
+        let Self { body, tools, contact, solver, goal, recorder, .. } = self;
+        let SimulatedBody { state, inverse, refiner } = body;
+        let Some(refiner) = refiner else { return Ok(()) };
         let mut loads = solver.grips.loads(state);
         contact.add_to(&mut loads);
         let mut acting = Acting { state, contact, tools, inverse };
@@ -154,14 +179,10 @@ impl Simulation {
             .collect();
         let duals = figures.iter().map(|figure| figure.dual(solver, &mut acting, &forces));
         let duals: Vec<Dual> = duals.collect::<Result<_, _>>()?;
-        let duals = &duals[..];
-        let mut remeshed = Remeshed::default();
-        if refines {
-            let loads = &loads;
-            let mut round = Round { state, inverse, tools, step, deadline, loads, duals };
-            remeshed = refiner.remesh(&mut round, &mut report.times)?;
-        } else {
-            refiner.measure(&Sight { body: state, loads: &loads, duals }, &mut report.times);
+        let sight = Sight { body: state, loads: &loads, duals: &duals };
+        match ranks {
+            true => refiner.rank(&sight, step, &mut report.times)?,
+            false => refiner.measure(&sight, &mut report.times),
         }
         let Estimates { energy, figures: errors } = refiner.take_estimates();
         report.error_estimate = energy;
@@ -169,7 +190,7 @@ impl Simulation {
             felt[alone].force_error_n = Some(energy * forces[alone].norm());
         }
         let errors = errors.into_iter().map(Some).chain(iter::repeat(None));
-        for ((figure, dual), error) in figures.iter().zip(duals).zip(errors) {
+        for ((figure, dual), error) in figures.iter().zip(&duals).zip(errors) {
             if let (Figure::Force(tool), Some(_)) = (figure, error) {
                 felt[*tool].force_error_n = error;
             }
@@ -178,12 +199,7 @@ impl Simulation {
                 report.goal = Some(GoalReport { name, value, error });
             }
         }
-        if remeshed.splits + remeshed.merges > 0 {
-            let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
-            inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
-            tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
-        }
-        Ok(remeshed)
+        Ok(())
     }
 
     fn felt(&self) -> ToolForces<'_> {
