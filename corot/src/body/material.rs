@@ -91,11 +91,15 @@ impl Body {
     /// # Panics
     /// If `number` is not below the number of [`elements`](Self::elements).
     pub fn stress(&self, number: usize, positions: &Field) -> Strain {
+        self.stress_of(number, &self.elements()[number].corotated_strain(positions))
+    }
+
+    /// The same of an element with this strain in its frame.
+    fn stress_of(&self, number: usize, strain: &Strain) -> Strain {
         let element = &self.elements()[number];
-        let strain = element.corotated_strain(positions);
         let elastic = match &self.pressures {
             None => element.elasticity * strain,
-            Some(pressures) => pressures.stress(number, element.vertices, &strain),
+            Some(pressures) => pressures.stress(number, element.vertices, strain),
         };
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
     }
@@ -108,7 +112,7 @@ impl Body {
             let strain = element.corotated_strain(positions);
             let density = self.states.energy(&Question { number, element, strain, pressures });
             let volume = element.geometry.volume;
-            volume * density.unwrap_or_else(|| 0.5 * self.stress(number, positions).dot(&strain))
+            volume * density.unwrap_or_else(|| 0.5 * self.stress_of(number, &strain).dot(&strain))
         });
         let held = self.grips().iter().map(|grip| grip.energy(positions));
         elements.chain(held).sum()

@@ -1,6 +1,7 @@
 //! The elements of a body, dense, with what the vector kernels and the law keep of each.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
@@ -16,6 +17,9 @@ use crate::law::states::States;
 
 const ABSENT: u32 = u32::MAX;
 
+/// The next [`Body::stamp`].
+static NEXT_STAMP: AtomicU64 = AtomicU64::new(0);
+
 /// All elements of the current mesh, dense, with rotations that warm-start each other.
 ///
 /// Its elements are linear in displacements alone ([`new`](Self::new)) or carry pressures beside
@@ -24,6 +28,7 @@ const ABSENT: u32 = u32::MAX;
 #[derive(Clone, Debug, Default)]
 pub struct Body {
     pub(super) elements: Vec<Element>,
+    pub(super) stamps: Vec<u64>,
     /// The same elements, as the vector kernels read them.
     pub(super) packets: Packets,
     pub(super) of_tet: Vec<u32>,
@@ -162,6 +167,15 @@ impl Body {
         (at != ABSENT).then_some(at as usize)
     }
 
+    /// A number that no other element of any body has, had or will have: where it is the same, so are vertices,
+    /// geometry and elasticity. It says nothing else, and is another in every run.
+    ///
+    /// # Panics
+    /// If `number` is not below the number of [`elements`](Self::elements).
+    pub fn stamp(&self, number: usize) -> u64 {
+        self.stamps[number]
+    }
+
     /// Adds the element of a leaf tetrahedron (replacing one of the same number).
     pub fn insert(&mut self, element: Element) {
         self.remove(element.tet);
@@ -175,6 +189,7 @@ impl Body {
         self.packets.push(pressed.as_ref().unwrap_or(&element));
         self.states.push(&element.elasticity);
         self.elements.push(element);
+        self.stamps.push(NEXT_STAMP.fetch_add(1, Ordering::Relaxed));
     }
 
     /// Removes the element of a tetrahedron, if there; the last one takes its place.
@@ -185,6 +200,7 @@ impl Body {
         }
         self.scale = OnceLock::new();
         let element = self.elements.swap_remove(at as usize);
+        self.stamps.swap_remove(at as usize);
         let moved = self.elements.get(at as usize);
         let pressed = self.pressures.as_mut().and_then(|p| p.swap_remove(at as usize, moved));
         self.packets.swap_remove(at as usize, pressed.as_ref().or(moved));

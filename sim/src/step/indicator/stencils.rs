@@ -2,16 +2,16 @@
 
 use std::array::from_fn;
 
-use nalgebra::{Matrix3, Matrix6};
+use nalgebra::Matrix3;
 use pulp::Arch;
 use yawara_corot::{EDGES, Element};
-use yawara_embed::{LinearTet, MixedModuli, strain_operator};
+use yawara_embed::{MixedModuli, strain_operator};
 
 use crate::body::BodyState;
 
 /// The bumps φ = 4 λ_a λ_b of all edges (a, b) of elements that are not void.
 ///
-/// What a stencil is made of is compared by value, so nobody has to say what has changed.
+/// What a stencil was made of is known by its element's stamp, so nobody has to say what has changed.
 #[derive(Default)]
 pub(super) struct Stencils {
     /// By element number.
@@ -26,18 +26,17 @@ pub(super) struct Stencils {
     /// The elements around all of them, one bump after the other, and where those of each begin.
     around: Vec<usize>,
     starts: Vec<usize>,
-    /// Edges of `solids` on their way into order.
-    edges: Vec<Edge>,
+    /// Edges of `solids` by their ends, and on their way into that order.
+    edges: [Vec<Edge>; 2],
     /// Elements whose stiffness in space is not what it was.
     turning: Vec<usize>,
 }
 
 /// An element's part of the stiffness of its bumps, and what that was made of.
 struct Stencil {
+    stamp: u64,
     vertices: [usize; 4],
     is_void: bool,
-    geometry: LinearTet,
-    elasticity: Matrix6<f64>,
     rotation: Matrix3<f64>,
     /// In its frame, N/m: entries of all edges side by side, column by column.
     own: [[f64; 6]; 9],
@@ -45,23 +44,23 @@ struct Stencil {
     turned: [[f64; 6]; 6],
 }
 
-/// Row and column of the entries that a Cholesky factor is made of.
+/// Row and column of the entries that a factor is made of.
 const LOWER: [[usize; 2]; 6] = [[0, 0], [1, 0], [2, 0], [1, 1], [2, 1], [2, 2]];
 
 /// Edge `k` of the element at `at` among those that are not void.
 #[derive(Clone, Copy, Default)]
 struct Edge {
-    ends: [usize; 2],
-    at: usize,
-    k: usize,
+    ends: [u32; 2],
+    at: u32,
+    k: u32,
 }
 
 impl Stencil {
-    fn new(element: &Element, is_void: bool, is_mixed: bool) -> Self {
-        let Element { vertices, geometry, elasticity, rotation, .. } = *element;
+    fn new(stamp: u64, element: &Element, is_void: bool, is_mixed: bool) -> Self {
+        let Element { vertices, rotation, .. } = *element;
         let own = own_stiffness(element, is_mixed);
         let own = from_fn(|entry| own.map(|own| own[entry]));
-        Self { vertices, is_void, geometry, elasticity, rotation, own, turned: [[0.0; 6]; 6] }
+        Self { stamp, vertices, is_void, rotation, own, turned: [[0.0; 6]; 6] }
     }
 
     /// R A Rᵀ with plain loops, which the compiler brings to the vector unit that its caller was chosen for.
@@ -107,13 +106,22 @@ fn own_stiffness(element: &Element, is_mixed: bool) -> [Matrix3<f64>; 6] {
 }
 
 /// Whether both have the same bits; no branch by number, so that they are compared side by side.
-fn is_same(a: &[f64], b: &[f64]) -> bool {
+fn is_same(a: &Matrix3<f64>, b: &Matrix3<f64>) -> bool {
     a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a.to_bits() ^ b.to_bits())) == 0
 }
 
-fn is_same_geometry(a: &LinearTet, b: &LinearTet) -> bool {
-    let mut pairs = a.gradients.iter().zip(&b.gradients);
-    a.volume == b.volume && pairs.all(|(a, b)| is_same(a.as_slice(), b.as_slice()))
+/// Orders edges by one of their ends, those of the same as they were.
+fn sort_by_end(edges: &[Edge], end: usize, next: &mut Vec<usize>, sorted: &mut [Edge]) {
+    next.fill(0);
+    edges.iter().for_each(|edge| next[edge.ends[end] as usize + 1] += 1);
+    for v in 1..next.len() {
+        next[v] += next[v - 1];
+    }
+    for edge in edges {
+        let place = &mut next[edge.ends[end] as usize];
+        sorted[*place] = *edge;
+        *place += 1;
+    }
 }
 
 impl Stencils {
@@ -131,22 +139,19 @@ impl Stencils {
         self.kept.truncate(elements.len());
         for (number, element) in elements.iter().enumerate() {
             let is_void = state.is_void(element.tet);
-            let made = || Stencil::new(element, is_void, is_mixed);
+            let stamp = state.body.stamp(number);
+            let made = || Stencil::new(stamp, element, is_void, is_mixed);
             let Some(kept) = self.kept.get_mut(number) else {
                 self.kept.push(made());
                 self.turning.push(number);
                 continue;
             };
-            let is_same_place = kept.vertices == element.vertices && kept.is_void == is_void;
-            is_same_mesh &= is_same_place;
-            let is_same_stiffness = is_same_place
-                && is_same_geometry(&kept.geometry, &element.geometry)
-                && is_same(kept.elasticity.as_slice(), element.elasticity.as_slice());
-            let (rotation, turned) = (&kept.rotation, &element.rotation);
-            if is_same_stiffness && is_same(rotation.as_slice(), turned.as_slice()) {
+            is_same_mesh &= kept.vertices == element.vertices && kept.is_void == is_void;
+            let is_same_element = kept.stamp == stamp && kept.is_void == is_void;
+            if is_same_element && is_same(&kept.rotation, &element.rotation) {
                 continue;
             }
-            match is_same_stiffness {
+            match is_same_element {
                 true => kept.rotation = element.rotation,
                 false => *kept = made(),
             }
@@ -165,45 +170,35 @@ impl Stencils {
 
     /// Finds the bumps of `kept`, whose vertex numbers are below `vertices`.
     fn find_edges(&mut self, vertices: usize) {
-        let Self { kept, solids, ends, of, around, starts, edges, .. } = self;
+        let Self { kept, solids, ends, of, around, starts, edges: [edges, by_upper], .. } = self;
         solids.clear();
         solids.extend((0..kept.len()).filter(|&number| !kept[number].is_void));
-        // In order of the lower end by counting; few have the same.
-        let mut next = vec![0; vertices + 1];
-        let ends_of = |number: usize, [i, j]: [usize; 2]| {
-            let [a, b] = [kept[number].vertices[i], kept[number].vertices[j]];
-            [a.min(b), a.max(b)]
-        };
-        for &number in &*solids {
-            EDGES.into_iter().for_each(|edge| next[ends_of(number, edge)[0] + 1] += 1);
-        }
-        for v in 0..vertices {
-            next[v + 1] += next[v];
-        }
         edges.clear();
-        edges.resize(6 * solids.len(), Edge::default());
         for (at, &number) in solids.iter().enumerate() {
-            for (k, edge) in EDGES.into_iter().enumerate() {
-                let ends = ends_of(number, edge);
-                edges[next[ends[0]]] = Edge { ends, at, k };
-                next[ends[0]] += 1;
+            let corners = kept[number].vertices.map(|v| v as u32);
+            for (k, [i, j]) in EDGES.into_iter().enumerate() {
+                let [a, b] = [corners[i], corners[j]];
+                edges.push(Edge { ends: [a.min(b), a.max(b)], at: at as u32, k: k as u32 });
             }
         }
-        edges
-            .chunk_by_mut(|a, b| a.ends[0] == b.ends[0])
-            .for_each(|bucket| bucket.sort_unstable_by_key(|edge| (edge.ends[1], edge.at)));
+        // By the lower end, then the upper one, then the element.
+        by_upper.resize(edges.len(), Edge::default());
+        let mut next = vec![0; vertices + 1];
+        sort_by_end(edges, 1, &mut next, by_upper);
+        sort_by_end(by_upper, 0, &mut next, edges);
         of.clear();
         of.resize(solids.len(), [0; 6]);
         ends.clear();
         starts.clear();
         around.clear();
         for (number, &Edge { ends: edge, at, k }) in edges.iter().enumerate() {
+            let edge = edge.map(|v| v as usize);
             if ends.last() != Some(&edge) {
                 ends.push(edge);
                 starts.push(number);
             }
-            of[at][k] = ends.len() - 1;
-            around.push(solids[at]);
+            of[at as usize][k as usize] = ends.len() - 1;
+            around.push(solids[at as usize]);
         }
         starts.push(edges.len());
     }
@@ -213,15 +208,13 @@ impl Stencils {
         &self.around[self.starts[bump]..self.starts[bump + 1]]
     }
 
-    /// Σ ∫ G(∇φ)ᵀ D G(∇φ) over the elements around a bump, in space, N/m; zero above its diagonal.
-    pub fn stiffness(&self, bump: usize) -> Matrix3<f64> {
+    /// Σ ∫ G(∇φ)ᵀ D G(∇φ) over the elements around a bump, in space, N/m: the entries at [`LOWER`].
+    pub fn stiffness(&self, bump: usize) -> [f64; 6] {
         let mut sums = [0.0; 6];
-        for edge in &self.edges[self.starts[bump]..self.starts[bump + 1]] {
-            let turned = &self.kept[self.solids[edge.at]].turned[edge.k];
+        for edge in &self.edges[0][self.starts[bump]..self.starts[bump + 1]] {
+            let turned = &self.kept[self.solids[edge.at as usize]].turned[edge.k as usize];
             sums.iter_mut().zip(turned).for_each(|(sum, entry)| *sum += entry);
         }
-        let mut stiffness = Matrix3::zeros();
-        LOWER.into_iter().zip(sums).for_each(|([row, column], sum)| stiffness[(row, column)] = sum);
-        stiffness
+        sums
     }
 }
