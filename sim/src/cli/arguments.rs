@@ -41,6 +41,8 @@ pub enum Command {
     Clean(CleanArguments),
     /// Lists the built-in scenes.
     Scenes,
+    /// Lists materials that scenes may name, with their sources.
+    Materials,
     /// Lists the graphics adapters (needs the feature `gpu`).
     Devices,
 }

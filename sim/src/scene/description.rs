@@ -150,6 +150,10 @@ pub struct MaterialEntry {
     /// What it is, for people.
     #[serde(default)]
     pub name: String,
+    /// A material of the [library](super::library()), whose numbers stand for those that are absent;
+    /// a scene that is read from a file has them below.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// E > 0, Pa.
     pub young_modulus_pa: f64,
     /// −1 < ν < 0.5.
