@@ -77,13 +77,13 @@ fn base_cells_follow_the_body_unless_the_scene_gives_them() {
 
 /// An ellipsoid of a brain's size, in as many regions as an atlas has.
 fn brain() -> LabelVolume {
-    const HALF: [f64; 3] = [14.0, 18.0, 13.0];
-    let grid = Grid::centred(HALF.map(|half| 2 * half as usize), 5.0);
+    const HALF: [f64; 3] = [35.0, 45.0, 32.0];
+    let grid = Grid::centred(HALF.map(|half| 2 * half as usize), 2.0);
     let [nx, ny, _] = grid.dims;
     let label = |i: usize| {
         let at = [i % nx, i / nx % ny, i / (nx * ny)];
         let inside = (0..3).map(|a| ((at[a] as f64 + 0.5) / HALF[a] - 1.0).powi(2)).sum::<f64>();
-        let region = at[0] / 6 + 5 * (at[1] / 6 + 6 * (at[2] / 6));
+        let region = at[0] / 15 + 5 * (at[1] / 15 + 6 * (at[2] / 15));
         if inside < 1.0 { region as i64 + 1 } else { 0 }
     };
     let count = grid.voxel_count().unwrap();
