@@ -40,7 +40,7 @@ fn what_vtk_writes_is_read() {
 #[test]
 fn intensities_may_have_fractions() {
     let text = std::fs::read_to_string(data("text.vti")).unwrap();
-    let (_folder, path) = file(&text.replace("Scalars=\"labels\"", "Scalars=\"other\""));
+    let (_folder, path) = file(text.replace("Scalars=\"labels\"", "Scalars=\"other\""));
     assert_eq!(read_intensities(&path).unwrap().values()[5], 7.5);
     let error = read_labels(&path).unwrap_err().to_string();
     assert!(error.contains("voxel (1, 0, 0) has the value 1.5"), "{error}");

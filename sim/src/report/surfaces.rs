@@ -126,7 +126,7 @@ pub(crate) struct BodyOutline(RefCell<Stage>);
 enum Stage {
     /// The labels that it is cut from.
     Asked(Arc<LabelVolume>),
-    Cut(Surfaces),
+    Cut(Box<Surfaces>),
 }
 
 impl BodyOutline {
@@ -146,7 +146,7 @@ impl BodyOutline {
             let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(forest, labels)?;
             let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
             // Beside void no material moves a vertex out of the middle of its edge.
-            *stage = Stage::Cut(Surfaces::on(DetailMesh::new(forest), rest, parts));
+            *stage = Stage::Cut(Box::new(Surfaces::on(DetailMesh::new(forest), rest, parts)));
         }
         match &*stage {
             Stage::Cut(surfaces) => Ok(surfaces.frames(forest, positions, axes)?.pop()),
