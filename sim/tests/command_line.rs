@@ -4,6 +4,7 @@ mod workbench;
 
 use std::fs;
 use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use vtkio::Vtk;
@@ -91,9 +92,11 @@ fn a_run_writes_its_directory() {
     let in_run = |name: &str| format!("runs/bar/{name}");
     let mut expected = vec!["bar.toml".to_owned(), "runs".into(), "runs/bar".into()];
     let frames = ["frames/step_000000.vtu", "frames/step_000002.vtu", "frames/step_000003.vtu"];
-    expected
-        .extend(["frames", "frames.pvd", "scene.toml", "steps.csv", "summary.json"].map(in_run));
+    let lists = ["frames.pvd", "outline.pvd"];
+    expected.extend(["frames", "scene.toml", "steps.csv", "summary.json"].map(in_run));
+    expected.extend(lists.map(in_run));
     expected.extend(frames.map(in_run));
+    expected.extend(frames.map(|name| in_run(&name.replace(".vtu", "_outline.vtp"))));
     expected.sort();
     let mut files = files;
     files.sort();
@@ -208,6 +211,36 @@ fn the_summary_has_the_hash_of_the_image() {
     bench.succeed(&["run", "bar.toml", "--set", "image.path=a.nii", "--force"]);
     let summary: Value = serde_json::from_str(&bench.read("runs/bar/summary.json")).unwrap();
     assert_ne!(summary["image"]["sha256"], hash);
+}
+
+/// Hours of steps are not lost with the process: its hidden folder opens in ParaView.
+#[test]
+fn what_a_killed_run_leaves_is_whole_up_to_its_last_frame() {
+    let bench = bar();
+    let mut run = bench.command(&["run", "bar.toml", "--steps", "1000000"]);
+    let mut child = run.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let left = format!("runs/.bar.{}.partial", child.id());
+    let list = bench.path(&left).join("frames.pvd");
+    let listed = || fs::read_to_string(&list).unwrap_or_default();
+    let begin = Instant::now();
+    while !listed().contains("step_000006.vtu") && begin.elapsed() < Duration::from_secs(100) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    for list in ["frames.pvd", "outline.pvd"] {
+        let list = bench.read(&format!("{left}/{list}"));
+        let files: Vec<&str> =
+            list.split("file=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        assert!(files.len() >= 3 && list.ends_with("</VTKFile>\n"), "{list}");
+        assert!(files.iter().all(|file| bench.path(&left).join(file).exists()), "{list}");
+    }
+    // A line of names, and one for each step up to that frame.
+    let table = bench.read(&format!("{left}/steps.csv"));
+    assert!(table.lines().filter(|line| line.matches(',').count() > 20).count() >= 7, "{table}");
+    assert!(bench.read(&format!("{left}/scene.toml")).contains("steps = 1000000"));
+    assert!(bench.succeed(&["clean"]).contains(&left));
+    assert!(!bench.path(&left).exists());
 }
 
 #[test]

@@ -6,6 +6,8 @@ mod workbench;
 
 use serde_json::{Value, json};
 use workbench::{BAR, Nifti, Workbench};
+use yawara_mesh::image::write_labels;
+use yawara_mesh::volume::{Grid, LabelVolume};
 
 /// A cube of 40 mm of label 1 in its lower half and of labels 5 and 9 above.
 fn layers() -> Nifti {
@@ -71,4 +73,48 @@ fn base_cells_follow_the_body_unless_the_scene_gives_them() {
     assert!(said.contains("no base_mm is given: a tenth of the body's longest side"), "{said}");
     let given = ["plan", "bar.toml", "--set", "tools=[]", "--set", "mesh.base_mm=10.0"];
     assert!(!bench.succeed(&given).contains("no base_mm is given"));
+}
+
+/// An ellipsoid of a brain's size, in as many regions as an atlas has.
+fn brain() -> LabelVolume {
+    const HALF: [f64; 3] = [35.0, 45.0, 32.0];
+    let grid = Grid::centred(HALF.map(|half| 2 * half as usize), 2.0);
+    let [nx, ny, _] = grid.dims;
+    let label = |i: usize| {
+        let at = [i % nx, i / nx % ny, i / (nx * ny)];
+        let inside = (0..3).map(|a| ((at[a] as f64 + 0.5) / HALF[a] - 1.0).powi(2)).sum::<f64>();
+        let region = at[0] / 15 + 5 * (at[1] / 15 + 6 * (at[2] / 15));
+        if inside < 1.0 { region as i64 + 1 } else { 0 }
+    };
+    let count = grid.voxel_count().unwrap();
+    LabelVolume::from_original(grid, (0..count).map(label)).unwrap()
+}
+
+/// As soft and as incompressible as brains are, all of the weight from the first step on.
+#[test]
+fn a_brain_bears_its_weight_at_once() {
+    const SCENE: &str = r#"
+name = "brain"
+gravity_m_s2 = [0.0, 0.0, -9.81]
+[image]
+path = "brain.nii.gz"
+[[materials]]
+other = true
+young_modulus_pa = 3e3
+poisson_ratio = 0.49
+density_kg_m3 = 1040.0
+[mesh]
+max_level = 6
+[[fixed]]
+shape = "box"
+min = [0.0, 0.0, 0.0]
+max = [1.0, 1.0, 0.2]
+[time]
+steps = 20
+step_s = 0.05
+"#;
+    let bench = Workbench::new();
+    write_labels(&bench.path("brain.nii.gz"), &brain()).unwrap();
+    bench.write("brain.toml", SCENE);
+    bench.succeed(&["run", "brain.toml", "--set", "output.frames_every=0"]);
 }

@@ -71,6 +71,29 @@ fn a_scene_is_replaced_only_when_forced_and_nothing_is_refused_half_written() {
     bench.succeed(&["init", "block.nii", "--force"]);
 }
 
+/// A kidney and an unknown thing, by the names of 3D Slicer's segments.
+#[test]
+#[cfg(feature = "nrrd")]
+fn labels_with_the_name_of_a_tissue_get_its_material() {
+    let bench = Workbench::new();
+    let header = "NRRD0004\ntype: uchar\ndimension: 3\nspace: left-posterior-superior\n\
+                  sizes: 8 8 8\nspace directions: (5,0,0) (0,5,0) (0,0,5)\n\
+                  kinds: domain domain domain\nencoding: raw\nspace origin: (0,0,0)\n\
+                  Segment0_LabelValue:=1\nSegment0_Name:=left kidney\n\
+                  Segment1_LabelValue:=2\nSegment1_Name:=Segment_2\n\n";
+    let voxels = [[1; 256], [2; 256]].concat();
+    bench.write("organ.seg.nrrd", [header.as_bytes(), &voxels].concat());
+    bench.succeed(&["init", "organ.seg.nrrd"]);
+    let scene = bench.read("scene.toml");
+    assert!(scene.contains("material = \"kidney cortex (Arda 2011)\""), "{scene}");
+    assert_eq!(scene.matches("young_modulus_pa").count(), 1, "{scene}");
+    bench.succeed(&["run", "scene.toml", "--steps", "2", "--out", "out"]);
+    let ran = bench.read("out/scene.toml");
+    assert!(ran.contains("young_modulus_pa = 5000.0\npoisson_ratio = 0.49"), "{ran}");
+    // The scene that was written runs again, its numbers beside the name.
+    bench.succeed(&["plan", "out/scene.toml"]);
+}
+
 /// As 3D Slicer writes its segments; quotes in a name stay in the name.
 #[test]
 #[cfg(feature = "nrrd")]

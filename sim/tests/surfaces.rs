@@ -96,10 +96,49 @@ fn surfaces_are_written_listed_and_the_same_each_time() {
 fn without_a_request_there_is_no_surface() {
     let bench = Workbench::new();
     bench.write("bar.toml", BAR);
-    let printed = bench.succeed(&["run", "bar.toml", "--out", "run"]);
+    let without = ["--set", "output.outline=false"];
+    let printed = bench.succeed(&[&["run", "bar.toml", "--out", "run"][..], &without].concat());
     assert!(printed.contains("left out  surface: output.surfaces names no label"), "{printed}");
     assert!(bench.files().iter().all(|path| path.extension().is_none_or(|e| e != "vtp")));
+    assert!(!bench.path("run/outline.pvd").exists());
     assert!(!bench.read("run/summary.json").contains("volume_rest_m3"));
+}
+
+/// Of the bar and of void beside it, closed, and where the mesh is.
+#[test]
+fn the_outline_of_the_body_is_in_every_frame() {
+    let bench = Workbench::new();
+    bench.write("bar.toml", BAR);
+    bench.succeed(&["run", "bar.toml", "--out", "run"]);
+    let list = bench.read("run/outline.pvd");
+    for step in [0, 2, 3] {
+        let file = format!("frames/step_{step:06}_outline.vtp");
+        assert!(list.contains(&format!("part=\"0\" file=\"{file}\"")), "{list}");
+        assert!(bench.path("run").join(&file).exists());
+    }
+    assert!(!bench.read("run/frames.pvd").contains("outline"), "a list of their own");
+    let scene: Scene = toml::from_str(BAR).unwrap();
+    let stages = Stages::by_name(&scene.stages).unwrap();
+    let mut simulation = Simulation::new(&scene, stages).unwrap();
+    while simulation.steps_left() > 0 {
+        simulation.step().unwrap();
+    }
+    let frame = simulation.frame().unwrap();
+    let outline = frame.outline.as_ref().unwrap();
+    assert_eq!((outline.label, open_edges(outline)), (0, 0));
+    let most = |moved: &mut dyn Iterator<Item = f64>| moved.fold(0.0, f64::max);
+    let of_mesh = most(&mut frame.displacement_mm.iter().map(|&u| Vector3::from(u).norm()));
+    let of_outline = most(&mut outline.displacement_mm.iter().map(|u| u.norm()));
+    assert!((of_outline / of_mesh - 1.0).abs() < 0.1, "{of_outline}, {of_mesh}");
+    let span = |axis: usize| {
+        let rest = outline.points_mm.iter().zip(&outline.displacement_mm).map(|(x, u)| x - u);
+        let [low, high] =
+            rest.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x[axis]), high.max(x[axis])]);
+        high - low
+    };
+    for (axis, length) in [40.0, 20.0, 20.0].into_iter().enumerate() {
+        assert!((span(axis) - length).abs() < 2.5, "{}", span(axis));
+    }
 }
 
 #[test]

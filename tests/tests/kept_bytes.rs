@@ -107,17 +107,18 @@ fn add_values(hash: &mut Sha256, frame: &Frame) {
 
 /// One hash for each kind of file.
 fn file_hashes(run: &Path) -> Vec<(&'static str, String)> {
-    let of = |text: String| hex(Sha256::new().chain_update(text));
+    let of = |bytes: Vec<u8>| hex(Sha256::new().chain_update(bytes));
+    let bytes = |file: &PathBuf| std::fs::read(file).unwrap();
     let read = |file: &Path| std::fs::read_to_string(file).unwrap();
     let entries = std::fs::read_dir(run.join("frames")).unwrap();
     let mut frames: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     frames.sort();
     vec![
-        ("scene.toml", of(read(&run.join("scene.toml")))),
-        ("steps.csv", of(without_times(&read(&run.join("steps.csv"))))),
-        ("frames.pvd", of(read(&run.join("frames.pvd")))),
-        ("frames", of(frames.iter().map(|file| read(file)).collect())),
-        ("summary.json", of(without_words(&read(&run.join("summary.json"))))),
+        ("scene.toml", of(bytes(&run.join("scene.toml")))),
+        ("steps.csv", of(without_times(&read(&run.join("steps.csv"))).into())),
+        ("frames.pvd", of(bytes(&run.join("frames.pvd")))),
+        ("frames", of(frames.iter().flat_map(bytes).collect())),
+        ("summary.json", of(without_words(&read(&run.join("summary.json"))).into())),
     ]
 }
 

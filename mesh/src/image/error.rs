@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 #[cfg(feature = "dicom")]
 use super::dicom::DicomError;
+use crate::tet_file::TetMeshError;
 
 /// Why an image or what should be made of it was refused.
 ///
@@ -20,7 +21,7 @@ pub enum ImageError {
     #[error(transparent)]
     Io(#[from] std::io::Error),
     /// A path names a directory, a device or a pipe.
-    #[error("is {0}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd)")]
+    #[error("is {0}, want an image file (.nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd or .vti)")]
     NotAFile(&'static str),
     /// A file of zero bytes.
     #[error("the file is empty, want an image")]
@@ -51,7 +52,7 @@ pub enum ImageError {
     TooLong { unit: &'static str, want: u64 },
     /// A file that looks like none of the image formats, by its first bytes.
     #[error(
-        "starts with {0}: no NIfTI, NRRD, MetaImage or DICOM image, and the name ends in none \
+        "starts with {0}: no NIfTI, NRRD, MetaImage, VTK or DICOM image, and the name ends in none \
          of their extensions"
     )]
     UnknownFormat(String),
@@ -160,6 +161,9 @@ pub enum ImageError {
     #[cfg(feature = "dicom")]
     #[error(transparent)]
     Dicom(Box<DicomError>),
+    /// A VTK XML file.
+    #[error(transparent)]
+    Vtk(Box<TetMeshError>),
 }
 
 impl ImageError {
@@ -177,6 +181,12 @@ impl ImageError {
             Self::InFile { source, .. } => source,
             _ => self,
         }
+    }
+}
+
+impl From<TetMeshError> for ImageError {
+    fn from(error: TetMeshError) -> Self {
+        Self::Vtk(Box::new(error))
     }
 }
 

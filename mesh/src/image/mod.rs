@@ -2,8 +2,8 @@
 //! classified.
 //!
 //! Open `volume` first: the label and intensity volumes that all else works on. `read` recognises
-//! the format of a file; `nifti`, `nrrd`, `metaimage` and `dicom` read one format each and give a
-//! `raw` image in the file's own axes, spacings and voxel type (`voxels`), which `placement` turns
+//! the format of a file; `nifti`, `nrrd`, `metaimage`, `vti` and `dicom` read one format each and
+//! give a `raw` image in the file's own axes, spacings and voxel type (`voxels`), which `placement` turns
 //! and `resample` brings to cubes. `bytes` and `header` are what the file formats share.
 
 pub use blur::gaussian_blur;
@@ -24,9 +24,11 @@ pub use read::{
 };
 pub use resample::{Interpolation, Resampling};
 pub use voxels::{VoxelType, Voxels};
+#[cfg(feature = "vtu")]
+pub use vti::read_vti;
 
 mod blur;
-#[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage"))]
+#[cfg(any(feature = "nifti", feature = "nrrd", feature = "metaimage", feature = "vtu"))]
 mod bytes;
 mod classify;
 #[cfg(feature = "dicom")]
@@ -46,3 +48,5 @@ mod read;
 mod resample;
 pub mod volume;
 pub(crate) mod voxels;
+#[cfg(feature = "vtu")]
+mod vti;

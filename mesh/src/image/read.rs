@@ -28,7 +28,7 @@ pub struct ReadReport {
 }
 
 /// Reads a label map: one integer per voxel, of any integer or float type, NIfTI, NRRD,
-/// MetaImage, or a DICOM series (its directory, or one file of it).
+/// MetaImage, VTK image data, or a DICOM series (its directory, or one file of it).
 ///
 /// As [`read_labels_with`] without a spacing; resampling is told by a warning.
 ///
@@ -104,6 +104,7 @@ enum Format {
     Nifti,
     Nrrd,
     MetaImage,
+    Vti,
     Dicom,
 }
 
@@ -114,6 +115,7 @@ impl Format {
             Self::Nifti => ("NIfTI", "nifti"),
             Self::Nrrd => ("NRRD", "nrrd"),
             Self::MetaImage => ("MetaImage", "metaimage"),
+            Self::Vti => ("VTK", "vtu"),
             Self::Dicom => ("DICOM", "dicom"),
         }
     }
@@ -137,6 +139,11 @@ impl Format {
         if start.get(128..132) == Some(b"DICM") {
             return Some(Self::Dicom);
         }
+        // Of any kind: the reader says which ones it does not take.
+        let xml = start.trim_ascii_start();
+        if xml.starts_with(b"<") && xml.windows(8).any(|word| word == b"<VTKFile") {
+            return Some(Self::Vti);
+        }
         let first_key = start.split(|&byte| byte == b'=').next().unwrap_or_default().trim_ascii();
         let keys: [&[u8]; 2] = [b"ObjectType", b"NDims"];
         keys.iter().any(|key| first_key.eq_ignore_ascii_case(key)).then_some(Self::MetaImage)
@@ -148,6 +155,7 @@ impl Format {
             "nii" | "gz" | "hdr" => Some(Self::Nifti),
             "nrrd" | "nhdr" => Some(Self::Nrrd),
             "mha" | "mhd" => Some(Self::MetaImage),
+            "vti" => Some(Self::Vti),
             "dcm" => Some(Self::Dicom),
             _ => None,
         }
@@ -164,6 +172,8 @@ fn read_raw(path: &Path) -> Result<(&'static str, RawVolume), ImageError> {
         Format::Nrrd => super::nrrd::read_nrrd(path),
         #[cfg(feature = "metaimage")]
         Format::MetaImage => super::metaimage::read_metaimage(path),
+        #[cfg(feature = "vtu")]
+        Format::Vti => super::vti::read_vti(path),
         #[cfg(feature = "dicom")]
         Format::Dicom => super::dicom::read_dicom(path),
         // Formats whose reader this build leaves out.

@@ -20,5 +20,7 @@ pub use gmsh::{read_msh, write_msh22, write_msh41};
 pub use mesh::{LoadedMesh, PlainMesh, Repairs};
 pub(crate) use vtk_xml::triangles_xml;
 #[cfg(feature = "vtu")]
+pub(crate) use vtk_xml::{Array, Attributes, Document, Piece};
+#[cfg(feature = "vtu")]
 pub use vtk_xml::{MeshField, TAG_ARRAYS, read_vtu, write_vtu_plain};
 pub use vtk_xml::{VtkArray, VtkValues, tetrahedra_xml};

@@ -112,7 +112,7 @@ fn errors_name_their_array() {
         (">_AAAA", ">AAAA", "found no underscore"),
         ("_AAAABAAH//0=", "_AAAABAAH//", "found too few bytes"),
         ("_AAAABAAH//0=", "_AAAABAAH/,0=", "want base64"),
-        ("_AAAABA", "_AAAABQ", "found 5 bytes, want 4, by the counts of the piece"),
+        ("_AAAABA", "_AAAABQ", "found 5 bytes, want 4, by what the piece announces"),
         ("offset=\"0\"", "offset=\"99\"", "found offset 99, want at most 12"),
         ("offset=\"0\"", "offset=\"-1\"", "found offset \"-1\""),
         ("NumberOfPoints=\"4\"", "NumberOfPoints=\"5\"", "found 12 numbers, want 15"),

@@ -1,4 +1,4 @@
-//! The fine mesh on which outlines of labels are cut.
+//! The fine meshes on which outlines are cut.
 
 use yawara_mesh::isosurface::{Outline, Outlines};
 use yawara_mesh::lattice::MAX_LEVEL;
@@ -9,16 +9,43 @@ use super::image_body::ImageBody;
 use crate::error::SimError;
 use crate::scene::Scene;
 
-/// Cuts the blurred labels of `volume`, which has the grid of `setup`, at level ½.
+/// How many edges of the mesh of an outline for the eye fit into the body's longest side at least.
+const EDGES_FOR_THE_EYE: f64 = 48.0;
+
+/// Cuts the blurred labels of `volume`, which has the grid of the labels of `coarse`, at level ½ on
+/// a mesh of `level`.
 pub(crate) fn cut(
-    scene: &Scene,
-    setup: &ImageBody,
+    coarse: &BisectionForest,
     volume: &LabelVolume,
+    level: u8,
     outlines: &[Outline],
 ) -> Result<Outlines, SimError> {
-    let level = surface_level(scene, setup);
-    let domain = same_cells(&setup.forest, level);
-    Ok(Outlines::new(volume, &setup.tree, domain, level, outlines)?)
+    let domain = same_cells(coarse, level);
+    Ok(Outlines::new(volume, coarse.tree(), domain, level, outlines)?)
+}
+
+/// The same labels with 1 for all that is not void.
+pub(crate) fn solid(volume: &LabelVolume) -> Result<LabelVolume, SimError> {
+    let solid = volume.labels().iter().map(|&label| u16::from(label > 0)).collect();
+    Ok(LabelVolume::new(volume.grid().clone(), solid, vec![0, 1])?)
+}
+
+/// Cuts the outline of all that is not void as fine as eyes want it: edges of two voxels or a 48th of
+/// the body's longest side, whichever is longer, unless the simulation may refine beyond that.
+pub(crate) fn cut_for_the_eye(
+    coarse: &BisectionForest,
+    volume: &LabelVolume,
+) -> Result<Outlines, SimError> {
+    let grid = coarse.tree().grid();
+    let cells = grid.cells.into_iter().max().unwrap_or(1) as f64;
+    // Three levels halve the edges.
+    let wanted = 3.0 * (EDGES_FOR_THE_EYE / cells).log2().ceil().max(0.0);
+    let of_two_voxels = grid.embed_level().saturating_sub(3);
+    let level = (wanted as u8).min(of_two_voxels).max(coarse.max_level()).min(MAX_LEVEL);
+    // Without a blur of half an edge the surface has stairs.
+    let edge = grid.voxels_per_cell as f64 / f64::from(level / 3).exp2();
+    let outline = Outline { label: 1, sigma_voxels: (0.5 * edge).clamp(1.0, 16.0) };
+    cut(coarse, &solid(volume)?, level, &[outline])
 }
 
 /// The root cubes of a mesh on a lattice of `level`.

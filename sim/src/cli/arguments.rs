@@ -41,6 +41,8 @@ pub enum Command {
     Clean(CleanArguments),
     /// Lists the built-in scenes.
     Scenes,
+    /// Lists materials that scenes may name, with their sources.
+    Materials,
     /// Lists the graphics adapters (needs the feature `gpu`).
     Devices,
 }
@@ -70,7 +72,7 @@ pub const DEFAULT_SCENE: &str = "liver";
 
 #[derive(Debug, Args)]
 pub struct InitArguments {
-    /// A label map or a CT in Hounsfield units (NIfTI, NRRD, MetaImage).
+    /// A label map or a CT in Hounsfield units (NIfTI, NRRD, MetaImage, VTK or DICOM).
     pub image: PathBuf,
     /// The scene to write.
     #[arg(long, value_name = "FILE.toml", default_value = "scene.toml")]
@@ -143,7 +145,7 @@ pub struct HapticArguments {
 
 #[derive(Debug, Args)]
 pub struct MeshArguments {
-    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage, VTK or DICOM), or the word phantom for the procedural liver.
     pub image: String,
     /// Edge of the base cells in mm, rounded to a power of two times the voxel edge
     /// [default: an eighth of the body's longest side].
@@ -159,7 +161,7 @@ pub struct MeshArguments {
 
 #[derive(Debug, Args)]
 pub struct LabelsArguments {
-    /// A label map or, with --range, an image of intensities (NIfTI, NRRD, MetaImage).
+    /// A label map or, with --range, an image of intensities (NIfTI, NRRD, MetaImage, VTK or DICOM).
     pub image: PathBuf,
     /// The file to write [default: none, the labels are listed only].
     #[arg(long, value_name = "FILE.nii.gz")]
@@ -178,7 +180,7 @@ pub struct LabelsArguments {
 
 #[derive(Debug, Args)]
 pub struct SurfaceArguments {
-    /// A label map (NIfTI, NRRD, MetaImage), or the word phantom for the procedural liver.
+    /// A label map (NIfTI, NRRD, MetaImage, VTK or DICOM), or the word phantom for the procedural liver.
     pub image: String,
     /// A label to outline; repeatable [default: all].
     #[arg(long, value_name = "N", allow_hyphen_values = true)]

@@ -6,6 +6,7 @@ use yawara::report::{
     BodySummary, GoalReport, InverseSummary, MeshSummary, Momentum, PlanRow, StepSummary, Summary,
     SurfaceSummary,
 };
+use yawara::scene::LibraryMaterial;
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {
@@ -19,6 +20,23 @@ pub fn plan(rows: &[PlanRow]) -> String {
         // Writing to a String can't fail, here and below.
         let _ =
             writeln!(text, "{:stage$}  {:choice$}  {runs:4}  {}", row.stage, row.choice, row.why);
+    }
+    text
+}
+
+/// Materials, each with the line that names it in a scene, its numbers and where they are from.
+pub fn materials(all: &[LibraryMaterial]) -> String {
+    let mut text = String::from(
+        "# Moduli for small strains; bodies differ by a factor of two and more. Densities are those of \
+         ICRU\n# reports 44 and 46, of silicones by their makers.\n",
+    );
+    for one in all {
+        let LibraryMaterial { young_modulus_pa: pa, poisson_ratio: nu, density_kg_m3, .. } = one;
+        let _ = write!(
+            text,
+            "\nmaterial = \"{}\"\n  E {pa} Pa, Poisson ratio {nu}, {density_kg_m3} kg/m³\n  {}\n  {}\n",
+            one.name, one.measured, one.source
+        );
     }
     text
 }

@@ -20,6 +20,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
+use yawara::scene::library;
 use yawara::{SimError, Simulation, scene_file};
 
 use arguments::{
@@ -98,6 +99,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
             }
         }
         Command::Scenes => scenes(&mut out)?,
+        Command::Materials => out.print(&console::materials(library()))?,
         Command::Devices => devices(&mut out)?,
     }
     Ok(ExitCode::SUCCESS)

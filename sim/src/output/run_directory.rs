@@ -12,20 +12,23 @@ use crate::SimError;
 #[cfg(feature = "gmsh")]
 use crate::output::write_msh;
 use crate::output::{fields, steps_csv, write_file, write_json, write_vtu};
-use crate::report::{Fields, Frame, PlanRow, StepReport, Summary};
+use crate::report::{Fields, Frame, PlanRow, StepReport, Summary, SurfaceFrame};
 use crate::scene::Scene;
 
 const SCENE: &str = "scene.toml";
 const STEPS: &str = "steps.csv";
 const COLLECTION: &str = "frames.pvd";
+const OUTLINES: &str = "outline.pvd";
 const SUMMARY: &str = "summary.json";
 const FRAMES: &str = "frames";
 
 /// A run's output in the making: `scene.toml`, `steps.csv`, `frames.pvd`,
-/// `frames/step_000000.vtu`… and `summary.json`.
+/// `frames/step_000000.vtu`…, `outline.pvd` with `frames/step_000000_outline.vtp`… and
+/// `summary.json`.
 ///
 /// Until [`finish`](Self::finish) everything lies in a hidden directory aside; dropped before
-/// that, it removes all it made.
+/// that, it removes all it made. After each frame that directory is whole up to there: what a
+/// process leaves that is killed opens in ParaView.
 #[derive(Debug)]
 pub struct RunDirectory {
     target: PathBuf,
@@ -34,6 +37,7 @@ pub struct RunDirectory {
     has_header: bool,
     /// Times and files of the frames; files that no collection lists.
     frames: Vec<(f64, Vec<String>)>,
+    outlines: Vec<(f64, Vec<String>)>,
     others: Vec<String>,
     made: Made,
 }
@@ -60,8 +64,16 @@ impl RunDirectory {
         fs::create_dir(&path).map_err(at(&path))?;
         let path = aside.join(STEPS);
         let steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
-        let (frames, others) = (Vec::new(), Vec::new());
-        Ok(Self { target: target.into(), aside, steps, has_header: false, frames, others, made })
+        Ok(Self {
+            target: target.into(),
+            aside,
+            steps,
+            has_header: false,
+            frames: Vec::new(),
+            outlines: Vec::new(),
+            others: Vec::new(),
+            made,
+        })
     }
 
     /// Writes the scene with all defaults and overrides filled in, and the names of stages that are
@@ -92,8 +104,8 @@ impl RunDirectory {
         self.steps.write_all(header.as_bytes()).map_err(at(&self.target.join(STEPS)))
     }
 
-    /// Writes the frame after step number `step` (0 for the start): tetrahedra, one file per
-    /// surface, and lists them in `frames.pvd`.
+    /// Writes the frame after step number `step` (0 for the start): tetrahedra and one file per
+    /// surface, listed in `frames.pvd`, the body's outline, listed in `outline.pvd`.
     /// # Errors
     /// As [`write_vtu`]; [`SimError::Surface`] for a surface.
     pub fn write_frame(&mut self, frame: &Frame, step: usize) -> Result<(), SimError> {
@@ -101,16 +113,44 @@ impl RunDirectory {
         write_vtu(&self.aside.join(&files[0]), frame)?;
         for surface in &frame.surfaces {
             let file = format!("{FRAMES}/step_{step:06}_label_{}.vtp", surface.label);
-            let data = SurfaceData {
-                points_mm: &surface.points_mm,
-                triangles: &surface.triangles,
-                displacement_mm: Some(&surface.displacement_mm),
-                label: Some(&vec![surface.label; surface.points_mm.len()]),
-            };
-            write_vtp(&self.aside.join(&file), &data)?;
+            self.write_surface(
+                &file,
+                surface,
+                Some(&vec![surface.label; surface.points_mm.len()]),
+            )?;
             files.push(file);
         }
         self.frames.push((frame.time_s, files));
+        if let Some(outline) = &frame.outline {
+            let file = format!("{FRAMES}/step_{step:06}_outline.vtp");
+            self.write_surface(&file, outline, None)?;
+            self.outlines.push((frame.time_s, vec![file]));
+        }
+        self.write_lists()
+    }
+
+    fn write_surface(
+        &self,
+        file: &str,
+        surface: &SurfaceFrame,
+        label: Option<&[i64]>,
+    ) -> Result<(), SimError> {
+        let data = SurfaceData {
+            points_mm: &surface.points_mm,
+            triangles: &surface.triangles,
+            displacement_mm: Some(&surface.displacement_mm),
+            label,
+        };
+        Ok(write_vtp(&self.aside.join(file), &data)?)
+    }
+
+    /// Completes the table of steps and the lists of frames as far as they go.
+    fn write_lists(&mut self) -> Result<(), SimError> {
+        self.steps.flush().map_err(at(&self.aside.join(STEPS)))?;
+        write_file(&self.aside.join(COLLECTION), collection(&self.frames))?;
+        if !self.outlines.is_empty() {
+            write_file(&self.aside.join(OUTLINES), collection(&self.outlines))?;
+        }
         Ok(())
     }
 
@@ -147,9 +187,7 @@ impl RunDirectory {
     /// [`SimError::Io`]; [`SimError::NotEmpty`] if the directory came into being meanwhile.
     pub fn finish(mut self) -> Result<PathBuf, SimError> {
         self.write_header(&StepReport::default())?;
-        let path = self.aside.join(STEPS);
-        self.steps.flush().map_err(at(&path))?;
-        write_file(&self.aside.join(COLLECTION), collection(&self.frames))?;
+        self.write_lists()?;
         if self.aside.parent() == Some(&self.target) {
             self.move_files()?;
             fs::remove_dir(&self.aside).map_err(at(&self.aside))?;
@@ -165,7 +203,7 @@ impl RunDirectory {
     /// Replaces the files of an earlier run in an existing directory.
     fn move_files(&self) -> Result<(), SimError> {
         // Removed first: a mixture of two runs without a summary is not mistaken for a finished run.
-        for name in [SUMMARY, COLLECTION, STEPS, SCENE].into_iter().chain(fields::FILES) {
+        for name in [SUMMARY, COLLECTION, OUTLINES, STEPS, SCENE].into_iter().chain(fields::FILES) {
             remove_if_there(&self.target.join(name))?;
         }
         let frames = self.target.join(FRAMES);
@@ -186,9 +224,10 @@ impl RunDirectory {
             // Of an earlier run; it stays if foreign files lie in it.
             let _ = fs::remove_dir(&folder);
         }
-        let others = fields::FILES.into_iter().chain([STEPS, SCENE, COLLECTION, SUMMARY]);
+        let others = fields::FILES.into_iter().chain([STEPS, SCENE, COLLECTION, OUTLINES, SUMMARY]);
         let others = others.map(str::to_owned);
-        let frames = self.frames.iter().flat_map(|(_, files)| files).chain(&self.others);
+        let frames = self.frames.iter().chain(&self.outlines).flat_map(|(_, files)| files);
+        let frames = frames.chain(&self.others);
         for name in frames.cloned().chain(others) {
             let (from, to) = (self.aside.join(&name), self.target.join(&name));
             if from.exists() {
@@ -269,8 +308,8 @@ fn remove_if_there(path: &Path) -> Result<(), SimError> {
     }
 }
 
-/// True for `step_<digits>.vtu`, `.msh` and `step_<digits>_label_<number>.vtp`, the names that
-/// this module gives.
+/// True for `step_<digits>.vtu`, `.msh`, `step_<digits>_outline.vtp` and
+/// `step_<digits>_label_<number>.vtp`, the names that this module gives.
 fn is_frame(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let Some((stem, extension)) = name.rsplit_once('.') else { return false };
@@ -278,6 +317,7 @@ fn is_frame(path: &Path) -> bool {
     let is_number = |d: &str| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit());
     match (extension, rest.split_once("_label_")) {
         ("vtu" | "msh", None) => is_number(rest),
+        ("vtp", None) => rest.strip_suffix("_outline").is_some_and(is_number),
         ("vtp", Some((digits, label))) => is_number(digits) && label.parse::<i64>().is_ok(),
         _ => false,
     }
@@ -355,18 +395,23 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let target = root.path();
         fs::create_dir(target.join("frames")).unwrap();
-        let earlier = ["step_000099.vtu", "step_000099.msh", "step_000099_label_-7.vtp"];
+        let earlier = [
+            "step_000099.vtu",
+            "step_000099.msh",
+            "step_000099_label_-7.vtp",
+            "step_000099_outline.vtp",
+        ];
         for name in earlier.into_iter().chain(["step_a.vtu"]) {
             fs::write(target.join("frames").join(name), name).unwrap();
         }
-        for name in ["notes.txt", "summary.json"] {
+        for name in ["notes.txt", "summary.json", "outline.pvd"] {
             fs::write(target.join(name), name).unwrap();
         }
         let error = RunDirectory::create(target, false).unwrap_err();
         assert!(matches!(error, SimError::NotEmpty(_)), "{error}");
         // Given up: all is as it was.
         drop(RunDirectory::create(target, true).unwrap());
-        assert_eq!(names(target), ["frames", "notes.txt", "summary.json"]);
+        assert_eq!(names(target), ["frames", "notes.txt", "outline.pvd", "summary.json"]);
         let mut run = RunDirectory::create(target, true).unwrap();
         run.write_frame(&frame(0.0), 3).unwrap();
         run.finish().unwrap();

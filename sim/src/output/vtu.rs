@@ -104,6 +104,7 @@ mod tests {
             von_mises_pa: vec![0.0, 1e-300],
             indicator: vec![1e-9, 2.0],
             surfaces: Vec::new(),
+            outline: None,
         }
     }
 

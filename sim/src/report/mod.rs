@@ -31,4 +31,4 @@ pub use tool::{ToolReport, ToolSummary};
 pub(crate) use failure::Missed;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::{WARNING, milliseconds};
-pub(crate) use surfaces::Surfaces;
+pub(crate) use surfaces::{BodyOutline, Surfaces};

@@ -12,7 +12,7 @@ use super::records::{
     EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
     StepReport, StepSummary, Summary,
 };
-use super::surfaces::Surfaces;
+use super::surfaces::{BodyOutline, Surfaces};
 use super::tool::ToolSummary;
 use crate::body::{BodyState, BodySummary, ScannerAxes};
 use crate::error::SimError;
@@ -34,6 +34,7 @@ pub(crate) struct Recorder {
     /// The labels, if fields are to be written on their grid.
     pub volume: Option<Arc<LabelVolume>>,
     pub surfaces: Option<Surfaces>,
+    pub outline: Option<BodyOutline>,
     pub statistics: RunStatistics,
 }
 
@@ -50,6 +51,9 @@ impl Recorder {
         let mut frame = capture(state, &self.axes, indicator, time_s);
         if let (Some(surfaces), Some(forest)) = (&self.surfaces, forest) {
             frame.surfaces = surfaces.frames(forest, &state.positions, &self.axes)?;
+        }
+        if let (Some(outline), Some(forest)) = (&self.outline, forest) {
+            frame.outline = outline.frame(forest, &state.positions, &self.axes)?;
         }
         Ok(frame)
     }

@@ -158,6 +158,8 @@ pub struct Frame {
     pub indicator: Vec<f64>,
     /// Outlines of labels.
     pub surfaces: Vec<SurfaceFrame>,
+    /// That of all that is not void, if the scene has it.
+    pub outline: Option<SurfaceFrame>,
 }
 
 impl Frame {
@@ -185,6 +187,7 @@ impl Frame {
             von_mises_pa: picked(&self.von_mises_pa, &kept),
             indicator: picked(&self.indicator, &kept),
             surfaces: self.surfaces,
+            outline: self.outline,
         }
     }
 }
@@ -197,7 +200,7 @@ fn picked<T: Copy>(values: &[T], places: &[usize]) -> Vec<T> {
 /// The outline of a label at one moment, carried along by the mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceFrame {
-    /// The label as in the image.
+    /// The label as in the image; 0 of the outline of all that is not void.
     pub label: i64,
     /// Positions, scanner RAS, mm.
     pub points_mm: Vec<Vector3<f64>>,

@@ -1,6 +1,7 @@
 //! Embedded surfaces: the outlines of labels at voxel size, carried along by the coarse mesh.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use yawara_corot::rotation::polar_warm;
@@ -10,7 +11,7 @@ use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
 use yawara_mesh::volume::LabelVolume;
 
 use super::records::{SurfaceFrame, SurfaceSummary};
-use crate::body::{ImageBody, ScannerAxes, cut};
+use crate::body::{ImageBody, ScannerAxes, cut, cut_for_the_eye, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -47,7 +48,7 @@ impl Surfaces {
             outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
         }
         let Outlines { forest, placement, rest, surfaces } =
-            cut(scene, setup, &setup.volume, &outlines)?;
+            cut(&setup.forest, &setup.volume, surface_level(scene, setup), &outlines)?;
         let mut parts = Vec::new();
         for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
             if surface.triangles.is_empty() {
@@ -61,9 +62,13 @@ impl Surfaces {
             parts.push((one.label, surface));
         }
         let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
+        Ok(Some(Self::on(detail, rest, parts)))
+    }
+
+    fn on(detail: DetailMesh, rest: Vec<Vector3<f64>>, parts: Vec<(i64, IsoSurface)>) -> Self {
         let ends = parts.iter().flat_map(|(_, surface)| &surface.vertices).flat_map(|v| v.edge);
         let follower = RefCell::new(Follower::new(&detail, ends));
-        Ok(Some(Self { detail, follower, rest, parts }))
+        Self { detail, follower, rest, parts }
     }
 
     /// Every surface as the active mesh carries it, scanner RAS.
@@ -112,6 +117,41 @@ impl Surfaces {
                 })
             })
             .collect()
+    }
+}
+
+/// The outline of all that is not void, cut when the first frame is asked for.
+pub(crate) struct BodyOutline(RefCell<Stage>);
+
+enum Stage {
+    /// The labels that it is cut from.
+    Asked(Arc<LabelVolume>),
+    Cut(Box<Surfaces>),
+}
+
+impl BodyOutline {
+    pub fn new(labels: Arc<LabelVolume>) -> Self {
+        Self(RefCell::new(Stage::Asked(labels)))
+    }
+
+    /// The outline as the active mesh carries it, scanner RAS; its label is 0.
+    pub fn frame(
+        &self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+        axes: &ScannerAxes,
+    ) -> Result<Option<SurfaceFrame>, SimError> {
+        let mut stage = self.0.borrow_mut();
+        if let Stage::Asked(labels) = &*stage {
+            let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(forest, labels)?;
+            let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
+            // Beside void no material moves a vertex out of the middle of its edge.
+            *stage = Stage::Cut(Box::new(Surfaces::on(DetailMesh::new(forest), rest, parts)));
+        }
+        match &*stage {
+            Stage::Cut(surfaces) => Ok(surfaces.frames(forest, positions, axes)?.pop()),
+            Stage::Asked(_) => Ok(None),
+        }
     }
 }
 

@@ -70,7 +70,7 @@ pub struct Scene {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Image {
-    /// Label map or intensity image (NIfTI, NRRD, MetaImage); replaces the phantom.
+    /// Label map or intensity image (NIfTI, NRRD, MetaImage, VTK or DICOM); replaces the phantom.
     pub path: Option<PathBuf>,
     /// Procedural body.
     pub phantom: Option<Phantom>,
@@ -150,6 +150,10 @@ pub struct MaterialEntry {
     /// What it is, for people.
     #[serde(default)]
     pub name: String,
+    /// A material of the [library](super::library()), whose numbers stand for those that are absent;
+    /// a scene that is read from a file has them below.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// E > 0, Pa.
     pub young_modulus_pa: f64,
     /// −1 < ν < 0.5.
@@ -377,6 +381,9 @@ pub struct Output {
     /// Tetrahedra of a frame that are void for the most part, too.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub void: bool,
+    /// The smooth outline of all that is not void in every frame, as a file of its own.
+    #[serde(skip_serializing_if = "Clone::clone")]
+    pub outline: bool,
     /// Every frame as a Gmsh mesh (.msh) too.
     pub msh: bool,
     /// Fields on the image's grid at the end, as NIfTI.
@@ -454,6 +461,7 @@ impl Default for Output {
         Self {
             frames_every: 5,
             void: false,
+            outline: true,
             msh: false,
             field: false,
             surface_level: None,

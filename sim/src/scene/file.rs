@@ -8,6 +8,7 @@ use toml::Value;
 use toml::de::{DeTable, DeValue};
 
 use super::key_path::{KeyPath, Step};
+use super::library;
 use super::overrides::Override;
 use super::schema;
 use crate::SimError;
@@ -40,7 +41,8 @@ pub fn built_in() -> &'static [(&'static str, &'static str)] {
 ///
 /// Keys are dotted, with entries of lists by number from 0 (`materials.0.young_modulus_pa`, or
 /// `materials[0].young_modulus_pa`); the number after the last one appends. VALUE is a TOML
-/// value, or else a string. A relative `image.path` starts from the current directory.
+/// value, or else a string. A relative `image.path` starts from the current directory. Names of
+/// materials of the library get their numbers here.
 /// # Errors
 /// [`SimError::UnknownScene`], [`SimError::Io`], [`SimError::Syntax`];
 /// [`SimError::UnknownKey`], [`SimError::MissingKey`] or [`SimError::Value`] naming file and
@@ -56,6 +58,7 @@ pub fn load(scene: &str, overrides: &[String]) -> Result<(Scene, String), SimErr
         one.apply(&mut value)?;
     }
     let source = Source { name: &name, text: &text, lines: lines.get_ref(), overrides: &overrides };
+    library::fill_in(&mut value, &name, &overrides).map_err(|error| source.locate(error))?;
     schema::check(&value, &|path| source.place(path))?;
     let scene = Scene::deserialize(value).map_err(|error| syntax(&name, "", &error))?;
     scene.validate(&name).map_err(|error| source.locate(error))?;

@@ -3,12 +3,13 @@
 //! `description` is the file to open first: [`Scene`] and its tables, data only; `stage_names`,
 //! `region` and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
 //! `schema` refuses unknown and missing keys with the line they stand in, `checks` refuses values
-//! out of range.
+//! out of range. `library` has materials by name, with their sources.
 
 pub(crate) mod checks;
 mod description;
 pub mod file;
 mod key_path;
+mod library;
 mod overrides;
 mod region;
 mod schema;
@@ -20,6 +21,7 @@ pub use description::{
     MeshOptions, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry,
     Time, Void,
 };
+pub use library::{LibraryMaterial, library, library_material_of};
 pub use region::Region;
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{

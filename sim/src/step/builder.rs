@@ -21,7 +21,7 @@ use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
-use crate::report::{Recorder, RunStatistics, Surfaces};
+use crate::report::{BodyOutline, Recorder, RunStatistics, Surfaces};
 use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold};
 use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 
@@ -122,7 +122,7 @@ impl<'a> SimulationBuilder<'a> {
             homogenisation, element: own, forces, equilibrium, indicator, inverse, ..
         } = stages;
         let Start { places: Places { name, axes, organ, .. }, fixed, origin, .. } = start;
-        let (mut body_summary, mut volume, mut surfaces) = (None, None, None);
+        let (mut body_summary, mut volume, mut surfaces, mut outline) = (None, None, None, None);
         let (mut state, refiner) = match origin {
             Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
             Origin::Image(mut setup) => {
@@ -142,6 +142,8 @@ impl<'a> SimulationBuilder<'a> {
                 let label_values = labels.values().to_vec();
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
+                let has_outline = scene.output.outline && scene.output.frames_every > 0;
+                outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
                 let content = Content { forest, embedding, placement, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
                 if !is_asked && indicator.error_over_sum().is_none() {
@@ -185,7 +187,15 @@ impl<'a> SimulationBuilder<'a> {
             solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),
             body: SimulatedBody { state, inverse: link, refiner },
             goal,
-            recorder: Recorder { axes, plan, body: body_summary, volume, surfaces, statistics },
+            recorder: Recorder {
+                axes,
+                plan,
+                body: body_summary,
+                volume,
+                surfaces,
+                outline,
+                statistics,
+            },
             support: Vector3::zeros(),
         })
     }

@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 use yawara_mesh::isosurface::{Outline, Outlines};
-use yawara_mesh::volume::LabelVolume;
 
 use super::surface_points::SurfacePoints;
-use crate::body::{ImageBody, Origin, Start, Zone, cut};
+use crate::body::{ImageBody, Origin, Start, Zone, cut, solid, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -105,10 +104,9 @@ fn area([a, b, c]: &[Vector3<f64>; 3]) -> Vector3<f64> {
 
 /// The outline of all labels together.
 fn outline(scene: &Scene, setup: &ImageBody) -> Result<Triangles, SimError> {
-    let solid = setup.volume.labels().iter().map(|&label| u16::from(label > 0)).collect();
-    let volume = LabelVolume::new(setup.volume.grid().clone(), solid, vec![0, 1])?;
+    let (volume, level) = (solid(&setup.volume)?, surface_level(scene, setup));
     let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
-    let Outlines { rest, surfaces, .. } = cut(scene, setup, &volume, &asked)?;
+    let Outlines { rest, surfaces, .. } = cut(&setup.forest, &volume, level, &asked)?;
     Ok(Triangles {
         points: surfaces[0].positions(&rest)?,
         corners: surfaces[0].triangles.iter().map(|t| t.map(|i| i as usize)).collect(),

@@ -51,6 +51,7 @@ impl Sample {
         let volume =
             LabelVolume::from_original(Grid::centred(dims, 1e3 * VOXEL), labels.into_iter())?;
         let material = |&label: &i64| MaterialEntry {
+            material: None,
             label: Some(label),
             range: None,
             other: false,

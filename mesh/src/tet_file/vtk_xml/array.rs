@@ -1,4 +1,4 @@
-//! Data arrays of .vtu files: text, base64 or raw; plain or in zlib blocks.
+//! Data arrays of VTK XML files: text, base64 or raw; plain or in zlib blocks.
 
 use std::io::Read;
 
@@ -17,22 +17,23 @@ const BEST_RATIO: u64 = 1032;
 
 /// What the root element and the appended data say.
 #[derive(Default)]
-pub(super) struct Layout<'a> {
-    pub(super) big_endian: bool,
+pub(crate) struct Layout<'a> {
+    pub(crate) big_endian: bool,
     /// Bytes of the counts before binary data, 4 or 8.
-    pub(super) header: usize,
-    pub(super) compressor: String,
+    pub(crate) header: usize,
+    pub(crate) compressor: String,
     /// Whether appended data are base64.
-    pub(super) base64: bool,
+    pub(crate) base64: bool,
     /// What follows the underscore of the appended data.
-    pub(super) appended: &'a [u8],
+    pub(crate) appended: &'a [u8],
 }
 
 /// Attributes of an element, in any order.
-pub(super) struct Attributes(Vec<(String, String)>);
+#[derive(Default)]
+pub(crate) struct Attributes(Vec<(String, String)>);
 
 impl Attributes {
-    pub(super) fn read(place: &str, tag: &BytesStart) -> Result<Self, TetMeshError> {
+    pub(crate) fn read(place: &str, tag: &BytesStart) -> Result<Self, TetMeshError> {
         let wrong =
             |reason: String| TetMeshError::syntax(place, reason, "attributes as name=\"value\"");
         let mut list = Vec::new();
@@ -45,26 +46,26 @@ impl Attributes {
         Ok(Self(list))
     }
 
-    pub(super) fn get(&self, name: &str) -> Option<&str> {
+    pub(crate) fn get(&self, name: &str) -> Option<&str> {
         self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
     }
 
     /// An error about an attribute of the element at `place`.
-    pub(super) fn wrong(&self, place: &str, name: &str, want: &str) -> TetMeshError {
+    pub(crate) fn wrong(&self, place: &str, name: &str, want: &str) -> TetMeshError {
         let found = format!("{name} {:?}", self.get(name).unwrap_or("missing"));
         TetMeshError::syntax(place, found, want)
     }
 }
 
 /// An array that is not yet decoded.
-pub(super) struct Array {
-    pub(super) name: String,
-    /// `None` for strings and bits, which no mesh needs.
+pub(crate) struct Array {
+    pub(crate) name: String,
+    /// `None` for strings and bits, which nobody needs.
     kind: Option<VoxelType>,
-    pub(super) components: u64,
+    pub(crate) components: u64,
     format: Format,
     /// Content of the element, if it is not appended.
-    pub(super) text: Vec<u8>,
+    pub(crate) text: Vec<u8>,
 }
 
 enum Format {
@@ -74,7 +75,7 @@ enum Format {
 }
 
 impl Array {
-    pub(super) fn new(tag: &Attributes) -> Result<Self, TetMeshError> {
+    pub(crate) fn new(tag: &Attributes) -> Result<Self, TetMeshError> {
         let name = tag.get("Name").unwrap_or_default().to_string();
         let wrong = |what, want| tag.wrong(&format!("array {name:?}"), what, want);
         let kind = match tag.get("type") {
@@ -105,14 +106,14 @@ impl Array {
     }
 
     /// Exactly `count` real numbers.
-    pub(super) fn reals(&self, layout: &Layout, count: u64) -> Result<Vec<f64>, TetMeshError> {
+    pub(crate) fn reals(&self, layout: &Layout, count: u64) -> Result<Vec<f64>, TetMeshError> {
         Ok(each_voxel_type!(self.numbers(layout, count)?, numbers => {
             numbers.into_iter().map(|number| Sample::from(number).value()).collect()
         }))
     }
 
     /// Exactly `count` integers, which must be what `want` says.
-    pub(super) fn integers(
+    pub(crate) fn integers(
         &self,
         layout: &Layout,
         count: u64,
@@ -126,7 +127,7 @@ impl Array {
         })
     }
 
-    pub(super) fn wrong(&self, found: impl AsRef<str>, want: impl Into<String>) -> TetMeshError {
+    pub(crate) fn wrong(&self, found: impl AsRef<str>, want: impl Into<String>) -> TetMeshError {
         TetMeshError::syntax(self.place(), found, want)
     }
 
@@ -138,7 +139,8 @@ impl Array {
         TetMeshError::Claim { place: self.place(), what: "numbers", claimed, limit }
     }
 
-    fn numbers(&self, layout: &Layout, count: u64) -> Result<Voxels, TetMeshError> {
+    /// Exactly `count` numbers as they are stored; those written as text in the widest type.
+    pub(crate) fn numbers(&self, layout: &Layout, count: u64) -> Result<Voxels, TetMeshError> {
         let Some(kind) = self.kind else {
             let advice = "use Int8 to UInt64, Float32 or Float64";
             return Err(TetMeshError::unsupported(&self.place(), "its type", advice));
@@ -238,7 +240,7 @@ impl Source<'_> {
                 let announced = self.take(header)?;
                 let found = self.count(&announced);
                 if found != want {
-                    let want = format!("{want}, by the counts of the piece");
+                    let want = format!("{want}, by what the piece announces");
                     return Err(self.array.wrong(format!("{found} bytes"), want));
                 }
                 // Header and data are one base64 stream, or each its own: padding tells.
@@ -250,7 +252,7 @@ impl Source<'_> {
             }
             "vtkZLibDataCompressor" => self.blocks(want),
             other => {
-                let advice = "save the mesh uncompressed or with zlib";
+                let advice = "save it uncompressed or with zlib";
                 Err(TetMeshError::unsupported(&self.array.place(), other, advice))
             }
         }
@@ -300,7 +302,7 @@ impl Source<'_> {
         if data.len() == want {
             return Ok(data);
         }
-        let want = format!("{want} bytes, by the counts of the piece");
+        let want = format!("{want} bytes, by what the piece announces");
         Err(self.array.wrong(format!("{} bytes or more", data.len()), want))
     }
 }

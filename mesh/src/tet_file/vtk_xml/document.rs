@@ -1,4 +1,4 @@
-//! The elements of a .vtu file: pieces, their arrays, and the block of appended data.
+//! The elements of a VTK XML file: the grid, pieces, their arrays, and the block of appended data.
 
 use quick_xml::Reader;
 use quick_xml::events::Event;
@@ -6,21 +6,30 @@ use quick_xml::events::Event;
 use super::array::{Array, Attributes, Layout};
 use crate::tet_file::TetMeshError;
 
-/// A .vtu file, its arrays not yet decoded.
-pub(super) struct Document<'a> {
-    pub(super) layout: Layout<'a>,
-    pub(super) pieces: Vec<Piece>,
+/// A VTK XML file, its arrays not yet decoded.
+pub(crate) struct Document<'a> {
+    pub(crate) layout: Layout<'a>,
+    /// Attributes of the grid's element.
+    pub(crate) grid: Attributes,
+    pub(crate) pieces: Vec<Piece>,
 }
 
 /// A part of the grid.
-pub(super) struct Piece {
-    pub(super) points: u64,
-    pub(super) cells: u64,
+pub(crate) struct Piece {
+    pub(crate) attributes: Attributes,
     /// With the element that each stands in.
-    arrays: Vec<(String, Array)>,
+    pub(crate) arrays: Vec<(String, Array)>,
+    /// The active scalars of `PointData` and `CellData`: element and array.
+    pub(crate) scalars: Vec<(String, String)>,
 }
 
 impl Piece {
+    /// A count that its element has as an attribute.
+    pub(crate) fn count(&self, what: &str) -> Result<u64, TetMeshError> {
+        let number = self.attributes.get(what).and_then(|n| n.trim().parse().ok());
+        number.ok_or_else(|| self.attributes.wrong("Piece", what, "a count"))
+    }
+
     fn find(&self, parent: &str, name: &str) -> Option<&Array> {
         let mut arrays = self.arrays.iter();
         let is_named = |array: &Array| array.name.eq_ignore_ascii_case(name);
@@ -28,29 +37,30 @@ impl Piece {
     }
 
     /// The coordinates, whatever their name.
-    pub(super) fn points(&self) -> Result<&Array, TetMeshError> {
+    pub(crate) fn points(&self) -> Result<&Array, TetMeshError> {
         let points = self.arrays.iter().find(|(parent, _)| parent == "Points");
         let missing = || TetMeshError::syntax("Piece", "no Points", "an array of points");
         points.map(|(_, array)| array).ok_or_else(missing)
     }
 
-    pub(super) fn topology(&self, name: &str) -> Result<&Array, TetMeshError> {
+    pub(crate) fn topology(&self, name: &str) -> Result<&Array, TetMeshError> {
         self.find("Cells", name).ok_or_else(|| {
             let found = format!("no array {name:?}");
             TetMeshError::syntax("Cells", found, "types, offsets, connectivity")
         })
     }
 
-    pub(super) fn cell_array(&self, name: &str) -> Option<&Array> {
+    pub(crate) fn cell_array(&self, name: &str) -> Option<&Array> {
         self.find("CellData", name)
     }
 }
 
 impl<'a> Document<'a> {
-    pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, TetMeshError> {
+    /// Reads a file whose grid is of this type, e.g. `ImageData`.
+    pub(crate) fn parse(bytes: &'a [u8], grid: &'static str) -> Result<Self, TetMeshError> {
         const END: &str = "the end of the file";
         let layout = Layout { header: 4, base64: true, ..Layout::default() };
-        let mut document = Self { layout, pieces: Vec::new() };
+        let mut document = Self { layout, grid: Attributes::default(), pieces: Vec::new() };
         // Raw appended data are no XML: what comes before is read on its own.
         let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
         if let Some(length) = find(&bytes[cut..], b"</AppendedData>") {
@@ -58,7 +68,7 @@ impl<'a> Document<'a> {
         } else if cut < bytes.len() {
             return Err(TetMeshError::syntax("AppendedData", END, "</AppendedData>"));
         }
-        let closed = document.elements(&bytes[..cut])?;
+        let closed = document.elements(&bytes[..cut], grid)?;
         if !closed && cut == bytes.len() {
             return Err(TetMeshError::syntax(format!("byte {cut}"), END, "</VTKFile>"));
         }
@@ -83,7 +93,7 @@ impl<'a> Document<'a> {
     }
 
     /// Collects pieces and arrays; true if the root element is closed.
-    fn elements(&mut self, xml: &[u8]) -> Result<bool, TetMeshError> {
+    fn elements(&mut self, xml: &[u8], grid: &'static str) -> Result<bool, TetMeshError> {
         // Bytes that are no text may stand in comments.
         let xml = String::from_utf8_lossy(xml);
         let mut reader = Reader::from_str(&xml);
@@ -95,7 +105,7 @@ impl<'a> Document<'a> {
             match event.map_err(|e| TetMeshError::syntax(&place, e.to_string(), "XML"))? {
                 Event::Start(tag) => {
                     let name = tag.name().as_ref().to_string();
-                    self.start(&open, &name, &Attributes::read(&place, &tag)?)?;
+                    self.start(&open, &name, Attributes::read(&place, &tag)?, grid)?;
                     open.push(name);
                 }
                 Event::Text(text) if open.last().is_some_and(|name| name == "DataArray") => {
@@ -116,12 +126,18 @@ impl<'a> Document<'a> {
         }
     }
 
-    fn start(&mut self, open: &[String], name: &str, tag: &Attributes) -> Result<(), TetMeshError> {
+    fn start(
+        &mut self,
+        open: &[String],
+        name: &str,
+        tag: Attributes,
+        grid: &'static str,
+    ) -> Result<(), TetMeshError> {
         let wrong = |what, want| tag.wrong(name, what, want);
         match (open.last().map(String::as_str), name) {
             (None, "VTKFile") => {
-                if tag.get("type") != Some("UnstructuredGrid") {
-                    return Err(wrong("type", "UnstructuredGrid"));
+                if tag.get("type") != Some(grid) {
+                    return Err(wrong("type", grid));
                 }
                 let big_endian = match tag.get("byte_order") {
                     None | Some("LittleEndian") => false,
@@ -139,16 +155,18 @@ impl<'a> Document<'a> {
             (None, _) => {
                 return Err(TetMeshError::syntax("start", format!("<{name}>"), "<VTKFile>"));
             }
-            (Some("UnstructuredGrid"), "Piece") => {
-                let count = |what| {
-                    let number = tag.get(what).and_then(|n| n.trim().parse().ok());
-                    number.ok_or_else(|| wrong(what, "a count"))
-                };
-                let (points, cells) = (count("NumberOfPoints")?, count("NumberOfCells")?);
-                self.pieces.push(Piece { points, cells, arrays: Vec::new() });
+            (Some("VTKFile"), name) if name == grid => self.grid = tag,
+            (Some(parent), "Piece") if parent == grid => {
+                let (arrays, scalars) = (Vec::new(), Vec::new());
+                self.pieces.push(Piece { attributes: tag, arrays, scalars });
+            }
+            (Some("Piece"), "PointData" | "CellData") => {
+                if let (Some(piece), Some(scalars)) = (self.pieces.last_mut(), tag.get("Scalars")) {
+                    piece.scalars.push((name.into(), scalars.into()));
+                }
             }
             (Some(parent), "DataArray" | "Array") => {
-                let array = Array::new(tag)?;
+                let array = Array::new(&tag)?;
                 if let Some(piece) = self.pieces.last_mut() {
                     piece.arrays.push((parent.to_string(), array));
                 }

@@ -1,9 +1,10 @@
-//! VTK XML files: unstructured grids (.vtu) read and written, PolyData (.vtp) written.
+//! VTK XML files: unstructured grids (.vtu) read and written, PolyData (.vtp) written, the elements
+//! of image data (.vti) found and decoded.
 //!
-//! Open `writer` for writing: one writer for all files, arrays in base64 or appended raw. Open
-//! `reader` for reading (feature `vtu`): `document` finds the elements, `array` decodes their
-//! numbers (text, base64 or appended, plain or compressed with zlib). `plain` writes a plain mesh
-//! with fields.
+//! Open `writer` for writing: one writer for all files, arrays in base64 or appended raw. For
+//! reading, `document` finds the elements and `array` decodes their numbers (text, base64 or
+//! appended, plain or compressed with zlib); `reader` makes tetrahedra of them, [`crate::image`]
+//! images (all behind the feature `vtu`). `plain` writes a plain mesh with fields.
 //!
 //! A reader of our own, since `vtkio` 0.6 takes no `Int64` cell types and a default header of
 //! eight bytes (so that it refuses what meshio writes), leaves out arrays it can't decode without
@@ -19,6 +20,10 @@ mod plain;
 mod reader;
 mod writer;
 
+#[cfg(feature = "vtu")]
+pub(crate) use array::{Array, Attributes};
+#[cfg(feature = "vtu")]
+pub(crate) use document::{Document, Piece};
 #[cfg(feature = "vtu")]
 pub use plain::{MeshField, write_vtu_plain};
 #[cfg(feature = "vtu")]

@@ -55,7 +55,7 @@ const CURVED: [(i64, &str); 4] = [
 /// VTK file formats, <https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html>.
 pub fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
     file::load(path, unit_m, |bytes| {
-        let Document { layout, pieces } = Document::parse(bytes)?;
+        let Document { layout, pieces, .. } = Document::parse(bytes, "UnstructuredGrid")?;
         let mut content = Content::default();
         for piece in &pieces {
             add(&mut content, &layout, piece)?;
@@ -66,22 +66,23 @@ pub fn read_vtu(path: &Path, unit_m: f64) -> Result<LoadedMesh, TetMeshError> {
 
 fn add(content: &mut Content, layout: &Layout, piece: &Piece) -> Result<(), TetMeshError> {
     let first = content.points.len();
+    let (points, cells) = (piece.count("NumberOfPoints")?, piece.count("NumberOfCells")?);
     let array = piece.points()?;
     if array.components != 3 {
         return Err(array.wrong(format!("{} components", array.components), "3 per point"));
     }
-    let points = array.reals(layout, piece.points.saturating_mul(3))?;
+    let points = array.reals(layout, points.saturating_mul(3))?;
     if let Some(value) = points.iter().find(|c| !c.is_finite()) {
         return Err(array.wrong(value.to_string(), "finite coordinates"));
     }
     content.points.extend(points.chunks_exact(3).map(Vector3::from_column_slice));
     let integers =
         |name, count| piece.topology(name)?.integers(layout, count, "integers of 64 bits");
-    let types = integers("types", piece.cells)?;
-    let offsets = integers("offsets", piece.cells)?;
+    let types = integers("types", cells)?;
+    let offsets = integers("offsets", cells)?;
     let corners = u64::try_from(offsets.last().copied().unwrap_or(0)).unwrap_or(u64::MAX);
     let connectivity = integers("connectivity", corners)?;
-    let tags = material_tags(layout, piece)?;
+    let tags = material_tags(layout, piece, cells)?;
     let mut start = 0;
     for (cell, (&kind, &end)) in types.iter().zip(&offsets).enumerate() {
         let range = usize::try_from(start).ok().zip(usize::try_from(end).ok());
@@ -105,7 +106,11 @@ fn add(content: &mut Content, layout: &Layout, piece: &Piece) -> Result<(), TetM
     Ok(())
 }
 
-fn material_tags(layout: &Layout, piece: &Piece) -> Result<Option<Vec<i64>>, TetMeshError> {
+fn material_tags(
+    layout: &Layout,
+    piece: &Piece,
+    cells: u64,
+) -> Result<Option<Vec<i64>>, TetMeshError> {
     let Some(array) = TAG_ARRAYS.iter().find_map(|name| piece.cell_array(name)) else {
         return Ok(None);
     };
@@ -113,7 +118,7 @@ fn material_tags(layout: &Layout, piece: &Piece) -> Result<Option<Vec<i64>>, Tet
         let found = format!("{} components", array.components);
         return Err(array.wrong(found, "1, a material tag per cell"));
     }
-    array.integers(layout, piece.cells, "integers, a material tag per cell").map(Some)
+    array.integers(layout, cells, "integers, a material tag per cell").map(Some)
 }
 
 /// Corners of a cell, counted over all pieces.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use toml::Value;
-use yawara::scene::MaterialEntry;
+use yawara::scene::{LibraryMaterial, MaterialEntry, library_material_of};
 use yawara_mesh::volume::LabelVolume;
 
 use super::places::Places;
@@ -107,37 +107,45 @@ impl Proposal<'_> {
 
     fn materials(&self) -> String {
         let mut text = String::from(
-            "\n# Young's moduli are typical of the kind of tissue, no more: put in what you know.\n",
+            "\n# Young's moduli are typical of the kind of tissue, no more: put in what you know, or a \
+             material\n# that `yawara materials` lists with its source.\n",
         );
-        let mut entry = |head: &str, name: &str, pa: f64, nu: f64, density: f64| {
-            // Writing to a String can't fail.
-            let _ = write!(
-                text,
-                "[[materials]]\n{head}\nname = {}\nyoung_modulus_pa = {pa:?}\n\
-                 poisson_ratio = {nu:?}\ndensity_kg_m3 = {density:?}\n\n",
-                quoted(name)
-            );
+        let numbers = |pa: f64, nu: f64, density: f64| {
+            format!(
+                "young_modulus_pa = {pa:?}\npoisson_ratio = {nu:?}\ndensity_kg_m3 = {density:?}\n"
+            )
+        };
+        // Writing to a String can't fail.
+        let mut entry = |head: &str, name: &str, what: String| {
+            let _ = write!(text, "[[materials]]\n{head}\nname = {}\n{what}\n", quoted(name));
         };
         let names = match &self.content {
             Content::Intensities { materials, .. } => {
                 for one in materials {
                     let head = format!("range = {:?}", one.range.unwrap_or_default());
-                    let (pa, nu) = (one.young_modulus_pa, one.poisson_ratio);
-                    entry(&head, &one.name, pa, nu, one.density_kg_m3);
+                    let MaterialEntry { young_modulus_pa, poisson_ratio, density_kg_m3, .. } = *one;
+                    entry(
+                        &head,
+                        &one.name,
+                        numbers(young_modulus_pa, poisson_ratio, density_kg_m3),
+                    );
                 }
                 return text;
             }
             Content::Labels { names, .. } => names,
         };
+        let soft = || numbers(SOFT_PA, 0.45, 1050.0);
+        let by_name = |one: &LibraryMaterial| format!("material = {}\n", quoted(one.name));
         let labels = self.labels();
         for (label, voxels) in labels.iter().take(MOST_ENTRIES) {
             let head = format!("label = {label} # {voxels} voxels");
             let name = names.get(label).cloned().unwrap_or_else(|| format!("label {label}"));
-            entry(&head, &name, SOFT_PA, 0.45, 1050.0);
+            let known = library_material_of(&name);
+            entry(&head, &name, known.map_or_else(soft, by_name));
         }
         if labels.len() > MOST_ENTRIES {
             let head = format!("other = true # {} smaller labels", labels.len() - MOST_ENTRIES);
-            entry(&head, "all others", SOFT_PA, 0.45, 1050.0);
+            entry(&head, "all others", soft());
         }
         text
     }
