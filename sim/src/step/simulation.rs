@@ -11,6 +11,7 @@ use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
 use super::indicator::{Dual, Sight};
+use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -34,6 +35,7 @@ pub struct Simulation {
     /// The figure that the scene is about, if it names one.
     pub(super) goal: Option<Figure>,
     pub(super) recorder: Recorder,
+    pub(super) ledger: Ledger,
     /// Force of the fixed vertices on the body at the last equilibrium, solver axes, N.
     pub(super) support: Vector3<f64>,
 }
@@ -87,6 +89,7 @@ impl Simulation {
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
         let Self { body, tools, contact, solver, .. } = self;
+        self.ledger.begin(solver, &body.state, tools);
         solver.let_go(span, &mut body.state, &mut body.inverse, tools)?;
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let budget = &self.scene.budget;
@@ -96,6 +99,8 @@ impl Simulation {
         let felt = self.felt();
         let (support, mut reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
+        let Self { body, tools, contact, solver, recorder, ledger, .. } = self;
+        ledger.end(solver, &body.state, contact, tools, recorder.axes, &mut reports);
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
         let remeshed = match outcome.report.converged {
@@ -132,7 +137,7 @@ impl Simulation {
         felt: &mut [ToolReport],
         report: &mut StepReport,
     ) -> Result<Remeshed, SimError> {
-        let Self { body, tools, contact, solver, goal, scene, recorder, .. } = self;
+        let Self { body, tools, contact, solver, goal, scene, recorder, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let Some(refiner) = refiner else { return Ok(Remeshed::default()) };
         let refines = scene.mesh.refines() && step.is_multiple_of(scene.refinement.every_steps);
@@ -157,8 +162,10 @@ impl Simulation {
         let duals = &duals[..];
         let mut remeshed = Remeshed::default();
         if refines {
-            let loads = &loads;
-            let mut round = Round { state, inverse, tools, step, deadline, loads, duals };
+            ledger.look(solver, state, tools);
+            let (loads, turns, done) = (&loads, solver.turns(), Remeshed::default());
+            let mut round =
+                Round { state, inverse, tools, step, deadline, loads, duals, turns, done };
             remeshed = refiner.remesh(&mut round, &mut report.times)?;
         } else {
             refiner.measure(&Sight { body: state, loads: &loads, duals }, &mut report.times);
@@ -183,6 +190,7 @@ impl Simulation {
             inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
             tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
         }
+        ledger.remeshed(&remeshed, solver, state, contact, tools);
         Ok(remeshed)
     }
 
@@ -275,6 +283,7 @@ impl Simulation {
         let forest = refiner.as_ref().map(|refiner| &refiner.content.forest);
         let mut summary = self.recorder.summary(&self.scene, state, forest, inverse)?;
         summary.motion = self.momentum();
+        summary.energy = (!self.solver.is_dynamic()).then(|| self.ledger.summary(state));
         Ok(summary)
     }
 
