@@ -95,12 +95,12 @@ fn a_hand_that_dives_unfelt_and_is_pushed_out_gains_nothing() {
     let (stiffness, is_unilateral) = (Matrix3::zeros(), true);
     let mut met = ForceModel { position: start, force: Vector3::zeros(), stiffness, is_unilateral };
     let (mut kept, mut free) = (Hand::new(start, true), Hand::new(start, false));
-    let (mut at, mut tool, draws) = (start, start, Draws::default());
+    let (mut at, draws) = (start, Draws::default());
     let (mut splits, mut merges, mut converged) = (0, 0, 0);
     for tick in 1..=TICKS {
         let to = next_place(at, &met, &draws);
         free.tick(at, to, &met);
-        tool = kept.tick(at, to, &met);
+        let tool = kept.tick(at, to, &met);
         at = to;
         if tick % TICKS_A_STEP == 0 {
             let pose = Pose { move_m: tool.into(), turn_deg: 0.0 };
