@@ -7,7 +7,7 @@ use nalgebra::{DVector, Isometry3, Matrix3, Matrix4, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara::{Elements, InverseFactory, InverseLink};
-use yawara_corot::{Body, Element, Grip, WeightedPoint};
+use yawara_corot::{Body, Element, Grip, Loads, WeightedPoint};
 use yawara_embed::{Embedding, LinearTet, formulation_by_name};
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, RingTet, Tet, VertexId};
 use yawara_tests::organ::{Organ, organs};
@@ -182,6 +182,26 @@ impl Gripped {
         self.body.grip_matrix(e.tet).unwrap_or_else(Matrix4::zeros)
     }
 
+    /// What a force and a torque do as the material moves is what they do on its mean and its turn.
+    fn placement_is_dual_to_shares(&self) {
+        let [_, mean, _] = self.body.grips() else { panic!("three grips") };
+        let (force, torque) = (Vector3::new(0.3, -1.2, 0.7), Vector3::new(0.02, 0.05, -0.04));
+        let mut loads = Loads::default();
+        mean.add_shares(&force, &torque, &mut loads);
+        let move_of = |x: &Vector3<f64>| 1e-2 * x.zxy() + 0.3 * x.component_mul(x);
+        let moved: Vec<_> = self.positions.iter().map(|x| x + move_of(x)).collect();
+        let pairs = loads.vertices().iter().zip(&self.positions);
+        let work: f64 = pairs.map(|(f, x)| f.dot(&move_of(x))).sum();
+        let [before, after] = [&self.positions, &moved].map(|x| mean.placement(x));
+        let mut want = force.dot(&(after.0 - before.0));
+        if mean.can_turn() {
+            want += torque.dot(&(after.1 - before.1));
+        }
+        // The inertia's condition of up to 10⁸ (else it can't turn), rounded, over moves of 2 cm.
+        let size: f64 = loads.vertices().iter().map(|f| f.norm()).sum();
+        assert!((work - want).abs() < 1e-7 * size * 2e-2, "{work} {want}");
+    }
+
     /// Σ over all elements of what their springs weigh: no point is lost or counted twice.
     fn total(&self) -> f64 {
         self.body.elements().iter().map(|e| self.springs(e).sum()).sum()
@@ -231,6 +251,7 @@ proptest! {
             if *split { gripped.split(pick) } else { gripped.merge(pick) }
         }
         prop_assert!((gripped.total() - 2.0 * total).abs() <= 1e-11 * total);
+        gripped.placement_is_dual_to_shares();
         // The body hangs on nothing but the pads.
         let error = gripped.error();
         prop_assert!(error < 1e-6, "{error:e}");

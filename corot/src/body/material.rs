@@ -9,6 +9,7 @@ use yawara_mesh::TetId;
 use super::storage::Body;
 use crate::element::Element;
 use crate::element::pressures::PressureTangent;
+use crate::element::rotation::polar_warm;
 use crate::field::Field;
 use crate::law::states::{Question, States};
 use crate::law::{ConstitutiveLaw, LawHalf};
@@ -91,12 +92,12 @@ impl Body {
     /// # Panics
     /// If `number` is not below the number of [`elements`](Self::elements).
     pub fn stress(&self, number: usize, positions: &Field) -> Strain {
-        self.stress_of(number, &self.elements()[number].corotated_strain(positions))
+        let element = &self.elements()[number];
+        self.stress_under(number, element, &element.corotated_strain(positions))
     }
 
-    /// The same of an element with this strain in its frame.
-    fn stress_of(&self, number: usize, strain: &Strain) -> Strain {
-        let element = &self.elements()[number];
+    /// The same of an element with any rotation, under `strain`.
+    fn stress_under(&self, number: usize, element: &Element, strain: &Strain) -> Strain {
         let elastic = match &self.pressures {
             None => element.elasticity * strain,
             Some(pressures) => pressures.stress(number, element.vertices, strain),
@@ -107,15 +108,34 @@ impl Body {
     /// What the elements store at `positions` (m, by vertex number) with their rotations, ½ V σ : ε where their law says
     /// nothing else, and elastic grips, J. Cost: O(elements).
     pub fn energy(&self, positions: &Field) -> f64 {
-        let pressures = self.pressures.as_ref();
-        let elements = self.elements().iter().enumerate().map(|(number, element)| {
-            let strain = element.corotated_strain(positions);
-            let density = self.states.energy(&Question { number, element, strain, pressures });
-            let volume = element.geometry.volume;
-            volume * density.unwrap_or_else(|| 0.5 * self.stress_of(number, &strain).dot(&strain))
-        });
+        let elements = self.elements().iter().enumerate();
+        let stored = elements.map(|(number, element)| self.stored(number, element, positions));
         let held = self.grips().iter().map(|grip| grip.energy(positions));
-        elements.chain(held).sum()
+        stored.chain(held).sum()
+    }
+
+    /// What the element of a leaf tetrahedron stores at `positions` (m, by vertex number), and elastic
+    /// grips in it, J: its share of [`energy`](Self::energy) with the rotation that it gets there, or the one
+    /// that it has unless it [`turns`](crate::InternalForces::turns). 0 if there is no such element.
+    /// Cost: O(1), and O(log elements) for each grip.
+    pub fn energy_of(&self, tet: TetId, positions: &Field, turns: bool) -> f64 {
+        let Some(number) = self.number(tet) else { return 0.0 };
+        let mut element = self.elements()[number];
+        if turns {
+            let gradient = element.deformation_gradient(positions);
+            element.rotation = polar_warm(&gradient, &element.rotation);
+        }
+        let held = self.grips().iter().map(|grip| grip.energy_of(tet, positions));
+        self.stored(number, &element, positions) + held.sum::<f64>()
+    }
+
+    /// What an element stores with its rotation, J.
+    fn stored(&self, number: usize, element: &Element, positions: &Field) -> f64 {
+        let strain = element.corotated_strain(positions);
+        let pressures = self.pressures.as_ref();
+        let density = self.states.energy(&Question { number, element, strain, pressures });
+        let half = || 0.5 * self.stress_under(number, element, &strain).dot(&strain);
+        element.geometry.volume * density.unwrap_or_else(half)
     }
 
     /// By how much D ε and the pressures' part of the [stress](Self::stress) of an element change where the

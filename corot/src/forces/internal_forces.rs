@@ -63,6 +63,12 @@ pub trait InternalForces: Send + Sync {
         false
     }
 
+    /// Whether each element's rotation is the one nearest to its deformation gradient, wherever the body
+    /// is, as [`Body::energy_of`] has to know.
+    fn turns(&self) -> bool {
+        true
+    }
+
     /// A bound on the entries of ∂f_int/∂x, N/m: what rounding of positions does to forces goes
     /// with it.
     fn stiffness_scale(&self, body: &Body) -> f64 {

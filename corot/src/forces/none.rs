@@ -25,6 +25,10 @@ impl InternalForces for NoCorotation {
         true
     }
 
+    fn turns(&self) -> bool {
+        false
+    }
+
     fn tangent(&self) -> Option<TangentOf<'_>> {
         Some(Box::new(|body, number, positions| {
             let (_, modulus) = body.response(number, positions);

@@ -235,12 +235,21 @@ impl Grip {
 
     /// ½ Σ κ w |x_f − y_f|² of an elastic grip, J.
     pub fn energy(&self, positions: &[Vector3<f64>]) -> f64 {
-        let squares = self.shares.values().map(|share| {
-            let off = self.offsets(share, positions);
-            let product = |(a, b): (usize, usize)| share.second[(a, b)] * off[a].dot(&off[b]);
-            (0..16).map(|i| product((i / 4, i % 4))).sum::<f64>()
-        });
+        let squares = self.shares.values().map(|share| self.squares(share, positions));
         0.5 * self.stiffness.unwrap_or(0.0) * squares.sum::<f64>()
+    }
+
+    /// The same of its points in one element, J.
+    pub(crate) fn energy_of(&self, tet: TetId, positions: &[Vector3<f64>]) -> f64 {
+        let squares = self.shares.get(&tet).map_or(0.0, |share| self.squares(share, positions));
+        0.5 * self.stiffness.unwrap_or(0.0) * squares
+    }
+
+    /// Σ w |x_f − y_f|² of the points in an element.
+    fn squares(&self, share: &Share, positions: &[Vector3<f64>]) -> f64 {
+        let off = self.offsets(share, positions);
+        let product = |(a, b): (usize, usize)| share.second[(a, b)] * off[a].dot(&off[b]);
+        (0..16).map(|i| product((i / 4, i % 4))).sum()
     }
 
     /// Adds to `loads` what an elastic grip does to the body.
@@ -315,6 +324,20 @@ impl Grip {
     /// The weighted mean of the points at `positions` (by vertex number, m), m.
     pub fn mean(&self, positions: &[Vector3<f64>]) -> Vector3<f64> {
         self.mean_weights().into_iter().map(|(v, weight)| weight * positions[v]).sum()
+    }
+
+    /// Where the points are as a whole at `positions` (by vertex number, m): their weighted mean, m, and the
+    /// turn J⁻¹ Σ w (R r) × x / Σ w, rad, J their inertia at their pose and r their arms at rest. Of small
+    /// moves the latter's change is the turn on which a torque does work; zero where they can't feel one.
+    pub fn placement(&self, positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
+        let turn = self.pose.rotation;
+        let (mut mean, mut sum) = (Vector3::zeros(), Vector3::zeros());
+        for (v, (first, arm)) in self.moments() {
+            mean += first * positions[v];
+            sum += (turn * arm).cross(&positions[v]);
+        }
+        let inverse = self.gyration.and_then(|_| self.inertia.try_inverse()).unwrap_or_default();
+        (mean, turn * (inverse * (turn.inverse() * sum)))
     }
 
     /// By vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the

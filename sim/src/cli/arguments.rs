@@ -135,6 +135,9 @@ pub struct HapticArguments {
     /// Damping of the coupling, N s/m.
     #[arg(long, value_name = "F", default_value_t = 0.1)]
     pub damping_n_s_m: f64,
+    /// Gives the hand back energy that it has not put in, where the body has it: only observes.
+    #[arg(long)]
+    pub no_passivity: bool,
     /// Also writes the printed numbers as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub out: Option<PathBuf>,

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use yawara::report::{
-    BodySummary, GoalReport, InverseSummary, MeshSummary, Momentum, PlanRow, StepSummary, Summary,
-    SurfaceSummary,
+    BodySummary, EnergyChange, EnergySummary, GoalReport, InverseSummary, MeshSummary, Momentum,
+    PlanRow, StepSummary, Summary, SurfaceSummary,
 };
 use yawara::scene::LibraryMaterial;
 
@@ -75,6 +75,9 @@ pub fn summary(summary: &Summary) -> String {
     line("steps", format!("{solved}, largest relative residual {residual_max:.2e}; {each}"));
     line("inverse", inverse_words(inverse));
     line("force", format!("at most {:.4} N, {:.4} N at the end", force.max_n, force.end_n));
+    if let Some(energy) = &summary.energy {
+        line("energy", energy_words(energy));
+    }
     for (number, tool) in summary.tools.iter().enumerate() {
         if let Some(error) = tool.force_max_error_n {
             let size =
@@ -118,6 +121,25 @@ pub fn summary(summary: &Summary) -> String {
         }
     }
     text
+}
+
+/// Changes of the mesh are left out where there were none.
+fn energy_words(energy: &EnergySummary) -> String {
+    let EnergySummary { tools_work_j, weight_work_j, stored_j, .. } = energy;
+    let mut words = format!("tools did {tools_work_j:.3e} J of work");
+    if *weight_work_j != 0.0 {
+        words += &format!(", weight {weight_work_j:.3e} J");
+    }
+    words += &format!("; {stored_j:.3e} J stored at the end, {:.1e} J released", energy.released_j);
+    for (change, what) in [(energy.splits, "splits"), (energy.merges, "merges")] {
+        if change != EnergyChange::default() {
+            words += &format!(
+                "; {what} added {:.1e} J, took {:.1e} J",
+                change.added_j, change.removed_j
+            );
+        }
+    }
+    words
 }
 
 /// Safeguards that did not take effect are left out, but for fresh starts.

@@ -23,6 +23,7 @@ pub fn run(arguments: &HapticArguments, out: &mut Printer) -> Result<(), SimErro
             stiffness_n_m: arguments.stiffness_n_m,
             damping_n_s_m: arguments.damping_n_s_m,
         },
+        passivity: !arguments.no_passivity,
         ..HapticOptions::default()
     };
     let length = scene.time.steps as f64 * scene.time.step_s;
@@ -44,6 +45,7 @@ fn text(summary: &HapticSummary) -> String {
          block     {:.2} ms old (99 %: {:.2}, most {:.2}); extrapolation off by {:.4} N (99 %: {:.4})\n\
          steps     {} of {} converged, {:.0} a second (99 %: {:.0}), at most {} vertices\n\
          force     at most {:.4} N on the device\n\
+         energy    never below {:.2e} J of the hand; the device braked in {} ticks\n\
          coupling  stable for a device of more than {:.3} N s/m of its own damping: {}\n",
         summary.ticks,
         summary.seconds,
@@ -63,6 +65,8 @@ fn text(summary: &HapticSummary) -> String {
         rate.p99,
         summary.vertices_max,
         summary.force_max_n,
+        summary.passivity.least_energy_j,
+        summary.passivity.controlled_ticks,
         summary.damping_limit_n_s_m,
         if summary.is_passive { "yes" } else { "NO" },
     )

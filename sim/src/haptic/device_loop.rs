@@ -11,8 +11,10 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
+use super::coupled_device::CoupledDevice;
 use super::coupling::ForceModel;
 use super::options::{Device, HapticOptions};
+use super::passivity::PassivitySummary;
 
 /// What the solver tells the device's loop.
 #[derive(Clone, Copy)]
@@ -44,6 +46,7 @@ pub(super) struct Ticks {
     pub late: usize,
     pub missed: usize,
     pub force_max: f64,
+    pub passivity: PassivitySummary,
     pub is_realtime: bool,
 }
 
@@ -66,8 +69,7 @@ pub(super) fn tick(
     for series in [&mut ticks.lateness_ms, &mut ticks.age_ms] {
         series.reserve(most.min(1 << 24));
     }
-    let mut before = Vector3::from(device(0.0));
-    let mut at = before;
+    let mut coupled = CoupledDevice::new(options, Vector3::from(device(0.0)));
     let mut due = begin + period;
     while !shared.ended.load(Ordering::Relaxed) {
         wait(due);
@@ -79,9 +81,7 @@ pub(super) fn tick(
         let snapshot = *lock(&shared.snapshot);
         ticks.age_ms.push((now - snapshot.asked).as_secs_f64() * 1e3);
         let hand = Vector3::from(device((now - begin).as_secs_f64()));
-        let (x, force) =
-            options.coupling.tool(&hand, &before, &at, options.period_s, &snapshot.model);
-        (before, at) = (hand, x);
+        let (x, force) = coupled.tick(hand, &snapshot.model);
         ticks.force_max = ticks.force_max.max(force.norm());
         *lock(&shared.target) = (x, now);
         due += period;
@@ -90,6 +90,7 @@ pub(super) fn tick(
             ticks.missed += 1;
         }
     }
+    ticks.passivity = coupled.passivity().summary();
     ticks
 }
 

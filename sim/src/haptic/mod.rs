@@ -1,15 +1,20 @@
 //! Haptic devices: forces at the device's rate while the solver makes steps at its own.
 //!
 //! [`run`] in `session` is where to start; `device_loop` keeps time with the device in a thread of
-//! its own, [`VirtualCoupling`] lies between the device and the tool, `summary` says how it went.
+//! its own and has a [`CoupledDevice`]: a [`VirtualCoupling`] lies between the device and the tool, and
+//! [`Passivity`] sees to it that no energy comes back that was not put in. `summary` says how it went.
 
+mod coupled_device;
 mod coupling;
 mod device_loop;
 mod options;
+mod passivity;
 mod session;
 mod summary;
 
+pub use coupled_device::CoupledDevice;
 pub use coupling::{ForceModel, VirtualCoupling};
 pub use options::{Device, HapticOptions};
-pub use session::run;
+pub use passivity::{Passivity, PassivitySummary};
+pub use session::{force_model, run};
 pub use summary::{HapticSummary, StepRate};

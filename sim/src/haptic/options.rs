@@ -17,18 +17,22 @@ pub struct HapticOptions {
     pub period_s: f64,
     /// Between device and tool.
     pub coupling: VirtualCoupling,
+    /// Whether the device brakes where it would give the hand energy that the hand has not put in
+    /// ([`Passivity`](super::Passivity)); else that is only observed.
+    pub passivity: bool,
     /// Damping that the device has of its own, N s/m, for the limit in the summary.
     pub device_damping_n_s_m: f64,
 }
 
 impl Default for HapticOptions {
-    /// 1 kHz for 5 s on the first tool, 500 N/m and 0.1 N s/m, a device of 0.5 N s/m.
+    /// 1 kHz for 5 s on the first tool, 500 N/m and 0.1 N s/m, kept passive, a device of 0.5 N s/m.
     fn default() -> Self {
         Self {
             tool: 0,
             seconds: 5.0,
             period_s: 1e-3,
             coupling: VirtualCoupling { stiffness_n_m: 500.0, damping_n_s_m: 0.1 },
+            passivity: true,
             device_damping_n_s_m: 0.5,
         }
     }

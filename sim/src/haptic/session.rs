@@ -12,6 +12,7 @@ use super::device_loop::{Shared, Snapshot, lock, tick};
 use super::options::{Device, HapticOptions};
 use super::summary::{HapticSummary, Made, summary};
 use crate::error::SimError;
+use crate::report::StepReport;
 use crate::step::Simulation;
 use crate::tools::Pose;
 
@@ -71,14 +72,7 @@ fn solve(
         let (target, asked) = *lock(&shared.target);
         simulation.set_tool_pose(tool, Pose { move_m: target.into(), turn_deg: 0.0 })?;
         let report = simulation.step()?;
-        let felt = &report.tools[tool];
-        let rows = simulation.tool_stiffness(tool)?;
-        let model = ForceModel {
-            position: target,
-            force: Vector3::from(felt.force_n),
-            stiffness: Matrix3::from_fn(|i, j| rows[i][j]),
-            is_unilateral: felt.is_unilateral,
-        };
+        let model = force_model(simulation, &report, tool, target)?;
         // What did not converge is no force to feel.
         if report.converged {
             let mut snapshot = lock(&shared.snapshot);
@@ -92,4 +86,24 @@ fn solve(
         made.step_ms.push(step.elapsed().as_secs_f64() * 1e3);
     }
     Ok(())
+}
+
+/// How a tool that stands at `position` (displacement in scanner axes, m) pushes the body near there, as
+/// the step of `report`, the last one, has it.
+/// # Errors
+/// As [`Simulation::tool_stiffness`].
+pub fn force_model(
+    simulation: &Simulation,
+    report: &StepReport,
+    tool: usize,
+    position: Vector3<f64>,
+) -> Result<ForceModel, SimError> {
+    let rows = simulation.tool_stiffness(tool)?;
+    let felt = &report.tools[tool];
+    Ok(ForceModel {
+        position,
+        force: Vector3::from(felt.force_n),
+        stiffness: Matrix3::from_fn(|i, j| rows[i][j]),
+        is_unilateral: felt.is_unilateral,
+    })
 }

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::device_loop::Ticks;
 use super::options::HapticOptions;
+use super::passivity::PassivitySummary;
 use crate::error::SimError;
 use crate::output::write_json;
 use crate::report::Percentiles;
@@ -43,6 +44,8 @@ pub struct HapticSummary {
     pub vertices_max: usize,
     /// Largest force on the device, N.
     pub force_max_n: f64,
+    /// The energy that the hand had put in.
+    pub passivity: PassivitySummary,
     /// How far an extrapolated force was from the solver's next one, N.
     pub extrapolation_error_n: Percentiles,
     /// K T/2 + |B| of the coupling, N s/m.
@@ -106,6 +109,7 @@ pub(super) fn summary(
         converged: made.converged,
         vertices_max: made.vertices,
         force_max_n: ticks.force_max,
+        passivity: ticks.passivity,
         extrapolation_error_n: Percentiles::of(&made.errors_n),
         damping_limit_n_s_m: options.coupling.damping_limit(options.period_s),
         is_passive: options.coupling.is_passive(options.device_damping_n_s_m, options.period_s),

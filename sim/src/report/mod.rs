@@ -6,6 +6,7 @@
 
 mod capture;
 mod comparison_points;
+mod energy;
 mod failure;
 mod fields;
 mod made_by;
@@ -19,6 +20,7 @@ pub use crate::body::{
     Part,
 };
 pub use comparison_points::Probe;
+pub use energy::{EnergyChange, EnergySummary};
 pub use fields::Fields;
 pub use made_by::MadeBy;
 pub use records::{

@@ -96,6 +96,7 @@ impl Recorder {
             },
             error_estimate: self.statistics.estimate,
             force: self.statistics.force,
+            energy: None,
             motion: None,
             tools: self.statistics.tools.clone(),
             surfaces: match (&self.surfaces, forest) {

@@ -7,6 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::energy::EnergySummary;
 use super::made_by::MadeBy;
 use super::tool::{ToolReport, ToolSummary};
 use crate::body::BodySummary;
@@ -404,6 +405,9 @@ pub struct Summary {
     pub error_estimate: EstimateSummary,
     /// The force on the tools.
     pub force: ForceSummary,
+    /// Where a quasi-static body's energy came from and where it went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<EnergySummary>,
     /// How a dynamic body moves at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<Momentum>,

@@ -14,6 +14,10 @@ pub struct ToolReport {
     pub force_error_n: Option<f64>,
     /// Torque of the tool on the body about the tool's reference point, scanner axes, N m.
     pub torque_n_m: [f64; 3],
+    /// Its work on the body in this step, J: ½ (force before + force after) · motion, and the same of
+    /// torque and turn, with an error of third order in the step's length. A turn by more than half a turn in a
+    /// step counts as the shorter one.
+    pub work_j: f64,
     /// Where its reference point is, scanner RAS, mm: the centre of a grab's region as it has
     /// moved, of a probe, of a pressure's region at rest, the weighted mean at rest of what a load acts on.
     pub reference_mm: [f64; 3],
@@ -43,6 +47,8 @@ pub struct ToolSummary {
     pub torque_max_n_m: f64,
     /// Magnitude at the end, N m.
     pub torque_end_n_m: f64,
+    /// Its work on the body, J, to second order in the step's length.
+    pub work_j: f64,
     /// The most vertices held, points pushed or pieces loaded at a time.
     pub contacts_max: usize,
     /// The deepest penetration, m.
@@ -64,6 +70,7 @@ impl ToolSummary {
             self.force_max_error_n = self.error_share.map(|share| share * self.force_end_n);
         }
         self.torque_max_n_m = self.torque_max_n_m.max(self.torque_end_n_m);
+        self.work_j += report.work_j;
         self.contacts_max = self.contacts_max.max(report.contacts);
         self.penetration_max_m = self.penetration_max_m.max(report.penetration_m);
     }

@@ -15,6 +15,7 @@ use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
+use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
@@ -182,6 +183,7 @@ impl<'a> SimulationBuilder<'a> {
         let statistics = RunStatistics::new(begin, &state);
         Ok(Simulation {
             scene: scene.clone(),
+            ledger: Ledger::new(tools.len()),
             tools,
             contact: ContactState::default(),
             solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),

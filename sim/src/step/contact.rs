@@ -256,6 +256,11 @@ impl ContactState {
         !self.pushes.is_empty()
     }
 
+    /// Of every contact the tool and the number of the point, and the force on it, N.
+    pub fn pushes(&self) -> impl Iterator<Item = ((usize, usize), Vector3<f64>)> {
+        self.pushes.iter().map(|push| ((push.tool, push.number), push.force * push.normal))
+    }
+
     /// Adds the forces of all contacts to `loads`, by vertex number, N.
     pub fn add_loads(&self, loads: &mut [Vector3<f64>]) {
         for push in &self.pushes {

@@ -93,6 +93,16 @@ impl StepSolver {
         self.reached_s
     }
 
+    /// Whether rotations of elements go with positions.
+    pub fn turns(&self) -> bool {
+        self.forces.turns()
+    }
+
+    /// Whether the body has inertia.
+    pub fn is_dynamic(&self) -> bool {
+        self.motion.is_some()
+    }
+
     /// Whether nothing but tools acts on a body without inertia.
     pub fn is_left_to_tools(&self) -> bool {
         self.motion.is_none() && self.gravity == Vector3::zeros() && self.fading.is_empty()
@@ -447,7 +457,7 @@ impl StepSolver {
     }
 
     /// Weight of each vertex: a quarter of each element's mass; it grows over the first step.
-    fn weights(&self, state: &BodyState, t: f64) -> Vec<Vector3<f64>> {
+    pub fn weights(&self, state: &BodyState, t: f64) -> Vec<Vector3<f64>> {
         let mut weights = vec![Vector3::zeros(); state.positions.len()];
         let gravity = self.gravity * (t / self.step_s).min(1.0);
         if gravity == Vector3::zeros() {

@@ -5,7 +5,8 @@
 //! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
 //! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement`
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
-//! `figures` are from those of a finer one; `tool_forces` measures what tools feel.
+//! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
+//! energy, with what `slips` from under tools when the mesh changes.
 
 mod builder;
 mod contact;
@@ -16,6 +17,7 @@ mod figures;
 mod grips;
 mod held;
 pub mod indicator;
+mod ledger;
 mod marking;
 mod missed;
 mod pace;
@@ -23,6 +25,7 @@ mod predictor;
 mod refinement;
 mod settling;
 mod simulation;
+mod slips;
 mod span;
 mod tool_forces;
 

@@ -3,8 +3,8 @@
 use std::mem::take;
 use std::time::Instant;
 
-use nalgebra::Matrix3;
-use yawara_mesh::{ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
+use nalgebra::{Matrix3, Vector3};
+use yawara_mesh::{Change, ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
 use super::content::Content;
 use super::indicator::{Indicator, Measured, RingMember, Sight};
@@ -81,6 +81,10 @@ pub(crate) struct Round<'a> {
     pub step: usize,
     /// When the time for splits is over.
     pub deadline: Option<Instant>,
+    /// Whether rotations go with positions.
+    pub turns: bool,
+    /// What has been done so far.
+    pub done: Remeshed,
 }
 
 impl Round<'_> {
@@ -88,6 +92,38 @@ impl Round<'_> {
     fn flush(&mut self) -> Result<(), SimError> {
         let Self { state, inverse, .. } = self;
         inverse.flush(&Elements { body: &state.body, density: &|tet| state.density(tet) })
+    }
+
+    /// What tetrahedra store where the body is, J.
+    fn energy<'b>(&self, tets: impl Iterator<Item = &'b Tet>) -> f64 {
+        let BodyState { body, positions, .. } = &*self.state;
+        tets.map(|tet| body.energy_of(tet.id, positions, self.turns)).sum()
+    }
+
+    /// Notes a split or merge: its vertex is, or was, `jump` off the middle of its edge, and the ring
+    /// stored `before` J.
+    fn note(&mut self, delta: &MeshDelta, jump: Vector3<f64>, before: f64) {
+        let is_split = delta.change == Change::Split;
+        let after = match is_split {
+            true => self.energy(delta.ring.iter().flat_map(|tet| &tet.children)),
+            false => self.energy(delta.ring.iter().map(|tet| &tet.parent)),
+        };
+        let Remeshed { splits, merges, exchanges, .. } = &mut self.done;
+        *if is_split { splits } else { merges } += 1;
+        exchanges.push(Exchange {
+            is_split,
+            vertex: delta.vertex.index(),
+            edge: delta.edge.map(VertexId::index),
+            jump,
+            energy_j: after - before,
+        });
+    }
+
+    /// How far a vertex is from the middle of its edge, m.
+    fn off_middle(&self, delta: &MeshDelta) -> Vector3<f64> {
+        let at = |v: VertexId| self.state.positions[v.index()];
+        let [a, b] = delta.edge.map(at);
+        at(delta.vertex) - 0.5 * (a + b)
     }
 }
 
@@ -101,10 +137,27 @@ pub(crate) struct Estimates {
 }
 
 /// What one round of remeshing did.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Remeshed {
     pub splits: usize,
     pub merges: usize,
+    /// What the body stored before, J, if that was measured.
+    pub stored_j: Option<f64>,
+    /// Merges, then splits, in the order in which they were made.
+    pub exchanges: Vec<Exchange>,
+}
+
+/// What a split or a merge did by itself, while all other vertices stayed where they were.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Exchange {
+    pub is_split: bool,
+    /// The vertex that came or went, and the ends of its edge.
+    pub vertex: usize,
+    pub edge: [usize; 2],
+    /// By how much the material at the middle of the edge has moved, m.
+    pub jump: Vector3<f64>,
+    /// By how much more is stored, J.
+    pub energy_j: f64,
 }
 
 impl Refiner {
@@ -149,18 +202,18 @@ impl Refiner {
     }
 
     /// Measures what the mesh wants at a step: merges where the indicator has become small, splits where it is
-    /// large.
+    /// large. Returns what the body stores, J.
     pub fn rank(
         &mut self,
         sight: &Sight<'_>,
         step: usize,
         times: &mut StageTimes,
-    ) -> Result<(), SimError> {
+    ) -> Result<f64, SimError> {
         let begin = Instant::now();
-        let limits = self.rank_splits(sight)?;
+        let (limits, energy) = self.rank_splits(sight)?;
         self.leaving = self.wanted_merges(sight.body, step, limits.merge_below);
         times.indicator_ms = milliseconds(begin);
-        Ok(())
+        Ok(energy)
     }
 
     /// Merges, then splits, as they were ranked.
@@ -171,13 +224,14 @@ impl Refiner {
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
         let inverse_before = round.inverse.total_ms;
-        let mut done = Remeshed::default();
+        if round.done.stored_j.is_none() && !(self.leaving.is_empty() && self.waiting.is_empty()) {
+            round.done.stored_j = Some(round.state.energy_j());
+        }
         for v in take(&mut self.leaving) {
             // What was ranked in the step before may be needed now, or held.
             let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
             if !is_held && self.content.forest.merge_ring(v, &mut self.ring) {
                 self.merge(round, v)?;
-                done.merges += 1;
             }
         }
         for _ in 0..self.rules.refinement.max_splits_per_step {
@@ -191,7 +245,6 @@ impl Refiner {
             self.content.forest.split_ring(p, &mut self.ring);
             self.split(round, p)?;
             self.waiting.remove(p);
-            done.splits += 1;
             // A clock has to see what each split costs.
             if round.deadline.is_some() {
                 round.flush()?;
@@ -200,7 +253,7 @@ impl Refiner {
         round.flush()?;
         times.inverse_ms = round.inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
-        Ok(done)
+        Ok(take(&mut round.done))
     }
 
     /// The estimates on a mesh that stays as it is, if the indicator has any.
@@ -228,8 +281,8 @@ impl Refiner {
 
     /// Queues all splits that are wanted now, the largest indicator first. What waited before is
     /// measured again with all others: a split is wanted only while its cause lasts, and it keeps
-    /// its place.
-    fn rank_splits(&mut self, sight: &Sight<'_>) -> Result<Limits, SimError> {
+    /// its place. Also returns what the body stores, J.
+    fn rank_splits(&mut self, sight: &Sight<'_>) -> Result<(Limits, f64), SimError> {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
@@ -266,7 +319,7 @@ impl Refiner {
                 self.waiting.push(point, value.min(f64::MAX))?;
             }
         }
-        Ok(limits)
+        Ok((limits, energy))
     }
 
     /// The indicators of all complete rings.
@@ -373,6 +426,7 @@ impl Refiner {
 
     /// Splits at `p`, whose ring is in `self.ring`.
     fn split(&mut self, round: &mut Round<'_>, p: Point) -> Result<(), SimError> {
+        let before = round.energy(self.ring.iter());
         let Round { state, tools, step, .. } = round;
         let midpoint = self.content.embedded_midpoint(state, &self.ring);
         let mut around = old_vertices(&self.ring);
@@ -418,14 +472,18 @@ impl Refiner {
             state.pass_on(&around, momentum);
         }
         self.update_inverse(&delta, round);
+        let jump = round.off_middle(&delta);
+        round.note(&delta, jump, before);
         self.delta = delta;
         Ok(())
     }
 
     fn merge(&mut self, round: &mut Round<'_>, vertex: VertexId) -> Result<(), SimError> {
-        let state = &mut *round.state;
         let mut delta = std::mem::replace(&mut self.delta, MeshDelta::empty());
         self.content.forest.merge(vertex, &mut delta)?;
+        let before = round.energy(delta.ring.iter().flat_map(|tet| &tet.children));
+        let jump = -round.off_middle(&delta);
+        let state = &mut *round.state;
         let parents: Vec<Tet> = delta.ring.iter().map(|ring_tet| ring_tet.parent).collect();
         let mut around = old_vertices(&parents);
         around.push(vertex.index());
@@ -449,6 +507,7 @@ impl Refiner {
         self.update_inverse(&delta, round);
         round.state.body.grips_follow(&delta);
         round.state.remove_vertex(vertex);
+        round.note(&delta, jump, before);
         self.delta = delta;
         Ok(())
     }

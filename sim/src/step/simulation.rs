@@ -11,6 +11,7 @@ use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
 use super::indicator::{Dual, Sight};
+use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -34,6 +35,7 @@ pub struct Simulation {
     /// The figure that the scene is about, if it names one.
     pub(super) goal: Option<Figure>,
     pub(super) recorder: Recorder,
+    pub(super) ledger: Ledger,
     /// Force of the fixed vertices on the body at the last equilibrium, solver axes, N.
     pub(super) support: Vector3<f64>,
 }
@@ -87,6 +89,7 @@ impl Simulation {
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
         let Self { body, tools, contact, solver, .. } = self;
+        self.ledger.begin(solver, &body.state, tools);
         solver.let_go(span, &mut body.state, &mut body.inverse, tools)?;
         let mut acting = Acting { state: &mut body.state, contact, tools, inverse: &body.inverse };
         let budget = &self.scene.budget;
@@ -96,6 +99,8 @@ impl Simulation {
         let felt = self.felt();
         let (support, mut reports) = (felt.support(), felt.reports(&self.tools));
         self.support = support;
+        let Self { body, tools, contact, solver, recorder, ledger, .. } = self;
+        ledger.end(solver, &body.state, contact, tools, recorder.axes, &mut reports);
         let force_n = [0, 1, 2].map(|axis| reports.iter().map(|tool| tool.force_n[axis]).sum());
         // What is no equilibrium says nothing about where to refine.
         let remeshed = match outcome.report.converged {
@@ -136,35 +141,39 @@ impl Simulation {
         let turn = refines.then(|| Turn::of(step, self.scene.refinement.every_steps));
         let ranks = turn.is_some_and(|turn| turn.measures);
         let is_written = step.is_multiple_of(self.scene.output.frames_every);
+        let mut done = Remeshed::default();
         if ranks || is_written || self.scene.time.steps == step {
-            self.measure(step, ranks, felt, report)?;
+            done.stored_j = self.measure(step, ranks, felt, report)?;
         }
-        let Self { body, tools, scene, .. } = self;
+        let Self { body, tools, contact, solver, scene, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
-        let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes)) else {
-            return Ok(Remeshed::default());
-        };
-        let mut round = Round { state, inverse, tools, step, deadline };
-        let remeshed = refiner.remesh(&mut round, &mut report.times)?;
+        let mut remeshed = done;
+        if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes)) {
+            ledger.look(solver, state, tools);
+            let (turns, done) = (solver.turns(), remeshed);
+            let mut round = Round { state, inverse, tools, step, deadline, turns, done };
+            remeshed = refiner.remesh(&mut round, &mut report.times)?;
+        }
         if remeshed.splits + remeshed.merges > 0 {
             let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
             inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
             tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
         }
+        ledger.remeshed(&remeshed, solver, state, contact, tools);
         Ok(remeshed)
     }
 
-    /// The estimates of a step, and, if it `ranks`, what the mesh wants.
+    /// The estimates of a step, and, if it `ranks`, what the mesh wants; returns what the body stores then, J.
     fn measure(
         &mut self,
         step: usize,
         ranks: bool,
         felt: &mut [ToolReport],
         report: &mut StepReport,
-    ) -> Result<(), SimError> {
+    ) -> Result<Option<f64>, SimError> {
         let Self { body, tools, contact, solver, goal, recorder, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
-        let Some(refiner) = refiner else { return Ok(()) };
+        let Some(refiner) = refiner else { return Ok(None) };
         let mut loads = solver.grips.loads(state);
         contact.add_to(&mut loads);
         let mut acting = Acting { state, contact, tools, inverse };
@@ -180,9 +189,11 @@ impl Simulation {
         let duals = figures.iter().map(|figure| figure.dual(solver, &mut acting, &forces));
         let duals: Vec<Dual> = duals.collect::<Result<_, _>>()?;
         let sight = Sight { body: state, loads: &loads, duals: &duals };
-        match ranks {
-            true => refiner.rank(&sight, step, &mut report.times)?,
-            false => refiner.measure(&sight, &mut report.times),
+        let mut stored_j = None;
+        if ranks {
+            stored_j = Some(refiner.rank(&sight, step, &mut report.times)?);
+        } else {
+            refiner.measure(&sight, &mut report.times);
         }
         let Estimates { energy, figures: errors } = refiner.take_estimates();
         report.error_estimate = energy;
@@ -199,7 +210,7 @@ impl Simulation {
                 report.goal = Some(GoalReport { name, value, error });
             }
         }
-        Ok(())
+        Ok(stored_j)
     }
 
     fn felt(&self) -> ToolForces<'_> {
@@ -291,6 +302,7 @@ impl Simulation {
         let forest = refiner.as_ref().map(|refiner| &refiner.content.forest);
         let mut summary = self.recorder.summary(&self.scene, state, forest, inverse)?;
         summary.motion = self.momentum();
+        summary.energy = (!self.solver.is_dynamic()).then(|| self.ledger.summary(state));
         Ok(summary)
     }
 

@@ -62,6 +62,7 @@ impl ToolForces<'_> {
             kind: tool.kind(),
             force_n: self.axes.to_ras_direction(&force).into(),
             force_error_n: None,
+            work_j: 0.0,
             torque_n_m: self.axes.to_ras_direction(&torque).into(),
             reference_mm: self.axes.to_ras_mm(&reference).into(),
             contacts,
