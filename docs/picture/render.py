@@ -2,7 +2,7 @@
 
 The picture is remade, from the root of the repository, by
 
-    cargo run --release -p yawara -- run liver --set output.frames_every=1 --out runs/picture
+    cargo run --release -p yawara -- run liver --set output.frames_every=1 --set output.void=true --out runs/picture
     cargo run --release -p yawara -- mesh phantom --base-mm 16 --level 9 --out runs/voxels.vtu
     python docs/picture/render.py runs/picture runs/voxels.vtu docs/picture/liver.png
 
@@ -62,7 +62,7 @@ def frames(run):
 
 def largest_pull(run):
     """The first frame and the one of the largest pull; of equal pulls the most refined."""
-    pulled = [(round(np.abs(grid["displacement"]).max(), 1), grid.n_points, time, grid)
+    pulled = [(round(np.abs(grid["displacement_mm"]).max(), 1), grid.n_points, time, grid)
               for time, grid in frames(run)]
     best = max(pulled, key=lambda entry: entry[:3])
     return next(frames(run)), best[2:]
@@ -71,7 +71,7 @@ def largest_pull(run):
 def at_rest(grid):
     """The grid moved back to rest; its displacement stays with it."""
     rest = grid.copy()
-    rest.points = grid.points - grid["displacement"]
+    rest.points = grid.points - grid["displacement_mm"]
     return rest
 
 
@@ -133,8 +133,8 @@ def divided_faces(grid):
     triangles = (first + small).reshape(-1, 3)
     points = np.einsum("wc,fcx->fwx", weights, grid.points[faces]).reshape(-1, 3)
     result = pv.PolyData.from_regular_faces(points, triangles)
-    moves = grid["displacement"][faces]
-    result["displacement"] = np.einsum("wc,fcx->fwx", weights, moves).reshape(-1, 3)
+    moves = grid["displacement_mm"][faces]
+    result["displacement_mm"] = np.einsum("wc,fcx->fwx", weights, moves).reshape(-1, 3)
     return result
 
 
@@ -168,7 +168,7 @@ def carried(surface, rest):
     parts = np.linalg.solve(edges, (surface.points - first)[:, :, None])[:, :, 0]
     weights = np.column_stack([1 - parts.sum(1), parts])
     result = surface.copy()
-    result["displacement"] = np.einsum("pc,pcx->px", weights, rest["displacement"][corners])
+    result["displacement_mm"] = np.einsum("pc,pcx->px", weights, rest["displacement_mm"][corners])
     result["stress"] = np.einsum("pc,pc->p", weights, vertex_stress(rest)[corners])
     return result
 
@@ -176,7 +176,7 @@ def carried(surface, rest):
 def moved(mesh):
     """The mesh at its displaced points."""
     result = mesh.copy()
-    result.points = mesh.points + mesh["displacement"]
+    result.points = mesh.points + mesh["displacement_mm"]
     return result
 
 
@@ -208,11 +208,10 @@ class Organ:
 
 
 def arrow(rest, tool_mm):
-    """From where the tool's vertices were to where they are: those that moved as it did."""
-    moves = rest["displacement"]
-    held = np.isclose(moves, tool_mm, atol=1e-6).all(1)
-    start, move = rest.points[held].mean(0), moves[held].mean(0)
-    return pv.Arrow(start=start, direction=move, scale="auto", tip_length=0.28, tip_radius=0.08,
+    """The tool's path, from the middle of what has moved by nearly as much."""
+    off = np.linalg.norm(rest["displacement_mm"] - tool_mm, axis=1)
+    start = rest.points[off <= 0.1 * np.linalg.norm(tool_mm)].mean(0)
+    return pv.Arrow(start=start, direction=tool_mm, scale="auto", tip_length=0.28, tip_radius=0.08,
                     shaft_radius=0.018, shaft_resolution=40, tip_resolution=40)
 
 
