@@ -111,7 +111,7 @@ fn is_same(a: &Matrix3<f64>, b: &Matrix3<f64>) -> bool {
 }
 
 /// Orders edges by one of their ends, those of the same as they were.
-fn sort_by_end(edges: &[Edge], end: usize, next: &mut Vec<usize>, sorted: &mut [Edge]) {
+fn sort_by_end(edges: &[Edge], end: usize, next: &mut [usize], sorted: &mut [Edge]) {
     next.fill(0);
     edges.iter().for_each(|edge| next[edge.ends[end] as usize + 1] += 1);
     for v in 1..next.len() {
