@@ -67,6 +67,7 @@ impl Case {
             free: &self.free,
             constraints: None,
             pushes: None,
+            following: &[],
             inverse: &inverse,
         };
         let mut internal = vec![Vector3::zeros(); positions.len()];

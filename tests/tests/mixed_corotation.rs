@@ -202,6 +202,7 @@ fn a_small_load_gives_what_linear_statics_gives() {
                 free: &free,
                 constraints: None,
                 pushes: None,
+                following: &[],
                 inverse: &select,
             };
             let tolerance = Tolerance::new(1e-7, 20);
@@ -300,6 +301,7 @@ fn newton_bends_a_mixed_bar() {
                 free: &free,
                 constraints: None,
                 pushes: None,
+                following: &[],
                 inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
             };
             // Well above rounding, which ends what is quadratic.
@@ -347,6 +349,7 @@ fn what_can_t_take_pressures_says_so() {
         free: &free,
         constraints: None,
         pushes: None,
+        following: &[],
         inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
     };
     let tolerance = Tolerance::new(1e-6, 20);

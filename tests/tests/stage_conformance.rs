@@ -114,6 +114,7 @@ conformance!(equilibrium, lbfgs, "lbfgs", a_large_load_is_borne);
 // Diverges as soon as rotations differ by some degrees.
 conformance!(equilibrium, direct, "direct");
 conformance!(equilibrium, newton, "newton", a_large_load_is_borne);
+conformance!(equilibrium, residual_newton, "residual_newton", a_large_load_is_borne);
 
 conformance!(time_integrator, implicit_euler, ("implicit_euler", 1.0));
 conformance!(time_integrator_without_inertia, quasi_static, "quasi_static");
@@ -223,7 +224,8 @@ impl Tool for Wind {
 fn every_choice_has_its_line() {
     assert_eq!(CHOICES, ["laminate", "linear", "hierarchical", "kharevych", "paper"]);
     assert_eq!(FORMULATIONS, ["p1", "p1p1"]);
-    assert_eq!(EQUILIBRIA, ["fallback", "anderson", "lbfgs", "direct", "newton"]);
+    let equilibria = ["fallback", "anderson", "lbfgs", "direct", "newton", "residual_newton"];
+    assert_eq!(EQUILIBRIA, equilibria);
     assert_eq!(indicator::CHOICES, ["energy", "residual", "goal", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh", "neo_hookean"]);

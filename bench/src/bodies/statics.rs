@@ -88,6 +88,7 @@ impl Statics {
             free,
             constraints: None,
             pushes: None,
+            following: &[],
             inverse: &inverse,
         };
         equilibrium.solve(&mut problem, positions, internal, tolerance)

@@ -14,12 +14,19 @@ use crate::field::Field;
 pub struct Fallback {
     name: &'static str,
     methods: Vec<Box<dyn Equilibrium>>,
+    of_following: Vec<Box<dyn Equilibrium>>,
 }
 
 impl Fallback {
     /// A chain under a scene name. An empty one only measures the residual.
     pub fn new(name: &'static str, methods: Vec<Box<dyn Equilibrium>>) -> Self {
-        Self { name, methods }
+        Self { name, methods, of_following: Vec::new() }
+    }
+
+    /// With other methods for loads that follow the body.
+    #[must_use]
+    pub fn with_following(self, of_following: Vec<Box<dyn Equilibrium>>) -> Self {
+        Self { of_following, ..self }
     }
 }
 
@@ -44,6 +51,10 @@ impl Equilibrium for Fallback {
         self.methods.iter().any(|method| method.takes_pushes())
     }
 
+    fn takes_following(&self) -> bool {
+        !self.of_following.is_empty()
+    }
+
     fn solve(
         &mut self,
         problem: &mut Problem<'_>,
@@ -63,7 +74,11 @@ impl Equilibrium for Fallback {
         };
         let mixed = problem.body.is_mixed();
         let pushed = problem.pushes.is_some();
-        let able = self.methods.iter_mut().filter(|method| {
+        let methods = match problem.following {
+            [] => &mut self.methods,
+            _ => &mut self.of_following,
+        };
+        let able = methods.iter_mut().filter(|method| {
             !(mixed && method.needs_definite()) && (!pushed || method.takes_pushes())
         });
         for (number, method) in able.enumerate() {

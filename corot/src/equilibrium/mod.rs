@@ -1,38 +1,44 @@
 //! How positions are found at which forces balance the loads: the swappable stage [`Equilibrium`].
 //!
 //! `solver.rs` holds the trait, `problem.rs` what every solver works on, `iteration.rs` where an
-//! iteration stands and the best place it has been at, `inverse.rs` what they precondition with; one
-//! file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait,
+//! iteration stands and the best place it has been at, `inverse.rs` what they precondition with, `following.rs`
+//! loads that move with the body; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait,
 //! a line in [`equilibrium_by_name`].
 
 pub(crate) mod anderson;
 mod direct;
 mod fallback;
+mod following;
 mod inverse;
 mod iteration;
 mod lbfgs;
 mod line_search;
 mod newton;
 mod problem;
+mod residual_newton;
 mod solver;
+mod sparse_lu;
 mod tangent_system;
 mod vectors;
 
 pub use anderson::Anderson;
 pub use direct::Direct;
 pub use fallback::Fallback;
+pub use following::Following;
 pub use inverse::{Inverse, reply_by_two};
 pub use iteration::Iteration;
 pub use lbfgs::Lbfgs;
 pub use newton::Newton;
 pub use problem::{Iterate, Outcome, Problem, Tolerance};
+pub use residual_newton::ResidualNewton;
 pub use solver::Equilibrium;
 
 use crate::error::CorotError;
 use crate::forces::InternalForces;
 
 /// Scene names of the built-in equilibrium solvers.
-pub const EQUILIBRIA: &[&str] = &["fallback", "anderson", "lbfgs", "direct", "newton"];
+pub const EQUILIBRIA: &[&str] =
+    &["fallback", "anderson", "lbfgs", "direct", "newton", "residual_newton"];
 
 /// A built-in equilibrium solver.
 ///
@@ -44,10 +50,14 @@ pub fn equilibrium_by_name(name: &str) -> Result<Box<dyn Equilibrium>, CorotErro
         "lbfgs" => Ok(Box::new(Lbfgs::default())),
         "direct" => Ok(Box::new(Direct)),
         "newton" => Ok(Box::new(Newton)),
-        "fallback" => Ok(Box::new(Fallback::new(
-            "fallback",
-            vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
-        ))),
+        "residual_newton" => Ok(Box::new(ResidualNewton)),
+        "fallback" => Ok(Box::new(
+            Fallback::new(
+                "fallback",
+                vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
+            )
+            .with_following(vec![Box::new(Anderson::default()), Box::new(ResidualNewton)]),
+        )),
         _ => Err(CorotError::Unknown {
             what: "equilibrium solver",
             name: name.into(),

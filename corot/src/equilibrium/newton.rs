@@ -4,7 +4,7 @@ use super::iteration::Iteration;
 use super::line_search::search;
 use super::problem::{Problem, Tolerance};
 use super::solver::Equilibrium;
-use super::tangent_system::TangentSystem;
+use super::tangent_system::{Kind, TangentSystem};
 use super::vectors::dot;
 
 /// x ← x + α d, d from the tangent with the derivatives of the rotations, α by a line search: what goes down
@@ -83,7 +83,7 @@ impl Equilibrium for Newton {
 /// Goes down in energy to an equilibrium or to where that takes too long.
 fn descend(problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
     let mut least = vec![f64::INFINITY];
-    let mut system = TangentSystem::new(problem);
+    let mut system = TangentSystem::new(problem, Kind::Convex);
     while point.goes_on() {
         point.begin_iteration();
         if system.renew(problem, point.positions).is_none() {

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use nalgebra::{DVector, Matrix3, Vector3};
 
+use super::following::Following;
 use super::inverse::Inverse;
 use crate::body::Body;
 use crate::contact::Pushes;
@@ -35,6 +36,8 @@ pub struct Problem<'a> {
     pub constraints: Option<&'a Constraints>,
     /// Obstacles that push with forces which follow the positions; none but in solves that a contact asks for.
     pub pushes: Option<&'a Pushes<'a>>,
+    /// Loads that follow the positions, besides `external`.
+    pub following: &'a [Following],
     /// y = C f: the inverse stiffness of the unrotated body with all but the free vertices
     /// fixed, both by vertex number (3 entries each), zero on the others. m/N.
     ///
@@ -102,6 +105,7 @@ impl Problem<'_> {
             free: self.free,
             constraints: self.constraints,
             pushes: self.pushes,
+            following: self.following,
             inverse: self.inverse,
         }
     }
@@ -122,6 +126,7 @@ impl Problem<'_> {
             free: self.free,
             constraints: self.constraints,
             pushes: self.pushes,
+            following: self.following,
             inverse: self.inverse,
         }
     }
@@ -158,6 +163,9 @@ impl Problem<'_> {
         let mut external = Cow::Borrowed(self.external);
         if let Some(pushes) = self.pushes {
             pushes.add_forces(positions, external.to_mut());
+        }
+        for following in self.following {
+            following.add_forces(positions, external.to_mut());
         }
         for v in 0..positions.len() {
             let r = if self.free[v] { external[v] - internal[v] } else { Vector3::zeros() };

@@ -50,6 +50,7 @@ use crate::field::Field;
 ///     free: &[false, false, false, true],
 ///     constraints: None,
 ///     pushes: None,
+///     following: &[],
 ///     inverse: &|f: &[f64], y: &mut [f64]| {
 ///         y.fill(0.0);
 ///         y[9..].copy_from_slice((compliance * Vector3::from_column_slice(&f[9..])).as_slice());
@@ -79,6 +80,12 @@ pub trait Equilibrium: Send {
     /// Whether it takes account of [`Problem::pushes`] in its steps. One that does not is left out of solves with
     /// them.
     fn takes_pushes(&self) -> bool {
+        false
+    }
+
+    /// Whether it solves for loads that [follow](Problem::following) the body; one that does not is given such
+    /// loads as they were before its solve, again and again.
+    fn takes_following(&self) -> bool {
         false
     }
 

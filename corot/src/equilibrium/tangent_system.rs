@@ -6,6 +6,7 @@ use nalgebra::{Matrix4, SVector, Vector3};
 use yawara_embed::SparseLdl;
 
 use super::problem::Problem;
+use super::sparse_lu::SparseLu;
 use super::vectors::{axpy, dot};
 use crate::body::Body;
 use crate::element::Element;
@@ -17,17 +18,33 @@ use crate::forces::tangent::dent;
 use crate::grip::Turned;
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
-/// elements have too little of for that.
+/// elements have too little of for that. Or all of S with what loads that follow the body add to it, factored
+/// as it is.
 ///
 /// Vectors have the rows of the problem's residuals and steps; constraints are kept by all steps.
 pub(super) struct TangentSystem<'a> {
     unknowns: Unknowns,
-    /// Where the entries that elements add, in their order, are in the lower half of the matrix.
+    /// Where the entries that elements add, in their order, are in the matrix.
     pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>)>,
-    factor: Option<SparseLdl>,
+    kind: Kind,
+    factor: Option<Factor>,
     /// N by elements that have one.
     dents: Vec<([usize; 4], ElementTangent)>,
     constraints: Option<Turned<'a>>,
+}
+
+/// Which matrix is factored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Kind {
+    /// M, symmetric.
+    Convex,
+    /// S, with loads that follow the body.
+    Whole,
+}
+
+enum Factor {
+    Convex(SparseLdl),
+    Whole(SparseLu),
 }
 
 /// The unknowns of a problem, counted through: displacements of free vertices, pressures of all that have
@@ -42,9 +59,11 @@ struct Unknowns {
     signs: Vec<i8>,
 }
 
-/// Entries in the lower half, one after the other; their places too unless they are known.
+/// Entries, one after the other, in the lower half alone of what is symmetric; their places too unless they
+/// are known.
 struct Entries<'a> {
     unknowns: &'a Unknowns,
+    kind: Kind,
     places: Option<Vec<Pair<usize, usize>>>,
     values: Vec<f64>,
 }
@@ -59,61 +78,21 @@ const HELD: usize = usize::MAX;
 
 impl<'a> TangentSystem<'a> {
     /// That of a problem; still without a factor.
-    pub fn new(problem: &Problem<'a>) -> Self {
+    pub fn new(problem: &Problem<'a>, kind: Kind) -> Self {
         let unknowns = Unknowns::new(problem);
-        Self { unknowns, pattern: None, factor: None, dents: Vec::new(), constraints: None }
+        Self { unknowns, pattern: None, kind, factor: None, dents: Vec::new(), constraints: None }
     }
 
     /// Renews it where the problem's body stands now; its elements must be those of the last time. None
     /// without tangents, or where M can't be factored.
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
-        let tangent_of = problem.forces.tangent()?;
-        let (m, body) = (self.unknowns.per_vertex, &*problem.body);
-        let mut entries = Entries::new(&self.unknowns, self.pattern.is_none());
         self.dents.clear();
-        for (number, element) in body.elements().iter().enumerate() {
-            let mut tangent = tangent_of(body, number, positions);
-            if let Some(inertia) = problem.inertia {
-                add_alike(&mut tangent, &inertia.matrix(number));
-            }
-            if let Some(held) = body.grip_matrix(element.tet) {
-                add_alike(&mut tangent, &held);
-            }
-            if let Some(dent) = dent(&tangent) {
-                tangent += dent;
-                self.dents.push((element.vertices, dent));
-            }
-            let at = |i: usize| m * element.vertices[i / 3] + i % 3;
-            for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-                entries.add(at(i), at(j), tangent[(i, j)]);
-            }
-            if let Some(pressed) = body.pressure_tangent(number, positions) {
-                add_pressures(body, element, &pressed, &mut entries);
-            }
-        }
-        if let Some(pushes) = problem.pushes {
-            pushes.each_stiffness(positions, |point, stiffness| {
-                for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-                    let weights = point.weights[i / 3] * point.weights[j / 3];
-                    let at = |i: usize| m * point.vertices[i / 3] + i % 3;
-                    entries.add(at(i), at(j), weights * stiffness[(i % 3, j % 3)]);
-                }
-            });
-        }
-        // Rows without elements.
-        for (row, sign) in self.unknowns.signs.iter().enumerate() {
-            entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);
-        }
+        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none());
+        assemble(problem, positions, &mut entries, &mut self.dents)?;
         let Entries { places, values, .. } = entries;
-        if let Some(places) = places {
-            let n = self.unknowns.at.len();
-            self.pattern = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok();
-        }
-        let (symbolic, argsort) = self.pattern.as_ref()?;
-        let lower = SparseColMat::new_from_argsort(symbolic.clone(), argsort, &values).ok()?;
-        let symbolic = self.factor.take().map(SparseLdl::into_pattern);
-        self.factor = Some(SparseLdl::new(&lower, &self.unknowns.signs, symbolic)?);
+        self.refactor(places, &values)?;
         self.constraints = None;
+        let m = self.unknowns.per_vertex;
         if let Some(constraints) = problem.constraints {
             let column = |row: &[(usize, Vector3<f64>)]| {
                 let mut all = vec![0.0; self.unknowns.of.len()];
@@ -128,13 +107,37 @@ impl<'a> TangentSystem<'a> {
         Some(())
     }
 
-    /// M⁻¹ r; zero without a factor.
+    /// Factors the matrix of these entries.
+    fn refactor(&mut self, places: Option<Vec<Pair<usize, usize>>>, values: &[f64]) -> Option<()> {
+        if let Some(places) = places {
+            let n = self.unknowns.at.len();
+            self.pattern = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok();
+        }
+        let (symbolic, argsort) = self.pattern.as_ref()?;
+        let matrix = SparseColMat::new_from_argsort(symbolic.clone(), argsort, values).ok()?;
+        self.factor = Some(match (self.kind, self.factor.take()) {
+            (Kind::Whole, _) => Factor::Whole(SparseLu::new(&matrix)?),
+            (Kind::Convex, before) => {
+                let pattern = match before {
+                    Some(Factor::Convex(factor)) => Some(factor.into_pattern()),
+                    _ => None,
+                };
+                Factor::Convex(SparseLdl::new(&matrix, &self.unknowns.signs, pattern)?)
+            }
+        });
+        Some(())
+    }
+
+    /// M⁻¹ r, or S⁻¹ r of the whole; zero without a factor.
     pub fn solve(&self, residual: &[f64]) -> Vec<f64> {
         let Unknowns { at, per_vertex, .. } = &self.unknowns;
         let mut step = vec![0.0; residual.len()];
         let Some(factor) = &self.factor else { return step };
         let mut x = Mat::from_fn(at.len(), 1, |i, _| residual[at[i]]);
-        factor.solve_in_place(&mut x);
+        match factor {
+            Factor::Convex(factor) => factor.solve_in_place(&mut x),
+            Factor::Whole(factor) => factor.solve_in_place(&mut x),
+        }
         at.iter().enumerate().for_each(|(i, &at)| step[at] = x[(i, 0)]);
         if let Some(constraints) = &self.constraints {
             constraints.correct(&mut step, *per_vertex, None);
@@ -194,6 +197,62 @@ impl<'a> TangentSystem<'a> {
     }
 }
 
+/// Enters all that the matrix is made of; for M also what it has too much, into `dents`. None without tangents.
+fn assemble(
+    problem: &Problem<'_>,
+    positions: &Field,
+    entries: &mut Entries<'_>,
+    dents: &mut Vec<([usize; 4], ElementTangent)>,
+) -> Option<()> {
+    let tangent_of = problem.forces.tangent()?;
+    let (m, body) = (entries.unknowns.per_vertex, &*problem.body);
+    for (number, element) in body.elements().iter().enumerate() {
+        let mut tangent = tangent_of(body, number, positions);
+        if let Some(inertia) = problem.inertia {
+            add_alike(&mut tangent, &inertia.matrix(number));
+        }
+        if let Some(held) = body.grip_matrix(element.tet) {
+            add_alike(&mut tangent, &held);
+        }
+        if entries.kind == Kind::Convex
+            && let Some(dent) = dent(&tangent)
+        {
+            tangent += dent;
+            dents.push((element.vertices, dent));
+        }
+        let at = |i: usize| m * element.vertices[i / 3] + i % 3;
+        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+            entries.add(at(i), at(j), tangent[(i, j)]);
+        }
+        if let Some(pressed) = body.pressure_tangent(number, positions) {
+            add_pressures(body, element, &pressed, entries);
+        }
+    }
+    if let Some(pushes) = problem.pushes {
+        pushes.each_stiffness(positions, |point, stiffness| {
+            for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+                let weights = point.weights[i / 3] * point.weights[j / 3];
+                let at = |i: usize| m * point.vertices[i / 3] + i % 3;
+                entries.add(at(i), at(j), weights * stiffness[(i % 3, j % 3)]);
+            }
+        });
+    }
+    let is_whole = entries.kind == Kind::Whole;
+    for following in problem.following.iter().filter(|_| is_whole) {
+        let (vertices, stiffness) = (following.vertices(), following.stiffness(positions));
+        let at = |i: usize| m * vertices[i / 3] + i % 3;
+        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+            entries.add(at(i), at(j), stiffness[(i, j)]);
+        }
+    }
+    // Rows without elements.
+    let unknowns = entries.unknowns;
+    for (row, sign) in unknowns.signs.iter().enumerate() {
+        entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);
+    }
+    Some(())
+}
+
 impl Unknowns {
     fn new(problem: &Problem<'_>) -> Self {
         let m = problem.unknowns_per_vertex();
@@ -210,14 +269,14 @@ impl Unknowns {
 }
 
 impl<'a> Entries<'a> {
-    fn new(unknowns: &'a Unknowns, with_places: bool) -> Self {
-        Self { unknowns, places: with_places.then(Vec::new), values: Vec::new() }
+    fn new(unknowns: &'a Unknowns, kind: Kind, with_places: bool) -> Self {
+        Self { unknowns, kind, places: with_places.then(Vec::new), values: Vec::new() }
     }
 
     /// Adds an entry of the whole matrix, by rows of the problem.
     fn add(&mut self, row: usize, column: usize, value: f64) {
         let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
-        if row != HELD && column != HELD && row >= column {
+        if row != HELD && column != HELD && (row >= column || self.kind == Kind::Whole) {
             self.push(row, column, value);
         }
     }

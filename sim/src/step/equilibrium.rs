@@ -19,6 +19,7 @@ use super::pace::Pace;
 use super::predictor::Predictor;
 use super::settling::Settling;
 use super::span::Span;
+use super::tool_loads::ToolLoads;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::{Applied, InverseLink};
@@ -147,6 +148,7 @@ impl StepSolver {
             free: &held.free,
             constraints,
             pushes: None,
+            following: &[],
             inverse: &applied,
         };
         let (mut moves, mut pressures) = problem.answer(&forces, leads.as_ref());
@@ -343,7 +345,9 @@ impl StepSolver {
         let tolerance = self.tolerance(total);
         let around =
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
-        let mut pressed = tool_loads(state, tools, span.to);
+        let follows = self.equilibrium.takes_following() && self.forces.tangent().is_some();
+        let tool_loads = ToolLoads::new(state, tools, span.to, follows);
+        let mut pressed = tool_loads.lagging(state);
         let left = self.rules.step_iterations.saturating_sub(total.report.iterations);
         let mut settling = Settling::new(&tolerance, left);
         let inertia = self.motion.as_ref().and_then(Motion::inertia);
@@ -357,6 +361,7 @@ impl StepSolver {
                 free: &held.free,
                 constraints,
                 pushes: None,
+                following: &tool_loads.following,
                 inverse: &applied,
             };
             problem.meet_constraints(&mut state.positions);
@@ -368,7 +373,7 @@ impl StepSolver {
                 &tolerance,
                 &around,
             )?;
-            let renewed = tool_loads(state, tools, span.to);
+            let renewed = tool_loads.lagging(state);
             if let Some(end) = settling.take(outcome, &pressed, &renewed) {
                 break end;
             }
@@ -379,6 +384,7 @@ impl StepSolver {
         total.report.fallbacks += outcome.fallbacks;
         contact.add_loads(&mut pressed);
         if outcome.converged || tolerance.is_late() {
+            tool_loads.add_following(&state.positions, &mut pressed);
             let left = |v: usize| own[v] + pressed[v] - self.internal[v];
             self.grips.note_forces(left, &held.free, state);
             self.tool_loads = pressed;
@@ -393,6 +399,7 @@ impl StepSolver {
                 free: &held.free,
                 constraints,
                 pushes: None,
+                following: &tool_loads.following,
                 inverse: &applied,
             };
             let forces = missed::unbalanced(problem, &state.positions, &tolerance);
@@ -483,13 +490,4 @@ impl StepSolver {
         };
         vertices.iter().map(force).collect()
     }
-}
-
-/// Loads of tools on vertices at time `t`, where the body is now, by vertex number, N.
-fn tool_loads(state: &BodyState, tools: &[Box<dyn Tool>], t: f64) -> Vec<Vector3<f64>> {
-    let mut loads = vec![Vector3::zeros(); state.positions.len()];
-    for tool in tools.iter().filter(|tool| tool.acts_at(t)) {
-        tool.add_loads(state, t, &mut loads);
-    }
-    loads
 }

@@ -1,8 +1,8 @@
 //! One step of the simulation, and the loop over all of them.
 //!
 //! `simulation` is the file to open first: it owns the parts, which do not know it, and runs them in
-//! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads,
-//! starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
+//! order; `builder` makes them from a scene. `equilibrium` brings the body to rest under its loads, those of
+//! tools from `tool_loads`, starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
 //! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement`
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
@@ -28,6 +28,7 @@ mod simulation;
 mod slips;
 mod span;
 mod tool_forces;
+mod tool_loads;
 
 pub use builder::SimulationBuilder;
 pub use simulation::Simulation;

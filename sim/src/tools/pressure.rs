@@ -1,6 +1,7 @@
 //! `pressure`: a pressure on a patch of the surface.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
+use yawara_corot::{Element, Following};
 
 use super::at_rest::BodyAtRest;
 use super::path::around;
@@ -40,6 +41,25 @@ impl Pressure {
         around(&self.keys, |key| key.time_s, t)
             .map_or(0.0, |(a, b, s)| a.pressure_pa + s * (b.pressure_pa - a.pressure_pa))
     }
+
+    /// The elements that carry the patch, with the forces on their corners at rest, N.
+    fn at_rest<'a>(
+        &'a self,
+        body: &'a BodyState,
+        t: f64,
+    ) -> impl Iterator<Item = (&'a Element, [Vector3<f64>; 4])> {
+        let pressure = self.pressure(t);
+        let points = &self.surface_points;
+        points.groups().iter().filter_map(move |(tet, range)| {
+            let mut at_rest = [Vector3::zeros(); 4];
+            for &i in &points.order()[range.clone()] {
+                let Some(point) = points.point(i) else { continue };
+                let force = points.area(i) * -pressure;
+                at_rest.iter_mut().zip(point.weights).for_each(|(sum, w)| *sum += w * force);
+            }
+            Some((body.element(*tet)?, at_rest))
+        })
+    }
 }
 
 impl Tool for Pressure {
@@ -60,41 +80,22 @@ impl Tool for Pressure {
     }
 
     fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
-        let pressure = self.pressure(t);
-        for (tet, range) in self.surface_points.groups() {
-            let Some(element) = body.element(*tet) else { continue };
-            let turn = match self.normal {
-                Normal::Dead => Matrix3::identity(),
-                Normal::Following => cofactor(&element.deformation_gradient(body.positions())),
-            };
-            for &i in &self.surface_points.order()[range.clone()] {
-                let Some(point) = self.surface_points.point(i) else { continue };
-                let force = turn * self.surface_points.area(i) * -pressure;
-                for (&v, weight) in point.vertices.iter().zip(point.weights) {
-                    loads[v] += weight * force;
+        for (element, at_rest) in self.at_rest(body, t) {
+            match self.normal {
+                Normal::Following => {
+                    Following::new(element, at_rest).add_forces(body.positions(), loads);
+                }
+                Normal::Dead => {
+                    element.vertices.iter().zip(at_rest).for_each(|(&v, force)| loads[v] += force);
                 }
             }
         }
     }
-}
 
-/// cof F = det(F) F⁻ᵀ, finite where F is flat.
-fn cofactor(f: &Matrix3<f64>) -> Matrix3<f64> {
-    Matrix3::from_columns(&[
-        f.column(1).cross(&f.column(2)),
-        f.column(2).cross(&f.column(0)),
-        f.column(0).cross(&f.column(1)),
-    ])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_cofactor_is_that_of_the_inverse() {
-        let f = Matrix3::new(1.1, 0.2, -0.1, 0.0, 0.9, 0.3, 0.05, 0.1, 1.2);
-        let want = f.try_inverse().unwrap().transpose() * f.determinant();
-        assert!((cofactor(&f) - want).amax() < 1e-14);
+    fn following(&self, body: &BodyState, t: f64) -> Vec<Following> {
+        if self.normal == Normal::Dead || self.pressure(t) == 0.0 {
+            return Vec::new();
+        }
+        self.at_rest(body, t).map(|(element, at_rest)| Following::new(element, at_rest)).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! What a tool is.
 
 use nalgebra::{Isometry3, Vector3};
-use yawara_corot::{Sphere, WeightedPoint};
+use yawara_corot::{Following, Sphere, WeightedPoint};
 use yawara_mesh::VertexId;
 
 use super::at_rest::BodyAtRest;
@@ -165,5 +165,13 @@ pub trait Tool {
     /// are softer than the body; where they are not the step is halved, and at last does not converge.
     fn add_loads(&self, body: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
         let _ = (body, t, loads);
+    }
+
+    /// The same forces with how they follow the body, element by element. A solver that
+    /// [takes them](yawara_corot::Equilibrium::takes_following) solves for them as they are in its solution,
+    /// however stiff they are; none where what [`add_loads`](Self::add_loads) adds is not all said by them.
+    fn following(&self, body: &BodyState, t: f64) -> Vec<Following> {
+        let _ = (body, t);
+        Vec::new()
     }
 }

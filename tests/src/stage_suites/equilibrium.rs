@@ -83,6 +83,7 @@ impl Clamped {
             free: &self.free,
             constraints: None,
             pushes: None,
+            following: &[],
             inverse: &|f: &[f64], y: &mut [f64]| self.inverse.apply(f, y),
         })
     }
