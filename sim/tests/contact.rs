@@ -258,7 +258,9 @@ fn a_following_pressure_all_round_has_no_net_force_and_a_dead_one_has_the_same()
 
 #[test]
 fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_the_next() {
-    let mut simulation = simulation("palpate", &["time.steps=60", "output.frames_every=1000"]);
+    let often = ["refinement.every_steps=3", "refinement.max_splits_per_step=4"];
+    let set = [&often[..], &["time.steps=60", "output.frames_every=1000"]].concat();
+    let mut simulation = simulation("palpate", &set);
     let reports = run(&mut simulation);
     for report in &reports[..59] {
         assert_eq!(report.times.indicator_ms > 0.0, report.step % 3 == 0, "{report:?}");
