@@ -283,10 +283,12 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError> {
+        unlocked(&mut self.kept).is_rebuilt &= updates.is_empty();
         M::batch(self, updates)
     }
 
     fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
+        unlocked(&mut self.kept).is_rebuilt = false;
         M::batch_to(self, updates, rows)
     }
 
