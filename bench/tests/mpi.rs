@@ -22,7 +22,9 @@ const SMALL: &[&str] = &[
     "--set",
     "mesh.max_vertices=200",
     "--set",
-    "time.steps=12",
+    "time.steps=80",
+    "--set",
+    "time.step_s=0.025",
     "--cap-s",
     "600",
 ];
@@ -239,7 +241,7 @@ fn an_error_of_one_process_ends_all() {
     let other = [&[":", "-n", "1", PROGRAM], SMALL, &["--set", "time.steps=2"]].concat();
     let flags = [NO_HELP, &["-n", "1"]].concat();
     let child = mpirun_with(&flags, &[first, other].concat(), &folder);
-    refused(child, &["rank 1: ", "options.json", "time.steps = 12"]);
+    refused(child, &["rank 1: ", "options.json", "time.steps = 80"]);
     assert!(!folder.join("pareto.json").exists());
     let notes = root.path().join("notes");
     std::fs::create_dir(&notes).unwrap();
