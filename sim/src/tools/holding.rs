@@ -1,7 +1,5 @@
 //! How much of the body each fixed region and each tool of a scene has.
 
-use std::collections::BTreeSet;
-
 use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_corot::WeightedPoint;
@@ -59,8 +57,9 @@ impl Holding {
             let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
             let voxel =
                 |x: &Vector3<f64>| <[i64; 3]>::from(x.map(|x| (x / voxel_m).floor() as i64));
-            let voxels: BTreeSet<_> = points.iter().map(|point| voxel(&point.rest)).collect();
-            self.voxels = Some(voxels.len());
+            // Points of a voxel lie behind each other.
+            let groups = points.chunk_by(|a, b| voxel(&a.rest) == voxel(&b.rest));
+            self.voxels = Some(groups.count());
         }
         self.volume_cm3 = Some(1e6 * points.iter().map(|point| point.weight).sum::<f64>());
         self.places = points.iter().map(|point| point.rest).collect();
