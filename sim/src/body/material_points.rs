@@ -244,26 +244,66 @@ pub(crate) fn of_mesh(
 
 /// The point nearest to `x` of all voxels that are not void, as whole cubes; none without any.
 ///
-/// Cost: O(voxels).
+/// Cost: O(voxels nearer than the nearest that is not void).
 pub(crate) fn nearest_of_volume(volume: &LabelVolume, x: &Vector3<f64>) -> Option<Vector3<f64>> {
     let voxel = volume.grid().spacing_mm * 1e-3;
-    let dims = volume.grid().dims;
-    let mut nearest = (f64::INFINITY, None);
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            for at in (0..dims[0]).map(|x| [x, y, z]).filter(|&[x, y, z]| volume.get(x, y, z) != 0)
-            {
-                let inside =
-                    |i: usize, _| x[i].clamp(at[i] as f64 * voxel, (at[i] + 1) as f64 * voxel);
-                let point = Vector3::from_fn(inside);
-                let distance = (point - x).norm_squared();
-                if distance < nearest.0 {
-                    nearest = (distance, Some(point));
+    let dims = volume.grid().dims.map(|n| n as i64);
+    let own: [i64; 3] = x.map(|x| (x / voxel).floor() as i64).into();
+    let off = |axis: usize, at: i64| (at - own[axis]).abs();
+    // How many voxels it is from the image, and from its farthest side.
+    let beside = (0..3).map(|axis| off(axis, own[axis].clamp(0, dims[axis] - 1)));
+    let across = (0..3).map(|axis| off(axis, 0).max(off(axis, dims[axis] - 1)));
+    let mut nearest: Option<Near> = None;
+    for radius in beside.max()?..=across.max()? {
+        let layers =
+            |axis: usize| (own[axis] - radius).max(0)..(own[axis] + radius + 1).min(dims[axis]);
+        for z in layers(2) {
+            for y in layers(1) {
+                let is_cap = off(2, z) == radius || off(1, y) == radius;
+                if is_cap {
+                    layers(0).for_each(|i| look(volume, x, [i, y, z], &mut nearest));
+                } else {
+                    let sides = [own[0] - radius, own[0] + radius];
+                    let inside = sides.into_iter().filter(|i| layers(0).contains(i));
+                    inside.for_each(|i| look(volume, x, [i, y, z], &mut nearest));
                 }
             }
         }
+        // What lies farther out is at least as far away as a layer before this one.
+        if nearest.is_some_and(|near| near.distance < (radius as f64 * voxel).powi(2)) {
+            break;
+        }
     }
-    nearest.1
+    Some(nearest?.point)
+}
+
+/// A point of a voxel that is not void.
+#[derive(Clone, Copy)]
+struct Near {
+    /// Squared, m².
+    distance: f64,
+    voxel: [i64; 3],
+    point: Vector3<f64>,
+}
+
+/// Takes the point of a voxel if it is nearer to `x`; of equals that of the first voxel in the image.
+fn look(volume: &LabelVolume, x: &Vector3<f64>, at: [i64; 3], nearest: &mut Option<Near>) {
+    let [i, j, k] = at.map(|at| at as usize);
+    if volume.get(i, j, k) == 0 {
+        return;
+    }
+    let edge = volume.grid().spacing_mm * 1e-3;
+    let inside =
+        |axis: usize, _| x[axis].clamp(at[axis] as f64 * edge, (at[axis] + 1) as f64 * edge);
+    let point = Vector3::from_fn(inside);
+    let distance = (point - x).norm_squared();
+    let is_before = |a: [i64; 3], b: [i64; 3]| [a[2], a[1], a[0]] < [b[2], b[1], b[0]];
+    let is_nearer = nearest.is_none_or(|near| {
+        distance < near.distance || (distance == near.distance && is_before(at, near.voxel))
+    });
+    if is_nearer {
+        *nearest = Some(Near { distance, voxel: at, point });
+    }
 }
 
 /// `x` if it lies in a tetrahedron, up to rounding, else the vertex nearest to it.
@@ -353,6 +393,23 @@ mod tests {
                 assert!((x - first).norm() < 1e-11 * first.norm(), "{x} for {first}");
                 assert!((xx - second).norm() < 1e-11 * second.norm(), "{xx} for {second}");
             }
+        }
+    }
+
+    #[test]
+    fn the_nearest_is_that_of_a_look_at_all_voxels() {
+        let volume = hollow();
+        let part = |i: usize| ((7919 * i + 13) % 1009) as f64 / 1009.0 * 0.2 - 0.07;
+        // Places within the image and far outside of it, in its hole, on faces between voxels.
+        let mut places: Vec<Vector3<f64>> =
+            (0..60).map(|i| Vector3::from_fn(|axis, _| part(3 * i + axis))).collect();
+        places.extend([0.029, 0.028, 0.03, 0.0, 7.0].map(Vector3::repeat));
+        for x in places {
+            let mut all: Option<Near> = None;
+            for i in 0..29 * 29 * 29 {
+                look(&volume, &x, [i % 29, i / 29 % 29, i / 841], &mut all);
+            }
+            assert_eq!(nearest_of_volume(&volume, &x), all.map(|near| near.point), "{x}");
         }
     }
 
