@@ -101,6 +101,22 @@ fn neo_hookean_takes_a_pull_of_three_lengths() {
     }
 }
 
+/// Under the linear law, which shorter pulls get, six of these steps are lost.
+#[test]
+fn a_pull_by_more_than_half_of_the_body_gets_the_law_for_it() {
+    let law = |summary: &Summary| {
+        summary.plan.iter().find(|row| row.stage == "law").map(|row| row.choice.clone())
+    };
+    let pull = "tools.0.path=[{time_s=0},{time_s=0.5,move_m=[-0.04,0.1,0.1]}]";
+    let (summary, largest_mm) = run("liver", &[pull, "image.voxel_mm=4"]);
+    assert_eq!(law(&summary).as_deref(), Some("neo_hookean"));
+    assert_eq!(summary.steps.converged, 24);
+    assert!(largest_mm < 1e-2, "{largest_mm} mm");
+    let half = "tools.0.path=[{time_s=0},{time_s=0.5,move_m=[-0.02,0.06,0.06]}]";
+    let (summary, _) = run("liver", &[half, "image.voxel_mm=4", "time.steps=1"]);
+    assert_eq!(law(&summary).as_deref(), Some("linear"));
+}
+
 #[test]
 fn homogeneous_leaves_out_what_it_does_not_need() {
     let (summary, largest_mm) = run("homogeneous", &[]);

@@ -2,8 +2,8 @@
 
 use yawara_embed::Embedding;
 
-use super::element;
 use super::stages::Stages;
+use super::{element, law};
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::{PlanRow, WARNING};
@@ -38,6 +38,7 @@ pub(crate) fn rows(
         row("corotation", stages.forces.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         dynamics(scene),
+        law(scene, stages, start),
         refinement(scene, stages),
         estimates(scene, stages),
         budget(scene),
@@ -270,6 +271,11 @@ fn dynamics(scene: &Scene) -> PlanRow {
         dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
     );
     row("dynamics", "implicit Euler", true, why)
+}
+
+fn law(scene: &Scene, stages: &Stages, start: &Start) -> PlanRow {
+    let (name, why) = law::of_scene(scene, stages, start);
+    row("law", &name, true, why)
 }
 
 fn budget(scene: &Scene) -> PlanRow {

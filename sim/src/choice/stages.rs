@@ -70,16 +70,15 @@ impl Stages {
         })
     }
 
-    /// The law: the one given, else that of the scene.
+    /// The law: the one given, else that of a name.
     /// # Errors
     /// [`SimError::Corot`] for a name or a damping that no law has.
-    pub(crate) fn take_law(&mut self, scene: &Scene) -> Result<Box<dyn ConstitutiveLaw>, SimError> {
+    pub(crate) fn take_law(
+        &mut self,
+        name: &str,
+        scene: &Scene,
+    ) -> Result<Box<dyn ConstitutiveLaw>, SimError> {
         let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
-        let name = match (&scene.stages.law[..], damping_s > 0.0) {
-            (AUTO, true) => "rayleigh",
-            (AUTO, false) => "linear",
-            (name, _) => name,
-        };
         self.law.take().map_or_else(|| Ok(law_by_name(name, damping_s)?), Ok)
     }
 

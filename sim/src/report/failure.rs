@@ -22,6 +22,8 @@ pub(crate) struct Missed {
     pub force_n: f64,
     /// Tetrahedra that are turned inside out or folded flat.
     pub folded: usize,
+    /// Whether the law is `linear`.
+    pub is_linear: bool,
 }
 
 impl Failure {
@@ -51,10 +53,10 @@ impl Failure {
 
 /// What to try, most likely first.
 fn advice(report: &StepReport, missed: &Missed, scene: &Scene) -> Vec<String> {
-    let (Scene { time, solver, .. }, law) = (scene, &scene.stages.law[..]);
+    let Scene { time, solver, .. } = scene;
     let folded = missed.folded;
     let is_used_up = report.iterations >= solver.step_iterations;
-    let is_linear = ["auto", "linear"].contains(&law) && scene.stages.corotation == "element";
+    let is_linear = missed.is_linear && scene.stages.corotation == "element";
     let (steps, step_s) = (2 * time.steps, 0.5 * time.step_s);
     let (iterations, residual) = (4 * solver.step_iterations, 2.0 * report.residual);
     let all = [

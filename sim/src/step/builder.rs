@@ -19,7 +19,7 @@ use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
-use crate::choice::{Stages, empty_body, of_scene, plan};
+use crate::choice::{Stages, empty_body, law_of_scene, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
 use crate::report::{BodyOutline, Recorder, RunStatistics, Surfaces};
@@ -117,7 +117,8 @@ impl<'a> SimulationBuilder<'a> {
             Ok::<_, SimError>(start.material_points(&zone))
         });
         let goal_points = goal_points.transpose()?;
-        let empty = empty_body(element)?.with_law(stages.take_law(scene)?);
+        let empty = empty_body(element)?
+            .with_law(stages.take_law(&law_of_scene(scene, &stages, &start).0, scene)?);
         let integrator = stages.take_integrator(scene)?;
         let Stages {
             homogenisation, element: own, forces, equilibrium, indicator, inverse, ..

@@ -36,7 +36,8 @@ pub(super) fn worst(state: &BodyState, forces: &[Vector3<f64>]) -> Option<Missed
         let is_void = state.cell(element.tet).is_void;
         !is_void && is_folded(&element.deformation_gradient(&state.positions))
     });
-    Some(Missed { place: state.rest[v], label, force_n, folded: folded.count() })
+    let (place, is_linear) = (state.rest[v], state.body.law().name() == "linear");
+    Some(Missed { place, label, force_n, folded: folded.count(), is_linear })
 }
 
 fn is_folded(gradient: &Matrix3<f64>) -> bool {

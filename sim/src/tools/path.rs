@@ -45,7 +45,7 @@ impl ToolPath {
     }
 
     /// Through a scene's keys, or those of a file in their place.
-    pub(super) fn read(
+    pub(crate) fn read(
         keys: &[Key],
         csv: Option<&std::path::Path>,
         axes: ScannerAxes,
@@ -62,6 +62,12 @@ impl ToolPath {
         let (move_a, move_b) = (Vector3::from(a.move_m), Vector3::from(b.move_m));
         let turn_deg = a.turn_deg + s * (b.turn_deg - a.turn_deg);
         Pose { move_m: move_a.lerp(&move_b, s).into(), turn_deg }
+    }
+
+    /// How far from its start it goes, m.
+    pub(crate) fn reach_m(&self) -> f64 {
+        let length = |key: &Key| Vector3::from(key.move_m).norm();
+        self.keys.iter().map(length).fold(0.0, f64::max)
     }
 
     /// Displacement (solver axes, m) and turn (rad) at time `t`.

@@ -108,16 +108,16 @@ fn displacements() -> Vec<Setting> {
         let own = [format!("tools.0.path={path}"), format!("materials.0.poisson_ratio={nu:?}")];
         Setting::new(name, "extreme", &[UNIFORM, &["time.steps=12"]].concat(), &own)
     };
-    let at_any_strain = |mut one: Setting| {
-        one.keys.push("stages.law=neo_hookean".to_owned());
-        one.name += ", neo_hookean";
+    let linear = |mut one: Setting| {
+        one.keys.push("stages.law=linear".to_owned());
+        one.name += ", law linear";
         one
     };
     // Held by its vertices a bar without a Poisson ratio is stretched evenly: E A u/L, 16 N a length.
     let mut even = pull(0.0, 3);
     let held = ["support.hold=vertices", "tools.0.hold=vertices", "tools.0.release_s=9.0"];
     even.keys.extend(held.map(str::to_owned));
-    let even = Setting { reference: Reference::Force(48.0), ..even }.quick(true);
+    let even = Setting { reference: Reference::Force(48.0), ..linear(even) }.quick(true);
     let twist = |turns: usize| {
         let path = format!("[{{time_s=0}}, {{time_s=2, turn_deg={}}}]", 360 * turns);
         let own = [format!("tools.0.path={path}")];
@@ -132,8 +132,8 @@ fn displacements() -> Vec<Setting> {
     let pulls = (1..=3).map(|lengths| pull(0.45, lengths));
     let twists = [1, 2, 4].into_iter().map(twist);
     let turned = [0.3, 0.49].iter().map(inside_out);
-    let neo_hookean = [pull(0.45, 2), pull(0.45, 3), inside_out(&0.49)].map(at_any_strain);
-    pulls.chain([even]).chain(twists).chain(turned).chain(neo_hookean).collect()
+    let of_linear = [pull(0.45, 2), pull(0.45, 3), inside_out(&0.49)].map(linear);
+    pulls.chain([even]).chain(twists).chain(turned).chain(of_linear).collect()
 }
 
 /// Slivers in a mesh from a file, and voxels ten times as high as wide.

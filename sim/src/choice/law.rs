@@ -1,0 +1,43 @@
+//! Which law a scene calls for.
+
+use super::stages::Stages;
+use crate::body::Start;
+use crate::scene::{AUTO, Scene, ToolEntry};
+use crate::tools::ToolPath;
+
+/// A grab that goes farther than this part of the body's longest side makes strains at which the linear law
+/// has no equilibrium.
+const FAR: f64 = 0.5;
+
+/// The law of a scene, and why.
+pub(crate) fn of_scene(scene: &Scene, stages: &Stages, start: &Start) -> (String, String) {
+    if let Some(own) = &stages.law {
+        return (own.name().into(), "given".into());
+    }
+    let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
+    if scene.stages.law != AUTO {
+        return (scene.stages.law.clone(), "asked for".into());
+    }
+    if damping_s > 0.0 {
+        return ("rayleigh".into(), "damped by stiffness".into());
+    }
+    let (goes, longest) = (farthest_mm(scene, start), start.places.organ.longest_mm());
+    let is_far = goes > FAR * longest;
+    let lengths = format!("a grab goes {goes:.0} mm, the body's longest side is {longest:.0} mm");
+    match is_far && scene.dynamics.is_none() && stages.forces.name().starts_with("element") {
+        true => ("neo_hookean".into(), format!("{lengths}: strains that linear does not bear")),
+        false if is_far => ("linear".into(), lengths),
+        false => ("linear".into(), "no grab goes as far as half of the body's length".into()),
+    }
+}
+
+/// How far from its material's place at rest a grab goes, mm.
+fn farthest_mm(scene: &Scene, start: &Start) -> f64 {
+    let reach = |tool: &ToolEntry| {
+        let ToolEntry::Grab(grab) = tool else { return None };
+        // What can't be read is refused where the tool is made.
+        let path = ToolPath::read(&grab.path, grab.path_csv.as_deref(), start.places.axes).ok()?;
+        Some(1e3 * path.reach_m())
+    };
+    scene.tools.iter().filter_map(reach).fold(0.0, f64::max)
+}
