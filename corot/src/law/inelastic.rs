@@ -293,3 +293,255 @@ fn product(packed: &[f64], strain: &Strain) -> Strain {
     }
     product
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Creep, Plastic, Prony, PronyTerm, Relaxing};
+    use std::f64::consts::PI;
+    use yawara_embed::isotropic;
+
+    const YOUNG_PA: f64 = 3e4;
+
+    /// One element that is strained as it is told.
+    struct Sample {
+        law: Inelastic,
+        elasticity: Matrix6<f64>,
+        moduli: Vec<f64>,
+        state: Vec<f64>,
+        step_s: f64,
+    }
+
+    impl Sample {
+        fn new(prony: &Prony, flow: Flow, poisson: f64, step_s: f64) -> Self {
+            let instant = isotropic(YOUNG_PA, poisson);
+            let terms = prony.terms().iter();
+            let rest = prony.scaled(&instant, prony.rest());
+            let spread = instant - prony.scaled(&instant, 0.0);
+            let made_of = InelasticMaterial {
+                relaxed: rest,
+                terms: terms.map(|term| spread * term.fraction).collect(),
+                flow,
+            };
+            let times_s = prony.terms().iter().map(|term| term.time_s).collect();
+            let law = Inelastic::new(times_s, flow != Flow::None);
+            let elasticity = prony.scaled(&instant, prony.at_step(step_s));
+            let mut moduli = vec![0.0; law.moduli_len()];
+            law.set_moduli(&elasticity, &made_of.numbers(), &mut moduli);
+            let state = vec![0.0; law.state_len()];
+            Self { law, elasticity, moduli, state, step_s }
+        }
+
+        /// A step to a strain: its stress, with the state that it leaves if that is to `stay`.
+        fn step(&mut self, strain: Strain, stays: bool) -> Strain {
+            let Self { law, elasticity, moduli, state, step_s } = self;
+            let (mut prepared, mut trial) = (vec![0.0; law.prepared_len()], state.clone());
+            let start = StepStart { elasticity, moduli, state, step_s: *step_s };
+            law.prepare(&start, &mut prepared);
+            let point = MaterialPoint {
+                elasticity,
+                moduli,
+                strain,
+                pressure: None,
+                state,
+                step_s: *step_s,
+                prepared: &prepared,
+            };
+            let stress = law.stress(&point, &mut trial);
+            if stays {
+                law.finish(&start, &mut trial);
+                self.state = trial;
+            }
+            stress
+        }
+
+        /// A step in which a bar along x comes under `pull` Pa and is free across: its strain.
+        fn pull(&mut self, pull: f64) -> Strain {
+            let (want, mut strain) = (pull * Strain::ith(0, 1.0), self.law.stays(&self.state));
+            for _ in 0..200 {
+                let off = want - self.step(strain, false);
+                if off.amax() < 1e-13 * YOUNG_PA {
+                    break;
+                }
+                // By differences: the same whatever flows.
+                let h = 1e-7;
+                let columns: [Strain; 6] = std::array::from_fn(|i| {
+                    let [up, down] = [h, -h].map(|h| self.step(strain + h * Strain::ith(i, 1.0), false));
+                    (up - down) / (2.0 * h)
+                });
+                strain += Matrix6::from_columns(&columns).lu().solve(&off).unwrap();
+            }
+            self.step(strain, true);
+            strain
+        }
+
+        fn stored(&self) -> f64 {
+            self.law.stored(&self.moduli, &self.state, &Strain::zeros())
+        }
+    }
+
+    fn ladder(relaxing: Relaxing) -> Prony {
+        let term = |fraction, time_s| PronyTerm { fraction, time_s };
+        Prony::new(vec![term(0.3, 0.05), term(0.25, 1.0)], relaxing).unwrap()
+    }
+
+    fn order(errors: &[f64]) -> Vec<f64> {
+        errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect()
+    }
+
+    /// After a ramp in one step σ = D ε (g_∞ + Σ g γ e^(−t/τ)): the sum is exact for any Δt, and no time has a share in
+    /// changes of volume where the deviator relaxes.
+    #[test]
+    fn a_held_strain_relaxes_as_in_closed_form() {
+        for relaxing in [Relaxing::Deviator, Relaxing::Whole] {
+            let (prony, step_s) = (ladder(relaxing), 0.2);
+            let mut sample = Sample::new(&prony, Flow::None, 0.45, step_s);
+            let strain = Strain::new(0.02, -0.01, 0.03, 0.01, -0.02, 0.04);
+            for step in 0..50 {
+                let stress = sample.step(strain, true);
+                let left = |term: &PronyTerm| {
+                    let [_, gamma] = lasting(step_s, term.time_s);
+                    term.fraction * gamma * (-f64::from(step) * step_s / term.time_s).exp()
+                };
+                let factor = prony.rest() + prony.terms().iter().map(left).sum::<f64>();
+                let want = prony.scaled(&isotropic(YOUNG_PA, 0.45), factor) * strain;
+                assert!((stress - want).amax() < 1e-12 * want.amax(), "{relaxing:?}, step {step}");
+            }
+        }
+    }
+
+    /// ε = σ/E_∞ (1 − (1 − E_∞/E_0) e^(−t/τ_c)), τ_c = τ E_0/E_∞, of a bar of one term that relaxes whole.
+    #[test]
+    fn a_held_stress_creeps_as_in_closed_form_to_second_order() {
+        let prony = Prony::new(vec![PronyTerm { fraction: 0.4, time_s: 0.5 }], Relaxing::Whole).unwrap();
+        let (pull, end_s) = (100.0, 1.0);
+        let errors = [10, 20, 40, 80].map(|steps: usize| {
+            let step_s = end_s / steps as f64;
+            let mut sample = Sample::new(&prony, Flow::None, 0.3, step_s);
+            // The load comes in a step so short that nothing has relaxed.
+            sample.step_s = 1e-12;
+            sample.pull(pull);
+            sample.step_s = step_s;
+            let strain = (0..steps).map(|_| sample.pull(pull)[0]).last().unwrap();
+            let want = pull / (0.6 * YOUNG_PA) * (1.0 - 0.4 * (-end_s / (0.5 / 0.6)).exp());
+            (strain / want - 1.0).abs()
+        });
+        println!("creep: orders {:.3?}, at last off by {:.1e}", order(&errors), errors[3]);
+        assert!(order(&errors).iter().all(|order| (order - 2.0).abs() < 0.1) && errors[3] < 1e-4);
+    }
+
+    /// γ = γ₀ sin ωt: σ = γ₀ (G′ sin ωt + G″ cos ωt), a loop of the area π G″ γ₀², at three frequencies.
+    #[test]
+    fn moduli_of_a_swinging_shear_are_those_of_the_ladder_to_second_order() {
+        let (prony, shear) = (ladder(Relaxing::Deviator), 0.5 * YOUNG_PA / 1.4);
+        for omega in [0.5, 4.0, 30.0] {
+            let period = 2.0 * PI / omega;
+            let errors = [64, 128, 256, 512].map(|steps: usize| {
+                let step_s = period / steps as f64;
+                let mut sample = Sample::new(&prony, Flow::None, 0.4, step_s);
+                let at = |step: usize| 0.01 * (2.0 * PI * step as f64 / steps as f64).sin();
+                // Until what the start has left is over.
+                let warm = steps * (30.0 / period).ceil() as usize;
+                for step in 1..=warm {
+                    sample.step(at(step) * Strain::ith(3, 1.0), true);
+                }
+                let (mut storage, mut loss, mut area) = (0.0, 0.0, 0.0);
+                let (before, mut last) = (sample.state[0], sample.step(at(0) * Strain::ith(3, 1.0), false)[3]);
+                for step in 1..=steps {
+                    let angle = 2.0 * PI * step as f64 / steps as f64;
+                    let stress = sample.step(at(step) * Strain::ith(3, 1.0), true)[3];
+                    storage += stress * angle.sin() * 2.0 / steps as f64;
+                    loss += stress * angle.cos() * 2.0 / steps as f64;
+                    area += 0.5 * (stress + last) * (at(step) - at(step - 1));
+                    last = stress;
+                }
+                let [g1, g2] = prony.dynamic(omega).map(|part| part * shear * 0.01);
+                let want = PI * g2 * 0.01;
+                let heat = sample.state[0] - before;
+                [(storage / g1 - 1.0).abs(), (loss / g2 - 1.0).abs(), (heat / want - 1.0).abs(), (area / want - 1.0).abs()]
+            });
+            for part in 0..4 {
+                let errors = errors.map(|errors| errors[part]);
+                println!("ω = {omega}, {part}: orders {:.3?}, off by {:.1e}", order(&errors), errors[3]);
+                assert!(order(&errors).iter().all(|order| (order - 2.0).abs() < 0.15) && errors[3] < 2e-4);
+            }
+        }
+    }
+
+    /// Work in = stored + turned into heat: exactly where strain changes evenly within steps and nothing flows, by the
+    /// exact integral of the stress; by the trapezoidal rule to second order, and with a flow to first.
+    #[test]
+    fn work_is_stored_or_lost() {
+        let plastic = Flow::Plastic(Plastic::new(200.0, 5e3).unwrap());
+        let creep = Flow::Creep(Creep::new(0.005, 3.0, 0.1).unwrap());
+        for (flow, least) in [(Flow::None, 1.95), (plastic, 0.95), (creep, 0.9)] {
+            let errors = [50, 100, 200, 400].map(|steps: usize| {
+                let mut sample = Sample::new(&ladder(Relaxing::Deviator), flow, 0.3, 2.0 / steps as f64);
+                let at = |step: usize| {
+                    let t = 2.0 * step as f64 / steps as f64;
+                    0.03 * Strain::new((3.0 * t).sin(), 0.3 * t, -0.4 * (2.0 * t).sin(), 0.7 * t * t, 0.1, 0.0) * t.min(1.0)
+                };
+                let (mut work, mut last) = (0.0, Strain::zeros());
+                let mut lost = 0.0;
+                for step in 1..=steps {
+                    let stress = sample.step(at(step), true);
+                    work += 0.5 * (stress + last).dot(&(at(step) - at(step - 1)));
+                    // A flow by strain acts at the end of the step.
+                    last = sample.law.stress_of(&sample.moduli, &sample.state);
+                    assert!(sample.state[0] >= lost, "heat turns into nothing");
+                    lost = sample.state[0];
+                }
+                ((sample.stored() + lost) / work - 1.0).abs()
+            });
+            println!("{flow:?}: orders {:.3?}, off by {:.1e}", order(&errors), errors[3]);
+            assert!(order(&errors).iter().all(|order| *order > least) && errors[3] < 2e-2, "{flow:?}");
+        }
+    }
+
+    /// A bar beyond its yield: σ = σ_y + H α, and ε = σ/E + α; back and forth, hardening is the same both ways.
+    #[test]
+    fn a_bar_yields_and_hardens_as_it_says() {
+        let (yield_pa, hardening_pa) = (300.0, 2e3);
+        let flow = Flow::Plastic(Plastic::new(yield_pa, hardening_pa).unwrap());
+        let mut sample = Sample::new(&Prony::default(), flow, 0.3, 1.0);
+        let tangent = YOUNG_PA * hardening_pa / (YOUNG_PA + hardening_pa);
+        let strain = sample.pull(500.0);
+        let want = yield_pa / YOUNG_PA + 200.0 / tangent;
+        assert!((strain[0] / want - 1.0).abs() < 1e-9, "{}, want {want}", strain[0]);
+        assert!((sample.state[1] / (200.0 / hardening_pa) - 1.0).abs() < 1e-9);
+        // What stays keeps its volume.
+        let stays = sample.law.stays(&sample.state);
+        assert!(stays.rows(0, 3).sum().abs() < 1e-15 && (stays[0] - 0.1).abs() < 1e-9);
+        // Back to −450 Pa: elastic all the way, then −600 Pa, 100 Pa beyond the 500 that it has come to.
+        let back = sample.pull(-450.0);
+        assert!((back[0] - (0.1 - 450.0 / YOUNG_PA)).abs() < 1e-9);
+        let beyond = sample.pull(-600.0);
+        let want = 0.1 - 600.0 / YOUNG_PA - 100.0 / hardening_pa;
+        assert!((beyond[0] - want).abs() < 1e-9, "{}, want {want}", beyond[0]);
+    }
+
+    /// ε̇_p = c (ε − ε_p) at a held strain: ε_p = ε (1 − e^(−ct)) to first order, no further than its limit; nothing
+    /// below the yield.
+    #[test]
+    fn a_held_strain_comes_to_stay_at_the_rate_that_is_given() {
+        let strain = Strain::new(0.03, -0.01, 0.0, 0.02, 0.0, 0.01);
+        let errors = [50, 100, 200].map(|steps: usize| {
+            let flow = Flow::Creep(Creep::new(1e-4, 2.0, 1.0).unwrap());
+            let mut sample = Sample::new(&Prony::default(), flow, 0.3, 1.0 / steps as f64);
+            for _ in 0..steps {
+                sample.step(strain, true);
+            }
+            (sample.law.stays(&sample.state) - strain * (1.0 - (-2.0_f64).exp())).amax()
+        });
+        assert!(order(&errors).iter().all(|order| (order - 1.0).abs() < 0.05), "{errors:?}");
+        for (yield_strain, max_strain, want) in [(0.05, 1.0, 0.0), (0.0, 0.01, 0.01)] {
+            let flow = Flow::Creep(Creep::new(yield_strain, 2.0, max_strain).unwrap());
+            let mut sample = Sample::new(&Prony::default(), flow, 0.3, 0.1);
+            for _ in 0..50 {
+                sample.step(strain, true);
+            }
+            let size = super::super::creep::size(&sample.law.stays(&sample.state));
+            assert!((size - want).abs() < 1e-12, "{size}, want {want}");
+        }
+    }
+}

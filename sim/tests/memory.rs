@@ -1,0 +1,94 @@
+//! Bodies that remember: moduli that relax and strain that stays, as whole scenes.
+
+use std::cell::Cell;
+
+use yawara::indicator::{Indicator, RingMember};
+use yawara::report::StepReport;
+use yawara::{Simulation, Stages, scene_file};
+
+/// A scene with these settings, before its first step.
+fn scene(name: &str, set: &[&str], change: impl FnOnce(&mut Stages)) -> Simulation {
+    let overrides: Vec<String> = set.iter().map(|s| (*s).into()).collect();
+    let (scene, _) = scene_file::load(name, &overrides).unwrap();
+    let mut stages = Stages::by_name(&scene.stages).unwrap();
+    change(&mut stages);
+    Simulation::new(&scene, stages).unwrap()
+}
+
+fn run(simulation: &mut Simulation) -> Vec<StepReport> {
+    let mut reports = Vec::new();
+    while simulation.steps_left() > 0 {
+        let report = simulation.step().unwrap();
+        assert!(report.converged, "{report:?}");
+        reports.push(report);
+    }
+    reports
+}
+
+/// Wants any vertex with the same chance, and then does not.
+struct Dice(Cell<u64>);
+
+impl Indicator for Dice {
+    fn name(&self) -> &'static str {
+        "dice"
+    }
+
+    fn unit(&self) -> &'static str {
+        "1"
+    }
+
+    fn measure(&self, _: &[RingMember]) -> f64 {
+        // Knuth's generator.
+        let next = self.0.get().wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        self.0.set(next);
+        (next >> 33) as f64 / (1u64 << 31) as f64
+    }
+}
+
+/// A bar of 160 x 40 x 40 mm of ν = 0 whose ends are pulled apart by 8 mm in the first step of .2 s, and held.
+const PULLED: [&str; 7] = [
+    "gravity_m_s2=[0.0, 0.0, 0.0]",
+    "materials.0.poisson_ratio=0.0",
+    "support.hold=vertices",
+    "tools=[{ kind = 'grab', hold = 'vertices', region = { shape = 'box', min = [1.0, 0.0, 0.0], \
+     max = [1.0, 1.0, 1.0] }, path = [{ time_s = 0.0 }, { time_s = 0.2, move_m = [0.008, 0.0, 0.0] }] }]",
+    "time={ steps = 120, step_s = 0.2 }",
+    "stages.element=p1",
+    "solver.residual=1e-15",
+];
+
+const LADDER: &str = "materials.0.law={ kind = 'prony', relaxing = 'whole', terms = [\
+     { fraction = 0.3, time_s = 0.3 }, { fraction = 0.4, time_s = 2.0 }] }";
+
+/// F(t)/F_∞ of that ladder at the end of step `n`, from 1.
+fn relaxed(n: usize) -> f64 {
+    let term = |fraction: f64, tau: f64| {
+        let x = 0.2 / tau;
+        fraction * (1.0 - (-x).exp()) / x * (-(n as f64 - 1.0) * x).exp()
+    };
+    (0.3 + term(0.3, 0.3) + term(0.4, 2.0)) / 0.3
+}
+
+#[test]
+fn an_even_relaxation_is_exact_through_ten_thousand_splits_and_merges() {
+    let set = [
+        "mesh={ base_mm = 20.0, max_level = 5, max_vertices = 500 }",
+        "refinement={ split_above = 0.5, merge_fraction = 0.9, dwell_steps = 0, max_splits_per_step = 200 }",
+    ];
+    let set = [&PULLED[..], &[LADDER], &set].concat();
+    let mut simulation =
+        scene("homogeneous", &set, |stages| stages.indicator = Box::new(Dice(Cell::new(7))));
+    let reports = run(&mut simulation);
+    let changes: usize = reports.iter().map(|report| report.splits + report.merges).sum();
+    // E_∞ A ε of .05, with E = 50 kPa at once.
+    let rest = 0.3 * 5e4 * 1.6e-3 * 0.05;
+    let off = |report: &StepReport| (report.tools[0].force_n[0] / rest / relaxed(report.step) - 1.0).abs();
+    let worst = reports.iter().map(off).fold(0.0, f64::max);
+    println!("{changes} splits and merges; off by {worst:e}");
+    assert!(changes > 10_000, "{changes}");
+    assert!(worst < 1e-12, "{worst:e}");
+    let energy = simulation.summary().unwrap().energy.unwrap();
+    let most = energy.stored_j * 1e-10;
+    assert!(energy.merges.added_j + energy.merges.removed_j < most, "{energy:?}");
+    assert!(energy.splits.added_j + energy.splits.removed_j < most, "{energy:?}");
+}
