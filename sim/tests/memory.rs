@@ -82,7 +82,9 @@ fn an_even_relaxation_is_exact_through_ten_thousand_splits_and_merges() {
     let changes: usize = reports.iter().map(|report| report.splits + report.merges).sum();
     // E_∞ A ε of .05, with E = 50 kPa at once.
     let rest = 0.3 * 5e4 * 1.6e-3 * 0.05;
-    let off = |report: &StepReport| (report.tools[0].force_n[0] / rest / relaxed(report.step) - 1.0).abs();
+    let off = |report: &StepReport| {
+        (report.tools[0].force_n[0] / rest / relaxed(report.step) - 1.0).abs()
+    };
     let worst = reports.iter().map(off).fold(0.0, f64::max);
     println!("{changes} splits and merges; off by {worst:e}");
     assert!(changes > 10_000, "{changes}");

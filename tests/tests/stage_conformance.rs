@@ -117,6 +117,7 @@ conformance!(equilibrium, newton, "newton", a_large_load_is_borne);
 conformance!(equilibrium, residual_newton, "residual_newton", a_large_load_is_borne);
 
 conformance!(time_integrator, implicit_euler, ("implicit_euler", 1.0));
+conformance!(time_integrator, newmark, ("newmark", 2.0));
 conformance!(time_integrator_without_inertia, quasi_static, "quasi_static");
 
 conformance!(indicator, energy, "energy");

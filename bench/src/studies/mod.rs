@@ -18,6 +18,7 @@ pub mod mesh;
 pub mod meshes;
 pub mod pareto;
 mod race;
+pub mod reality;
 pub mod robust;
 pub mod scaling;
 pub mod sweep;

@@ -197,7 +197,8 @@ impl ConstitutiveLaw for Inelastic {
 
     fn finish(&self, start: &StepStart<'_>, trial: &mut [f64]) {
         let StepStart { moduli, state, step_s, .. } = *start;
-        let (before, after) = (strain_at(state, self.elastic_at()), strain_at(trial, self.elastic_at()));
+        let (before, after) =
+            (strain_at(state, self.elastic_at()), strain_at(trial, self.elastic_at()));
         let mut lost = 0.0;
         let rate = (after - before) / step_s;
         for (i, (e, [a, gamma])) in self.terms(state, step_s).enumerate() {
@@ -226,7 +227,8 @@ impl ConstitutiveLaw for Inelastic {
                 set(trial, 2, flowed);
                 self.change(trial, &(stays - flowed));
                 lost += stored - self.stored(moduli, trial, &Strain::zeros());
-                trial[1] = state[1] + (2.0_f64 / 3.0).sqrt() * super::creep::size(&(flowed - stays));
+                trial[1] =
+                    state[1] + (2.0_f64 / 3.0).sqrt() * super::creep::size(&(flowed - stays));
             }
         }
         trial[0] = state[0] + lost;
@@ -234,7 +236,8 @@ impl ConstitutiveLaw for Inelastic {
 
     fn merge(&self, halves: &[LawHalf<'_>; 2], parent: &mut [f64]) {
         let total = halves[0].volume + halves[1].volume;
-        let mean = |i: usize| halves.iter().map(|half| half.volume * half.state[i]).sum::<f64>() / total;
+        let mean =
+            |i: usize| halves.iter().map(|half| half.volume * half.state[i]).sum::<f64>() / total;
         (0..self.terms_at()).for_each(|i| parent[i] = mean(i));
         let first = if self.flows { 2 } else { self.terms_at() };
         for at in (first..parent.len()).step_by(6) {
@@ -366,7 +369,8 @@ mod tests {
                 // By differences: the same whatever flows.
                 let h = 1e-7;
                 let columns: [Strain; 6] = std::array::from_fn(|i| {
-                    let [up, down] = [h, -h].map(|h| self.step(strain + h * Strain::ith(i, 1.0), false));
+                    let [up, down] =
+                        [h, -h].map(|h| self.step(strain + h * Strain::ith(i, 1.0), false));
                     (up - down) / (2.0 * h)
                 });
                 strain += Matrix6::from_columns(&columns).lu().solve(&off).unwrap();
@@ -413,7 +417,8 @@ mod tests {
     /// ε = σ/E_∞ (1 − (1 − E_∞/E_0) e^(−t/τ_c)), τ_c = τ E_0/E_∞, of a bar of one term that relaxes whole.
     #[test]
     fn a_held_stress_creeps_as_in_closed_form_to_second_order() {
-        let prony = Prony::new(vec![PronyTerm { fraction: 0.4, time_s: 0.5 }], Relaxing::Whole).unwrap();
+        let prony =
+            Prony::new(vec![PronyTerm { fraction: 0.4, time_s: 0.5 }], Relaxing::Whole).unwrap();
         let (pull, end_s) = (100.0, 1.0);
         let errors = [10, 20, 40, 80].map(|steps: usize| {
             let step_s = end_s / steps as f64;
@@ -446,7 +451,8 @@ mod tests {
                     sample.step(at(step) * Strain::ith(3, 1.0), true);
                 }
                 let (mut storage, mut loss, mut area) = (0.0, 0.0, 0.0);
-                let (before, mut last) = (sample.state[0], sample.step(at(0) * Strain::ith(3, 1.0), false)[3]);
+                let (before, mut last) =
+                    (sample.state[0], sample.step(at(0) * Strain::ith(3, 1.0), false)[3]);
                 for step in 1..=steps {
                     let angle = 2.0 * PI * step as f64 / steps as f64;
                     let stress = sample.step(at(step) * Strain::ith(3, 1.0), true)[3];
@@ -458,12 +464,24 @@ mod tests {
                 let [g1, g2] = prony.dynamic(omega).map(|part| part * shear * 0.01);
                 let want = PI * g2 * 0.01;
                 let heat = sample.state[0] - before;
-                [(storage / g1 - 1.0).abs(), (loss / g2 - 1.0).abs(), (heat / want - 1.0).abs(), (area / want - 1.0).abs()]
+                [
+                    (storage / g1 - 1.0).abs(),
+                    (loss / g2 - 1.0).abs(),
+                    (heat / want - 1.0).abs(),
+                    (area / want - 1.0).abs(),
+                ]
             });
             for part in 0..4 {
                 let errors = errors.map(|errors| errors[part]);
-                println!("ω = {omega}, {part}: orders {:.3?}, off by {:.1e}", order(&errors), errors[3]);
-                assert!(order(&errors).iter().all(|order| (order - 2.0).abs() < 0.15) && errors[3] < 2e-4);
+                println!(
+                    "ω = {omega}, {part}: orders {:.3?}, off by {:.1e}",
+                    order(&errors),
+                    errors[3]
+                );
+                assert!(
+                    order(&errors).iter().all(|order| (order - 2.0).abs() < 0.15)
+                        && errors[3] < 2e-4
+                );
             }
         }
     }
@@ -476,10 +494,18 @@ mod tests {
         let creep = Flow::Creep(Creep::new(0.005, 3.0, 0.1).unwrap());
         for (flow, least) in [(Flow::None, 1.95), (plastic, 0.95), (creep, 0.9)] {
             let errors = [50, 100, 200, 400].map(|steps: usize| {
-                let mut sample = Sample::new(&ladder(Relaxing::Deviator), flow, 0.3, 2.0 / steps as f64);
+                let mut sample =
+                    Sample::new(&ladder(Relaxing::Deviator), flow, 0.3, 2.0 / steps as f64);
                 let at = |step: usize| {
                     let t = 2.0 * step as f64 / steps as f64;
-                    0.03 * Strain::new((3.0 * t).sin(), 0.3 * t, -0.4 * (2.0 * t).sin(), 0.7 * t * t, 0.1, 0.0) * t.min(1.0)
+                    0.03 * Strain::new(
+                        (3.0 * t).sin(),
+                        0.3 * t,
+                        -0.4 * (2.0 * t).sin(),
+                        0.7 * t * t,
+                        0.1,
+                        0.0,
+                    ) * t.min(1.0)
                 };
                 let (mut work, mut last) = (0.0, Strain::zeros());
                 let mut lost = 0.0;
@@ -494,7 +520,10 @@ mod tests {
                 ((sample.stored() + lost) / work - 1.0).abs()
             });
             println!("{flow:?}: orders {:.3?}, off by {:.1e}", order(&errors), errors[3]);
-            assert!(order(&errors).iter().all(|order| *order > least) && errors[3] < 2e-2, "{flow:?}");
+            assert!(
+                order(&errors).iter().all(|order| *order > least) && errors[3] < 2e-2,
+                "{flow:?}"
+            );
         }
     }
 

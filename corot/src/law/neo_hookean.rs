@@ -182,8 +182,7 @@ mod tests {
         let (moduli, state) = (&moduli[..], &[][..]);
         let step_s = f64::INFINITY;
         let (pressure, prepared) = (None, &[][..]);
-        let point =
-            MaterialPoint { elasticity, moduli, strain, pressure, state, step_s, prepared };
+        let point = MaterialPoint { elasticity, moduli, strain, pressure, state, step_s, prepared };
         NeoHookean.stress(&point, &mut [])
     }
 

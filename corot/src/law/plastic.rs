@@ -48,7 +48,12 @@ impl Plastic {
     ///
     /// With n = dev σ*/|dev σ*| the strain Δλ n stays and dev σ = dev σ* − Δλ dev(D n) is on the yield surface: a
     /// quadratic equation for Δλ, of which the least root counts.
-    pub(super) fn flow(&self, trial: &Strain, elasticity: &Matrix6<f64>, equivalent: f64) -> Flowed {
+    pub(super) fn flow(
+        &self,
+        trial: &Strain,
+        elasticity: &Matrix6<f64>,
+        equivalent: f64,
+    ) -> Flowed {
         let root = (2.0_f64 / 3.0).sqrt();
         let shape = deviator(trial);
         let size = double(&shape, &shape).sqrt();
@@ -88,7 +93,9 @@ impl Plastic {
         let columns = std::array::from_fn::<_, 6, _>(|i| {
             let change = deviator(&elasticity.column(i).into_owned());
             let turned = change - double(normal, &change) * normal;
-            elasticity.column(i) - drop * (drop[i] / rate) - relative * elasticity * engineering(&turned)
+            elasticity.column(i)
+                - drop * (drop[i] / rate)
+                - relative * elasticity * engineering(&turned)
         });
         Matrix6::from_columns(&columns)
     }

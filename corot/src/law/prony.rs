@@ -44,11 +44,15 @@ impl Prony {
     pub fn new(terms: Vec<PronyTerm>, relaxing: Relaxing) -> Result<Self, CorotError> {
         for PronyTerm { fraction, time_s } in &terms {
             range("the time of a Prony term, s,", *time_s, "a finite number > 0", |t| t > 0.0)?;
-            range("the fraction of a Prony term", *fraction, "0 to 1", |g| (0.0..=1.0).contains(&g))?;
+            range("the fraction of a Prony term", *fraction, "0 to 1", |g| {
+                (0.0..=1.0).contains(&g)
+            })?;
         }
         let sum: f64 = terms.iter().map(|term| term.fraction).sum();
         // Fractions that a fit makes sum up to 1 but for rounding.
-        range("the sum of the fractions of Prony terms", sum, "at most 1", |sum| sum <= 1.0 + 1e-12)?;
+        range("the sum of the fractions of Prony terms", sum, "at most 1", |sum| {
+            sum <= 1.0 + 1e-12
+        })?;
         Ok(Self { terms, relaxing })
     }
 
@@ -69,7 +73,9 @@ impl Prony {
         let inside = |x: f64| x > 0.0 && x < 1.0;
         range("the exponent of a power law", exponent, "more than 0 and less than 1", inside)?;
         range("the start of a power law, s,", from_s, "a finite number > 0", |t| t > 0.0)?;
-        range("the end of a power law, s,", to_s, "a finite number above its start", |t| t > from_s)?;
+        range("the end of a power law, s,", to_s, "a finite number above its start", |t| {
+            t > from_s
+        })?;
         let few = |n: f64| (1.0..=32.0).contains(&n);
         range("the number of terms of a power law", terms as f64, "1 to 32", few)?;
         let span = (to_s / from_s).ln();
@@ -85,8 +91,10 @@ impl Prony {
             })
             .collect();
         let mut weights = vec![1.0 / (terms + 1) as f64; terms + 1];
-        let mut off: Vec<f64> =
-            rows.iter().map(|row| row.iter().zip(&weights).map(|(a, w)| a * w).sum::<f64>() - 1.0).collect();
+        let mut off: Vec<f64> = rows
+            .iter()
+            .map(|row| row.iter().zip(&weights).map(|(a, w)| a * w).sum::<f64>() - 1.0)
+            .collect();
         for _ in 0..SWEEPS {
             for (i, weight) in weights.iter_mut().enumerate() {
                 let slope: f64 = rows.iter().zip(&off).map(|(row, off)| row[i] * off).sum();
@@ -190,7 +198,8 @@ mod tests {
                 let t = span[0] * 1e4_f64.powf(f64::from(k) / 50.0);
                 fit.relaxation(t) * t.powf(exponent)
             };
-            let [least, most] = (0..=50).map(ratio).fold([f64::INFINITY, 0.0], |[l, m], r| [l.min(r), m.max(r)]);
+            let [least, most] =
+                (0..=50).map(ratio).fold([f64::INFINITY, 0.0], |[l, m], r| [l.min(r), m.max(r)]);
             let spread = (most - least) / (most + least);
             println!("{terms} terms: {error} said, {spread} found");
             assert!(spread <= error && error < 0.7 * last, "{terms} terms: {error}, {spread}");
@@ -201,12 +210,17 @@ mod tests {
 
     #[test]
     fn numbers_of_no_ladder_are_refused() {
-        let of = |fraction, time_s| Prony::new(vec![PronyTerm { fraction, time_s }; 2], Relaxing::Whole);
+        let of =
+            |fraction, time_s| Prony::new(vec![PronyTerm { fraction, time_s }; 2], Relaxing::Whole);
         assert!(of(0.5, 1.0).is_ok());
-        for (fraction, time_s) in [(0.51, 1.0), (-0.1, 1.0), (0.1, 0.0), (0.1, f64::NAN), (f64::NAN, 1.0)] {
+        for (fraction, time_s) in
+            [(0.51, 1.0), (-0.1, 1.0), (0.1, 0.0), (0.1, f64::NAN), (f64::NAN, 1.0)]
+        {
             assert!(of(fraction, time_s).is_err(), "{fraction} {time_s}");
         }
-        for (exponent, from, to, terms) in [(0.0, 1.0, 2.0, 3), (0.2, 2.0, 1.0, 3), (0.2, 1.0, 2.0, 0)] {
+        for (exponent, from, to, terms) in
+            [(0.0, 1.0, 2.0, 3), (0.2, 2.0, 1.0, 3), (0.2, 1.0, 2.0, 0)]
+        {
             assert!(Prony::power_law(exponent, [from, to], terms, Relaxing::Whole).is_err());
         }
     }

@@ -189,7 +189,8 @@ impl States {
         let [n, m, p] = [self.len(), self.law.moduli_len(), self.prepared_len()];
         let (moduli, committed) = (&self.moduli, &self.committed);
         let prepared = self.prepared.chunks_exact_mut(p.max(1)).enumerate();
-        prepared.map(move |(i, prepared)| (&moduli[m * i..][..m], &committed[n * i..][..n], prepared))
+        prepared
+            .map(move |(i, prepared)| (&moduli[m * i..][..m], &committed[n * i..][..n], prepared))
     }
 
     pub fn commit(&mut self, elements: &[Element]) {
@@ -265,7 +266,8 @@ impl States {
         self.trial[n * number..][..n].copy_from_slice(state);
         self.beyond[number] = beyond;
         // Until the next step begins no time passes, as for elements that stay.
-        let start = StepStart { elasticity, moduli: &self.moduli[m * number..][..m], state, step_s: 0.0 };
+        let start =
+            StepStart { elasticity, moduli: &self.moduli[m * number..][..m], state, step_s: 0.0 };
         self.law.prepare(&start, &mut self.prepared[p * number..][..p]);
     }
 

@@ -33,7 +33,9 @@ impl Memory {
     /// [`SimError::Corot`] for numbers of no law.
     pub fn of(scene: &Scene) -> Result<Option<Self>, SimError> {
         let entries = scene.materials.iter();
-        let laws = entries.map(|entry| entry.law.as_ref().map_or_else(|| Ok(MaterialLaw::default()), |law| law.law()));
+        let laws = entries.map(|entry| {
+            entry.law.as_ref().map_or_else(|| Ok(MaterialLaw::default()), |law| law.law())
+        });
         let laws: Vec<MaterialLaw> = laws.collect::<Result<_, _>>()?;
         if scene.materials.iter().all(|entry| entry.law.is_none()) {
             return Ok(None);
@@ -51,7 +53,12 @@ impl Memory {
     }
 
     /// D of a material by its position, if it has one, Pa.
-    fn elasticity(&self, position: Option<usize>, material: &Material, moment: Moment) -> Matrix6<f64> {
+    fn elasticity(
+        &self,
+        position: Option<usize>,
+        material: &Material,
+        moment: Moment,
+    ) -> Matrix6<f64> {
         let whole = material.elasticity();
         let Some(position) = position else { return whole };
         let prony = &self.laws[position].prony;
@@ -74,7 +81,11 @@ impl Memory {
     }
 
     /// Materials of a step of the scene, by dense label; `positions` are those of labels, none of void.
-    pub fn in_a_step(&self, materials: &[Material], positions: &[Option<usize>]) -> Result<Materials, EmbedError> {
+    pub fn in_a_step(
+        &self,
+        materials: &[Material],
+        positions: &[Option<usize>],
+    ) -> Result<Materials, EmbedError> {
         self.materials(materials, positions, Moment::Step)
     }
 

@@ -9,10 +9,10 @@ use yawara_embed::{LinearTet, Material};
 use yawara_mesh::tet_file::LoadedMesh;
 use yawara_mesh::{PlainMesh, TetId, VertexId};
 
-use super::memory::Memory;
 use super::axes::ScannerAxes;
 use super::components::spans_a_plane;
 use super::material_points::of_mesh;
+use super::memory::Memory;
 use super::organ_box::{OrganBox, Zone};
 use super::places::Places;
 use super::state::{BodyState, Cell, Hold};

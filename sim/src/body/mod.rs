@@ -28,8 +28,8 @@ pub use summary::{
 };
 
 pub(crate) use image_body::{ImageBody, touches_solid};
-pub(crate) use mesh_file::FileMesh;
 pub(crate) use memory::{EmbeddedMemory, Memory};
+pub(crate) use mesh_file::FileMesh;
 pub(crate) use organ_box::{OrganBox, Zone};
 pub(crate) use outline::{cut, cut_for_the_eye, same_cells, solid, surface_level};
 pub(crate) use places::Places;

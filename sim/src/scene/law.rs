@@ -109,11 +109,13 @@ impl LawEntry {
                     RelaxingPart::Whole => Relaxing::Whole,
                 };
                 if let Some(PowerLaw { exponent, from_s, to_s, terms }) = *power_law {
-                    let (prony, error) = Prony::power_law(exponent, [from_s, to_s], terms, relaxing)?;
+                    let (prony, error) =
+                        Prony::power_law(exponent, [from_s, to_s], terms, relaxing)?;
                     (law.prony, law.fit_error) = (prony, Some(error));
                 } else {
                     let terms = terms.iter();
-                    let terms = terms.map(|&PronyEntry { fraction, time_s }| PronyTerm { fraction, time_s });
+                    let terms = terms
+                        .map(|&PronyEntry { fraction, time_s }| PronyTerm { fraction, time_s });
                     law.prony = Prony::new(terms.collect(), relaxing)?;
                 }
             }

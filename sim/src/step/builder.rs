@@ -18,7 +18,7 @@ use super::figures::Figure;
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
-use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Memory, Places, Start};
+use crate::body::{BodyState, Hold, ImageBody, Memory, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
