@@ -93,12 +93,6 @@ pub enum BenchError {
         "{0}: fewer than three swings between the release and rest, want a beam that is let go and swings"
     )]
     NoSwing(String),
-    /// A swing that no ladder explains: Hz, and what the modulus at rest alone would give.
-    #[error(
-        "no ladder of relaxation times swings at {0} Hz where the modulus at rest alone gives {1} Hz, \
-         want a swing that is faster and damped"
-    )]
-    NoLadder(f64, f64),
     /// A weight that none of these beams carries.
     #[error("--load-n is {0}, want more than 0 and at most 10 N")]
     Load(f64),

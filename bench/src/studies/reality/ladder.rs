@@ -9,9 +9,12 @@ use super::swing::Swing;
 /// How many times.
 const TIMES: usize = 8;
 
-/// Exponents that are looked at, and how finely.
-const STEEPEST: f64 = 2.0;
-const STEPS: usize = 4000;
+/// By how much a frequency and a damping ratio may be off, relative: what misfits are counted in.
+const TOLERANCES: [f64; 2] = [0.05, 0.15];
+
+/// Exponents and strengths that are looked at.
+const EXPONENTS: usize = 126;
+const STRENGTHS: usize = 160;
 
 /// A complex number.
 type Complex = [f64; 2];
@@ -37,41 +40,59 @@ pub struct Ladder {
 }
 
 impl Ladder {
-    /// The ladder E(t) = E_∞ (1 + R Σ τ^−α e^(−t/τ)), τ evenly spread over the logarithm from `span[0]` to `span[1]` s,
-    /// with which a mode that has the frequency `rest_hz` with E_∞ swings as `swing` says; none where no R > 0 and
-    /// |α| < 2 do.
+    /// The ladder E(t) = E_∞ (1 + R Σ τ^−α e^(−t/τ)), τ evenly spread over the logarithm of `span` (s), whose mode of
+    /// the frequency `rest_hz` at E_∞ comes nearest to `swing` in frequency and damping, among 0 ≤ α ≤ 2.5 and
+    /// parts of E_∞ together from .02 to 1.5.
     ///
-    /// A mode of the eigenvalue λ has λ² + ω_∞² (1 + R Σ τ^−α λ/(λ + 1/τ)) = 0: the phase gives α, the size R.
-    pub fn fit(swing: &Swing, rest_hz: f64, span: [f64; 2]) -> Option<Self> {
-        let omega = 2.0 * PI * swing.frequency_hz;
-        let zeta = swing.damping_ratio;
-        let lambda = [-zeta / (1.0 - zeta * zeta).sqrt() * omega, omega];
-        let square = product(lambda, lambda).map(|x| x / (2.0 * PI * rest_hz).powi(2));
-        let want = [-square[0] - 1.0, -square[1]];
+    /// Two figures need not have a ladder that gives both: what relaxes makes a swing faster as it damps it.
+    pub fn fit(swing: &Swing, rest_hz: f64, span: [f64; 2]) -> Self {
         let share = |i: usize| i as f64 / (TIMES - 1) as f64;
         let times = (0..TIMES).map(|i| span[0] * (span[1] / span[0]).powf(share(i)));
         let times: Vec<f64> = times.collect();
-        let sum = |exponent: f64| {
-            times.iter().fold([0.0; 2], |sum: Complex, tau| {
-                let term = quotient(lambda, [lambda[0] + 1.0 / tau, lambda[1]]);
-                let weight = tau.powf(-exponent);
-                [sum[0] + weight * term[0], sum[1] + weight * term[1]]
-            })
-        };
-        // The sine of the angle between the two.
-        let turn = |exponent: f64| product(sum(exponent), [want[0], -want[1]])[1];
-        let exponents = (0..=STEPS).map(|i| STEEPEST * (2.0 * i as f64 / STEPS as f64 - 1.0));
-        let exponents: Vec<f64> = exponents.collect();
-        let is_root = |pair: &&[f64]| turn(pair[0]) * turn(pair[1]) <= 0.0;
-        let root = exponents.windows(2).find(is_root)?;
-        let [a, b] = [turn(root[0]), turn(root[1])];
-        let exponent = root[0] + (root[1] - root[0]) * a / (a - b);
-        let strength = quotient(want, sum(exponent))[0];
-        let parts: Vec<f64> = times.iter().map(|tau| strength * tau.powf(-exponent)).collect();
-        let stiffer = 1.0 + parts.iter().sum::<f64>();
-        let terms = times.iter().zip(parts);
-        let terms = terms.map(|(&time_s, part)| PronyTerm { fraction: part / stiffer, time_s });
-        (strength > 0.0).then(|| Self { stiffer, exponent, terms: terms.collect() })
+        let (mut least, mut best) = (f64::INFINITY, Self::of(&times, 0.0, 0.0));
+        for exponent in (0..EXPONENTS).map(|i| 2.5 * i as f64 / (EXPONENTS - 1) as f64) {
+            for strength in (0..STRENGTHS).map(|i| 0.02 * 75_f64.powf(i as f64 / STRENGTHS as f64))
+            {
+                let ladder = Self::of(&times, exponent, strength);
+                let [hz, ratio] = ladder.mode(rest_hz);
+                let off = [hz / swing.frequency_hz - 1.0, ratio / swing.damping_ratio - 1.0];
+                let misfit = (off[0] / TOLERANCES[0]).hypot(off[1] / TOLERANCES[1]);
+                if misfit < least {
+                    (least, best) = (misfit, ladder);
+                }
+            }
+        }
+        best
+    }
+
+    /// The one of an exponent whose parts together are `strength` of E_∞.
+    fn of(times: &[f64], exponent: f64, strength: f64) -> Self {
+        let weights = times.iter().map(|tau| tau.powf(-exponent));
+        let all: f64 = weights.clone().sum();
+        let stiffer = 1.0 + strength;
+        let terms = times.iter().zip(weights);
+        let part = |weight: f64| strength * weight / all / stiffer;
+        let terms = terms.map(|(&time_s, weight)| PronyTerm { fraction: part(weight), time_s });
+        Self { stiffer, exponent, terms: terms.collect() }
+    }
+
+    /// Frequency (Hz) and damping ratio of a mode that has `rest_hz` at E_∞: of the root of λ² + ω_∞² E(λ)/E_∞ with
+    /// E(λ)/E_∞ = 1 + Σ r λ/(λ + 1/τ), by fixed-point iteration.
+    fn mode(&self, rest_hz: f64) -> [f64; 2] {
+        let omega = 2.0 * PI * rest_hz;
+        let mut lambda = [0.0, omega];
+        for _ in 0..40 {
+            let mut stiffness = [1.0, 0.0];
+            for PronyTerm { fraction, time_s } in &self.terms {
+                let term = quotient(lambda, [lambda[0] + 1.0 / time_s, lambda[1]]);
+                (0..2).for_each(|i| stiffness[i] += fraction * self.stiffer * term[i]);
+            }
+            // i ω √E, of the half plane above.
+            let size = stiffness[0].hypot(stiffness[1]);
+            let root = [(0.5 * (size + stiffness[0])).sqrt(), (0.5 * (size - stiffness[0])).sqrt()];
+            lambda = [-omega * root[1], omega * root[0]];
+        }
+        [lambda[1] / (2.0 * PI), -lambda[0] / lambda[0].hypot(lambda[1])]
     }
 }
 
@@ -79,32 +100,26 @@ impl Ladder {
 mod tests {
     use super::*;
 
+    /// One dashpot in a row with a spring: λ³ τ + λ² + ω² (1 + r) τ λ + ω² = 0.
     #[test]
-    fn the_mode_of_the_fitted_ladder_is_the_one_that_was_asked_for() {
-        let swing = Swing { drop_mm: 6.5, frequency_hz: 7.7, damping_ratio: 0.05 };
-        let ladder = Ladder::fit(&swing, 7.0, [0.01, 4.0]).unwrap();
-        // Newton's method for the root of λ² + ω² E(λ)/E_∞, from nearby.
-        let omega = 2.0 * PI * 7.0;
-        let f = |l: Complex| {
-            let mut sum = [1.0, 0.0];
-            for PronyTerm { fraction, time_s } in &ladder.terms {
-                let term = quotient(l, [l[0] + 1.0 / time_s, l[1]]);
-                (0..2).for_each(|i| sum[i] += fraction * ladder.stiffer * term[i]);
-            }
-            let square = product(l, l);
-            [0, 1].map(|i| square[i] / (omega * omega) + sum[i])
-        };
-        let mut l = [-1.0, 2.0 * PI * 7.4];
-        for _ in 0..50 {
-            let h = 1e-6;
-            let [up, down] = [f([l[0] + h, l[1]]), f([l[0] - h, l[1]])];
-            let slope = [0, 1].map(|i| (up[i] - down[i]) / (2.0 * h));
-            let step = quotient(f(l), slope);
-            l = [l[0] - step[0], l[1] - step[1]];
+    fn the_mode_is_a_root_and_a_fit_of_what_a_ladder_gives_is_that_ladder() {
+        let [rest_hz, tau, r] = [7.0, 0.02, 0.25];
+        let ladder = Ladder::of(&[tau], 1.0, r);
+        let [hz, ratio] = ladder.mode(rest_hz);
+        let (size, w) = (2.0 * PI * hz / (1.0 - ratio * ratio).sqrt(), 2.0 * PI * rest_hz);
+        let l = [-ratio * size, 2.0 * PI * hz];
+        let (square, cube) = (product(l, l), product(product(l, l), l));
+        for i in 0..2 {
+            let end = if i == 0 { w * w } else { 0.0 };
+            let sum = cube[i] * tau + square[i] + w * w * (1.0 + r) * tau * l[i] + end;
+            assert!(sum.abs() < 1e-9 * w * w, "{sum}");
         }
-        assert!((l[1] / (2.0 * PI * 7.7) - 1.0).abs() < 1e-5, "{l:?}");
-        assert!((-l[0] / l[0].hypot(l[1]) / 0.05 - 1.0).abs() < 1e-4, "{l:?}");
-        // A swing as fast as at rest that is damped all the same has no ladder.
-        assert_eq!(Ladder::fit(&swing, 7.8, [0.01, 4.0]), None);
+        let made = Ladder::of(&[0.02, 0.2], 0.5, 0.3);
+        let [frequency_hz, damping_ratio] = made.mode(rest_hz);
+        let swing = Swing { drop_mm: 6.5, frequency_hz, damping_ratio };
+        let [hz, ratio] = Ladder::fit(&swing, rest_hz, [0.02, 0.2]).mode(rest_hz);
+        assert!(
+            (hz / frequency_hz - 1.0).abs() < 5e-3 && (ratio / damping_ratio - 1.0).abs() < 0.02
+        );
     }
 }
