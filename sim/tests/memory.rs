@@ -94,3 +94,51 @@ fn an_even_relaxation_is_exact_through_ten_thousand_splits_and_merges() {
     assert!(energy.merges.added_j + energy.merges.removed_j < most, "{energy:?}");
     assert!(energy.splits.added_j + energy.splits.removed_j < most, "{energy:?}");
 }
+
+/// A bar of two materials that is bent, pulled, let go: all laws at once.
+const MIXED: [&str; 4] = [
+    "materials.0.law={ kind = 'prony', terms = [{ fraction = 0.3, time_s = 0.1 }, { fraction = 0.2, time_s = 2.0 }] }",
+    "materials.1.law={ kind = 'plastic', yield_pa = 400.0, hardening_pa = 1e4 }",
+    "materials.2.law={ kind = 'creep', yield_strain = 0.01, rate_per_s = 1.0, max_strain = 0.2 }",
+    "materials.3.law={ kind = 'prony', power_law = { exponent = 0.1, from_s = 0.1, to_s = 10.0, terms = 4 } }",
+];
+
+#[test]
+fn an_organ_of_all_laws_moves_and_loses_what_tools_do() {
+    let set = [&MIXED[..], &["time.steps=12", "mesh.max_vertices=600"]].concat();
+    let mut simulation = scene("liver", &set, |_| ());
+    let reports = run(&mut simulation);
+    assert!(reports.iter().any(|report| report.splits > 0));
+    let row = simulation.plan().iter().find(|row| row.stage == "law").unwrap().clone();
+    println!("{}", row.why);
+    assert!(row.why.contains("materials[1] plastic") && row.why.contains("% of its power law"));
+    let energy = simulation.summary().unwrap().energy.unwrap();
+    println!("{energy:?}");
+    assert!(energy.dissipated_j.unwrap() > 0.0 && energy.created_j < 0.05 * energy.tools_work_j);
+    let frame = simulation.frame().unwrap();
+    assert_eq!(frame.plastic_strain.len(), frame.tets.len());
+    assert!(frame.plastic_strain.iter().any(|strain| *strain > 0.0));
+    assert!(frame.dissipated_j_m3.iter().all(|heat| *heat >= 0.0));
+}
+
+/// The force that holds a pulled bar after each step, N.
+fn pull(set: &[&str]) -> Vec<f64> {
+    let set = [&PULLED[..6], &["time={ steps = 12, step_s = 0.2 }", "mesh={ base_mm = 20.0, start_level = 0 }"], set].concat();
+    run(&mut scene("homogeneous", &set, |_| ())).iter().map(|report| report.tools[0].force_n[0]).collect()
+}
+
+#[test]
+fn both_elements_relax_alike_and_linear_materials_do_not() {
+    let prony = "materials.0.law={ kind = 'prony', terms = [{ fraction = 0.5, time_s = 0.4 }] }";
+    let mixed = pull(&[prony, "stages.element=p1p1", "materials.0.poisson_ratio=0.3"]);
+    let plain = pull(&[prony, "materials.0.poisson_ratio=0.3"]);
+    let [elastic, linear] = [&["materials.0.law={ kind = 'linear' }"][..], &[]].map(pull);
+    for ((a, b), step) in mixed.iter().zip(&plain).zip(1..) {
+        assert!((a / b - 1.0).abs() < 0.05, "step {step}: {a} and {b} N");
+    }
+    let left = |forces: &[f64]| forces[11] / forces[0];
+    assert!(left(&plain) < 0.75 && (left(&mixed) / left(&plain) - 1.0).abs() < 0.01);
+    for (a, b) in elastic.iter().zip(&linear) {
+        assert!((a / b - 1.0).abs() < 1e-9, "{a} and {b} N");
+    }
+}

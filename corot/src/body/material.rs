@@ -61,6 +61,14 @@ impl Body {
         self.law().dissipated(self.states.of(number))
     }
 
+    /// What all elements have turned into heat so far, J, if their law keeps count.
+    pub fn dissipated_j(&self) -> Option<f64> {
+        let elements = self.elements().iter().enumerate();
+        elements
+            .map(|(number, element)| Some(element.geometry.volume * self.dissipated(number)?))
+            .sum()
+    }
+
     /// The equivalent plastic strain of an element, if strain can stay under its law.
     ///
     /// # Panics

@@ -38,6 +38,9 @@ pub(crate) fn rows(
         row("corotation", stages.forces.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
         dynamics(scene),
+    ]);
+    rows.extend(law(scene));
+    rows.extend([
         refinement(scene, stages),
         estimates(scene, stages),
         budget(scene),
@@ -270,6 +273,23 @@ fn dynamics(scene: &Scene) -> PlanRow {
         dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
     );
     row("dynamics", "implicit Euler", true, why)
+}
+
+/// What materials remember, if any does.
+fn law(scene: &Scene) -> Option<PlanRow> {
+    let with_law =
+        scene.materials.iter().enumerate().filter_map(|(i, one)| Some((i, one.law.as_ref()?)));
+    let words: Vec<String> = with_law
+        .map(|(i, law)| {
+            let fit = law.law().ok().and_then(|law| law.fit_error);
+            let fit = fit.map_or_else(String::new, |error| {
+                format!(" of terms within {:.2} % of its power law", 100.0 * error)
+            });
+            format!("materials[{i}] {}{fit}", law.kind())
+        })
+        .collect();
+    let why = format!("{}; moduli of steps of {} s", words.join(", "), scene.time.step_s);
+    (!words.is_empty()).then(|| row("law", "inelastic", true, why))
 }
 
 fn budget(scene: &Scene) -> PlanRow {
