@@ -28,7 +28,7 @@ enum Moment {
 }
 
 impl Memory {
-    /// None where no material has a law.
+    /// None where no material remembers anything.
     /// # Errors
     /// [`SimError::Corot`] for numbers of no law.
     pub fn of(scene: &Scene) -> Result<Option<Self>, SimError> {
@@ -37,7 +37,7 @@ impl Memory {
             entry.law.as_ref().map_or_else(|| Ok(MaterialLaw::default()), |law| law.law())
         });
         let laws: Vec<MaterialLaw> = laws.collect::<Result<_, _>>()?;
-        if scene.materials.iter().all(|entry| entry.law.is_none()) {
+        if laws.iter().all(|law| law.prony.terms().is_empty() && law.flow == Flow::None) {
             return Ok(None);
         }
         let terms = laws.iter().flat_map(|law| law.prony.terms());
