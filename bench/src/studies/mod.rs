@@ -14,6 +14,7 @@ pub mod elements;
 pub mod endurance;
 pub mod estimates;
 pub mod homogenisation;
+pub mod laws;
 pub mod mesh;
 pub mod meshes;
 pub mod pareto;
