@@ -85,6 +85,17 @@ pub enum BenchError {
     /// A file or folder that is no result of a study, and why.
     #[error("{path}: {1}; want a study's JSON file with a list `rows`", path = .0.display())]
     NoResult(PathBuf, String),
+    /// A recording, which line of it, and what is wrong there.
+    #[error("{0}, line {1}: {2}")]
+    Recording(String, usize, String),
+    /// A recording or a simulation that does not swing.
+    #[error(
+        "{0}: fewer than three swings between the release and rest, want a beam that is let go and swings"
+    )]
+    NoSwing(String),
+    /// A weight that none of these beams carries.
+    #[error("--load-n is {0}, want more than 0 and at most 10 N")]
+    Load(f64),
     /// A tolerance that is none.
     #[error("--tolerance is {0}, want a fraction that is finite and at least 0, e.g. 0.05")]
     Tolerance(f64),

@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, drift, elements, endurance, estimates,
-    homogenisation, mesh, meshes, pareto, robust, scaling, table1, validate,
+    homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -48,6 +48,8 @@ enum Study {
     /// Linear tetrahedra towards incompressibility, with and without a pressure (quick: meshes and
     /// references half as fine).
     Elements(Common),
+    /// What a step costs under each law, on one mesh (quick: a coarse one).
+    Laws(Common),
     /// A scene on uniform meshes of rising level: where force, energy and displacement go.
     Meshes(meshes::Arguments),
     /// The estimated error of energy over the error itself, on random scenes (quick: 6 of 50).
@@ -57,6 +59,8 @@ enum Study {
     Validate(Common),
     /// Error against run time: every stage varied on one scene, against a converged reference.
     Pareto(pareto::Arguments),
+    /// A recorded beam of silicone against its simulation, fitted to the bare beam alone (quick: one coarse mesh).
+    Reality(reality::Arguments),
     /// Stiffness ratios up to 1e9 and Poisson's ratios up to .4999.
     Stiff(CaseArguments),
     /// Thin vessels, long voxels, fast tools, long steps, many updates.
@@ -111,9 +115,11 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
+        Study::Laws(arguments) => laws::run(arguments),
         Study::Meshes(arguments) => meshes::run(arguments),
         Study::Estimates(arguments) => estimates::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
+        Study::Reality(arguments) => reality::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),
         Study::Extremes(arguments) => extremes::run(arguments),

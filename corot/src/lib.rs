@@ -36,9 +36,11 @@ pub use forces::{
 pub use grip::{Constraints, EdgeLoad, Grip, Loads, Responses, WeightedPoint};
 pub use kernels::element::StiffnessPacket;
 pub use law::{
-    ConstitutiveLaw, LAWS, LawHalf, LinearElastic, MaterialPoint, NeoHookean, Rayleigh, law_by_name,
+    ConstitutiveLaw, Creep, Flow, Inelastic, InelasticMaterial, LAWS, LawHalf, LinearElastic,
+    MaterialPoint, NeoHookean, Plastic, Prony, PronyTerm, Rayleigh, Relaxing, StepStart,
+    law_by_name,
 };
 pub use time::{
-    INTEGRATORS, ImplicitEuler, Inertia, QuasiStatic, TimeIntegrator, TimeStep, VertexMotion,
-    forces_with_inertia, integrator_by_name,
+    INTEGRATORS, ImplicitEuler, Inertia, Newmark, QuasiStatic, TimeIntegrator, TimeStep,
+    VertexMotion, forces_with_inertia, integrator_by_name,
 };

@@ -64,20 +64,8 @@ impl Embedding {
         homogenisation: Box<dyn Homogenisation>,
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, EmbedError> {
-        check_labels(&tree, &materials)?;
-        let body = FineBody::new(&tree, &materials);
-        let global = homogenisation.global();
-        let given = global.map(|global| global.homogenise(&body, progress)).transpose()?;
-        if let Some(found) = given.as_ref().map(Vec::len).filter(|&n| n != tree.node_count()) {
-            let (name, want) = (homogenisation.name().to_owned(), tree.node_count());
-            return Err(EmbedError::NodeCount { name, found, want });
-        }
-        let rule = Rule { body, homogenisation: homogenisation.as_ref(), given };
-        let cell_count: usize = tree.grid().cells.iter().product();
-        let parts: Vec<CellPart<'_>> = (0..cell_count)
-            .into_par_iter()
-            .map(|cell| CellPart::build(&rule, cell))
-            .collect::<Result<_, _>>()?;
+        let rule = Rule::new(&tree, &materials, homogenisation.as_ref(), progress)?;
+        let parts = rule.parts()?;
         let mut elasticity_of_node = Vec::with_capacity(tree.node_count());
         let mut density_of_node = Vec::with_capacity(tree.node_count());
         let mut local_of_node = Vec::new();
@@ -100,6 +88,23 @@ impl Embedding {
             left_to_local_rule,
             solid_of_node,
         })
+    }
+
+    /// What the same homogenisation makes of the same labels with other materials: elasticities alone, 21
+    /// numbers per heterogeneous tetrahedron.
+    ///
+    /// # Errors
+    /// As [`with_materials`](Self::with_materials).
+    pub fn of_others(
+        &self,
+        materials: &Materials,
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Elasticities, EmbedError> {
+        let rule = Rule::new(&self.tree, materials, self.homogenisation(), progress)?;
+        let parts = rule.parts()?;
+        let of_node = parts.into_iter().flat_map(|part| part.elasticity).collect();
+        let of_label = materials.by_label().iter().map(|material| *material.elasticity()).collect();
+        Ok(Elasticities { of_label, of_node })
     }
 
     /// The labels behind it.
@@ -244,12 +249,53 @@ fn check_labels(tree: &LabelTree, materials: &Materials) -> Result<(), EmbedErro
     Ok(())
 }
 
+/// Elasticities of every tetrahedron of a label tree with other materials than its [`Embedding`]'s.
+pub struct Elasticities {
+    of_label: Vec<Matrix6<f64>>,
+    of_node: Vec<Packed6>,
+}
+
+impl Elasticities {
+    /// D of a tetrahedron's content, Pa.
+    pub fn of(&self, content: NodeRef) -> Matrix6<f64> {
+        match content.open() {
+            Content::Label(label) => self.of_label[usize::from(label)],
+            Content::Node(i) => self.of_node[i].matrix(),
+        }
+    }
+}
+
 /// What every root cube is homogenised by.
 struct Rule<'a> {
     body: FineBody<'a>,
     homogenisation: &'a dyn Homogenisation,
     /// By node, from a global homogenisation.
     given: Option<Vec<Option<Packed6>>>,
+}
+
+impl<'a> Rule<'a> {
+    fn new(
+        tree: &'a LabelTree,
+        materials: &'a Materials,
+        homogenisation: &'a dyn Homogenisation,
+        progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Self, EmbedError> {
+        check_labels(tree, materials)?;
+        let body = FineBody::new(tree, materials);
+        let global = homogenisation.global();
+        let given = global.map(|global| global.homogenise(&body, progress)).transpose()?;
+        if let Some(found) = given.as_ref().map(Vec::len).filter(|&n| n != tree.node_count()) {
+            let (name, want) = (homogenisation.name().to_owned(), tree.node_count());
+            return Err(EmbedError::NodeCount { name, found, want });
+        }
+        Ok(Self { body, homogenisation, given })
+    }
+
+    /// Each root cube's share.
+    fn parts(&self) -> Result<Vec<CellPart<'_>>, EmbedError> {
+        let cell_count: usize = self.body.tree().grid().cells.iter().product();
+        (0..cell_count).into_par_iter().map(|cell| CellPart::build(self, cell)).collect()
+    }
 }
 
 /// One root cube's share, in the tree's order: children before parents.

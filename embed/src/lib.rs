@@ -28,7 +28,7 @@ pub use element::{
     Dynamic, ElementFormulation, FORMULATIONS, Mass, MixedModuli, P1, P1P1, StepWeights,
     dynamic_by_name, formulation_by_name,
 };
-pub use embedding::Embedding;
+pub use embedding::{Elasticities, Embedding};
 pub use error::EmbedError;
 pub use fine::{
     DIRECT_VERTICES, FineBody, FineFields, LdlPattern, SixFields, SparseCholesky, SparseLdl,

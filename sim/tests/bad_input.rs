@@ -388,6 +388,33 @@ fn value_out_of_range() {
         ("mesh.label_level=4", "to max_level, 3"),
         ("mesh.label_region={shape=\"sphere\", centre=[0,0,0], radius_m=1}", "mesh.label_level"),
         ("output.field=1", "true or false"),
+        ("materials.0.law={kind=\"maxwell\"}", "prony"),
+        ("materials.0.law={kind=\"prony\"}", "materials[0].law.terms is 0, want at least one term"),
+        (
+            "materials.0.law={kind=\"prony\", terms=[{fraction=0.5, time_s=-1}]}",
+            "terms[0].time_s is -1",
+        ),
+        (
+            "materials.0.law={kind=\"prony\", terms=[{fraction=1.5, time_s=1}]}",
+            "terms[0].fraction is 1.5, want 0 to 1",
+        ),
+        (
+            "materials.0.law={kind=\"prony\", terms=[{fraction=0.6, time_s=1}, {fraction=0.6, time_s=2}]}",
+            "terms[1].fraction is 0.6, want so little that all fractions together are at most 1",
+        ),
+        (
+            "materials.0.law={kind=\"prony\", power_law={exponent=0.1, from_s=2, to_s=1, terms=4}}",
+            "power_law.to_s is 1.0, want finite and more than from_s, 2.0",
+        ),
+        ("materials.0.law={kind=\"plastic\", yield_pa=0}", "law.yield_pa is 0"),
+        (
+            "materials.0.law={kind=\"plastic\", yield_pa=1, hardening_pa=-1}",
+            "law.hardening_pa is -1",
+        ),
+        (
+            "materials.0.law={kind=\"creep\", yield_strain=0, rate_per_s=0, max_strain=1}",
+            "law.rate_per_s is 0",
+        ),
         ("name=../up", "name"),
         ("seed=-1", "at least 0"),
     ];

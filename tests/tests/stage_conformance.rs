@@ -107,6 +107,9 @@ conformance!(
 conformance!(constitutive_law, linear_law, "linear");
 conformance!(constitutive_law, rayleigh, "rayleigh");
 conformance!(constitutive_law, neo_hookean, "neo_hookean");
+conformance!(constitutive_law, prony, "prony");
+conformance!(constitutive_law, plastic, "plastic");
+conformance!(constitutive_law, creep, "creep");
 
 conformance!(equilibrium, fallback, "fallback", a_large_load_is_borne);
 conformance!(equilibrium, anderson, "anderson", a_large_load_is_borne);
@@ -117,6 +120,7 @@ conformance!(equilibrium, newton, "newton", a_large_load_is_borne);
 conformance!(equilibrium, residual_newton, "residual_newton", a_large_load_is_borne);
 
 conformance!(time_integrator, implicit_euler, ("implicit_euler", 1.0));
+conformance!(time_integrator, newmark, ("newmark", 2.0));
 conformance!(time_integrator_without_inertia, quasi_static, "quasi_static");
 
 conformance!(indicator, energy, "energy");

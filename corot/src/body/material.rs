@@ -39,18 +39,42 @@ impl Body {
     /// Begins a step of `step_s`: from now on the law sees strains at its end and the states
     /// [committed](Self::commit) before. Without it no time passes.
     pub fn begin_step(&mut self, step_s: f64) {
-        self.states.begin_step(step_s);
+        self.states.begin_step(step_s, &self.elements);
     }
 
     /// Ends the step: the states of the last evaluation of forces become those that the next step
     /// starts from.
     pub fn commit(&mut self) {
-        self.states.commit();
+        self.states.commit(&self.elements);
     }
 
     /// The factor of the elasticity in the matrix whose inverse is kept, of the law and the step.
     pub fn stiffening(&self) -> f64 {
         self.states.stiffening()
+    }
+
+    /// What the material of an element has turned into heat so far, J/m³, if its law keeps count.
+    ///
+    /// # Panics
+    /// If `number` is not below the number of [`elements`](Self::elements).
+    pub fn dissipated(&self, number: usize) -> Option<f64> {
+        self.law().dissipated(self.states.of(number))
+    }
+
+    /// What all elements have turned into heat so far, J, if their law keeps count.
+    pub fn dissipated_j(&self) -> Option<f64> {
+        let elements = self.elements().iter().enumerate();
+        elements
+            .map(|(number, element)| Some(element.geometry.volume * self.dissipated(number)?))
+            .sum()
+    }
+
+    /// The equivalent plastic strain of an element, if strain can stay under its law.
+    ///
+    /// # Panics
+    /// As [`dissipated`](Self::dissipated).
+    pub fn plastic_strain(&self, number: usize) -> Option<f64> {
+        self.law().plastic_strain(self.states.of(number))
     }
 
     /// What the element of a leaf tetrahedron hands on.
@@ -67,7 +91,7 @@ impl Body {
         let Some(number) = self.number(half).filter(|_| self.states.len() > 0) else { return };
         let mut state = vec![0.0; self.states.len()];
         self.law().split(&parent.state, &mut state);
-        self.states.set(number, &state, parent.beyond);
+        self.states.set((number, &self.elements[number]), &state, parent.beyond);
     }
 
     /// Gives a tetrahedron whose halves have merged what they handed on.
@@ -82,7 +106,8 @@ impl Body {
         self.law().merge(&both, &mut state);
         let weighted = both.iter().zip(halves).map(|(half, (_, from))| from.beyond * half.volume);
         let volume = both[0].volume + both[1].volume;
-        self.states.set(number, &state, weighted.sum::<Strain>() / volume);
+        let beyond = weighted.sum::<Strain>() / volume;
+        self.states.set((number, &self.elements[number]), &state, beyond);
     }
 
     /// The stress of an element in its co-rotated frame at `positions` (m, by vertex number), with

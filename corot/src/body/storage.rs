@@ -178,6 +178,12 @@ impl Body {
 
     /// Adds the element of a leaf tetrahedron (replacing one of the same number).
     pub fn insert(&mut self, element: Element) {
+        self.insert_made_of(element, &[]);
+    }
+
+    /// The same of an element that its law has to know more about than its elasticity: `made_of` in the order that
+    /// the law gives it, [`InelasticMaterial::numbers`](crate::InelasticMaterial::numbers) say.
+    pub fn insert_made_of(&mut self, element: Element, made_of: &[f64]) {
         self.remove(element.tet);
         self.scale = OnceLock::new();
         let index = element.tet.index();
@@ -187,7 +193,7 @@ impl Body {
         self.of_tet[index] = self.elements.len() as u32;
         let pressed = self.pressures.as_mut().map(|p| p.push(&element));
         self.packets.push(pressed.as_ref().unwrap_or(&element));
-        self.states.push(&element.elasticity);
+        self.states.push(&element.elasticity, made_of);
         self.elements.push(element);
         self.stamps.push(NEXT_STAMP.fetch_add(1, Ordering::Relaxed));
     }

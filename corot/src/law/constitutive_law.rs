@@ -22,6 +22,21 @@ pub struct MaterialPoint<'a> {
     pub state: &'a [f64],
     /// Length of the step, s; infinite where no time passes.
     pub step_s: f64,
+    /// What the law [prepared](ConstitutiveLaw::prepare) for the step, [`ConstitutiveLaw::prepared_len`] numbers.
+    pub prepared: &'a [f64],
+}
+
+/// An element when a step begins.
+#[derive(Clone, Copy, Debug)]
+pub struct StepStart<'a> {
+    /// As in a [`MaterialPoint`].
+    pub elasticity: &'a Matrix6<f64>,
+    /// As in a [`MaterialPoint`].
+    pub moduli: &'a [f64],
+    /// As in a [`MaterialPoint`].
+    pub state: &'a [f64],
+    /// As in a [`MaterialPoint`].
+    pub step_s: f64,
 }
 
 /// One half of a bisected tetrahedron that merges.
@@ -83,6 +98,7 @@ pub struct LawHalf<'a> {
 ///         pressure: None,
 ///         state: &committed,
 ///         step_s: 0.1,
+///         prepared: &[],
 ///     };
 ///     Maxwell(1.0).stress(&point, &mut state);
 /// }
@@ -128,8 +144,30 @@ pub trait ConstitutiveLaw: Send + Sync {
         0
     }
 
+    /// Sets these numbers, from D and from what else the element [is made of](crate::Body::insert_made_of).
+    fn set_moduli(&self, _elasticity: &Matrix6<f64>, _made_of: &[f64], _moduli: &mut [f64]) {}
+
+    /// How many numbers it derives from an element's state once for all evaluations of a step.
+    fn prepared_len(&self) -> usize {
+        0
+    }
+
     /// Sets these numbers.
-    fn set_moduli(&self, _elasticity: &Matrix6<f64>, _moduli: &mut [f64]) {}
+    fn prepare(&self, _start: &StepStart<'_>, _prepared: &mut [f64]) {}
+
+    /// Completes the state at the end of a step, which [`stress`](Self::stress) has begun at the strain there:
+    /// for what no evaluation of forces needs.
+    fn finish(&self, _start: &StepStart<'_>, _trial: &mut [f64]) {}
+
+    /// What a material in this state has turned into heat so far, J/m³, if the law keeps count.
+    fn dissipated(&self, _state: &[f64]) -> Option<f64> {
+        None
+    }
+
+    /// The equivalent plastic strain of this state, if strain can stay.
+    fn plastic_strain(&self, _state: &[f64]) -> Option<f64> {
+        None
+    }
 
     /// The state of a half of a tetrahedron that splits: a copy.
     fn split(&self, parent: &[f64], half: &mut [f64]) {

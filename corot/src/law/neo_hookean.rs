@@ -162,7 +162,7 @@ impl ConstitutiveLaw for NeoHookean {
         2
     }
 
-    fn set_moduli(&self, elasticity: &Matrix6<f64>, moduli: &mut [f64]) {
+    fn set_moduli(&self, elasticity: &Matrix6<f64>, _: &[f64], moduli: &mut [f64]) {
         let Moduli { shear, bulk } = Moduli::new(elasticity);
         moduli.copy_from_slice(&[shear, bulk]);
     }
@@ -178,10 +178,11 @@ mod tests {
         let [a, b, c] = stretches.map(|s| s - 1.0);
         let strain = Strain::new(a, b, c, 0.0, 0.0, 0.0);
         let mut moduli = [0.0; 2];
-        NeoHookean.set_moduli(elasticity, &mut moduli);
+        NeoHookean.set_moduli(elasticity, &[], &mut moduli);
         let (moduli, state) = (&moduli[..], &[][..]);
         let step_s = f64::INFINITY;
-        let point = MaterialPoint { elasticity, moduli, strain, pressure: None, state, step_s };
+        let (pressure, prepared) = (None, &[][..]);
+        let point = MaterialPoint { elasticity, moduli, strain, pressure, state, step_s, prepared };
         NeoHookean.stress(&point, &mut [])
     }
 

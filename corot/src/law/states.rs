@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::Matrix6;
 use yawara_embed::Strain;
 
-use super::constitutive_law::{ConstitutiveLaw, MaterialPoint};
+use super::constitutive_law::{ConstitutiveLaw, MaterialPoint, StepStart};
 use super::linear::LinearElastic;
 use crate::element::Element;
 use crate::element::pressures::Pressures;
@@ -26,6 +26,8 @@ pub(crate) struct States {
     beyond: Vec<Strain>,
     /// What the law has derived from each elasticity.
     moduli: Vec<f64>,
+    /// What it has from each state for this step.
+    prepared: Vec<f64>,
     step_s: f64,
     stiffening: f64,
 }
@@ -39,6 +41,16 @@ pub(crate) struct StateRun<'a> {
     trial: &'a mut [f64],
     beyond: &'a mut [Strain],
     moduli: &'a [f64],
+    prepared: &'a [f64],
+}
+
+/// What a law knows of an element before it is strained.
+#[derive(Clone, Copy)]
+struct Known<'a> {
+    moduli: &'a [f64],
+    state: &'a [f64],
+    prepared: &'a [f64],
+    step_s: f64,
 }
 
 /// What a law is asked about an element.
@@ -56,14 +68,20 @@ impl Question<'_> {
     fn put<'a>(
         &'a self,
         law: &dyn ConstitutiveLaw,
-        moduli: &'a [f64],
-        state: &'a [f64],
-        step_s: f64,
+        known: Known<'a>,
     ) -> (MaterialPoint<'a>, Strain, Option<(f64, Strain)>) {
         let Self { number, element, strain, pressures } = self;
         let elasticity = &element.elasticity;
-        let mut point =
-            MaterialPoint { elasticity, moduli, strain: *strain, pressure: None, state, step_s };
+        let (Known { moduli, state, prepared, step_s }, pressure) = (known, None);
+        let mut point = MaterialPoint {
+            elasticity,
+            moduli,
+            strain: *strain,
+            pressure,
+            state,
+            step_s,
+            prepared,
+        };
         let Some(pressures) = pressures else { return (point, elasticity * strain, None) };
         let growth = law.growth(strain);
         match growth {
@@ -78,9 +96,14 @@ impl StateRun<'_> {
     /// σ of an element, with the state that it leaves, and by how much its growth is more than tr ε.
     pub fn stress(&mut self, question: &Question<'_>) -> (Strain, f64) {
         let i = question.number - self.first;
-        let [n, m] = [self.law.state_len(), self.law.moduli_len()];
-        let [state, moduli] = [&self.committed[n * i..][..n], &self.moduli[m * i..][..m]];
-        let (point, linear, growth) = question.put(self.law, moduli, state, self.step_s);
+        let [n, m, p] = [self.law.state_len(), self.law.moduli_len(), self.law.prepared_len()];
+        let known = Known {
+            moduli: &self.moduli[m * i..][..m],
+            state: &self.committed[n * i..][..n],
+            prepared: &self.prepared[p * i..][..p],
+            step_s: self.step_s,
+        };
+        let (point, linear, growth) = question.put(self.law, known);
         let stress = self.law.stress(&point, &mut self.trial[n * i..][..n]);
         self.beyond[i] = stress - linear;
         let dilation = question.strain.rows(0, 3).sum();
@@ -135,10 +158,11 @@ impl States {
             trial: Vec::new(),
             beyond: Vec::new(),
             moduli: Vec::new(),
+            prepared: Vec::new(),
             step_s: f64::INFINITY,
             stiffening: 1.0,
         };
-        states.begin_step(f64::INFINITY);
+        states.begin_step(f64::INFINITY, &[]);
         states
     }
 
@@ -150,12 +174,33 @@ impl States {
         self.stiffening
     }
 
-    pub fn begin_step(&mut self, step_s: f64) {
+    pub fn begin_step(&mut self, step_s: f64, elements: &[Element]) {
         self.step_s = step_s;
         self.stiffening = if self.law.is_linear() { 1.0 } else { self.law.stiffening(step_s) };
+        let law = Arc::clone(&self.law);
+        for (element, (moduli, state, prepared)) in elements.iter().zip(self.starts()) {
+            let start = StepStart { elasticity: &element.elasticity, moduli, state, step_s };
+            law.prepare(&start, prepared);
+        }
     }
 
-    pub fn commit(&mut self) {
+    /// Moduli, committed state and what is prepared of each element; nothing where the law prepares nothing.
+    fn starts(&mut self) -> impl Iterator<Item = (&[f64], &[f64], &mut [f64])> {
+        let [n, m, p] = [self.len(), self.law.moduli_len(), self.prepared_len()];
+        let (moduli, committed) = (&self.moduli, &self.committed);
+        let prepared = self.prepared.chunks_exact_mut(p.max(1)).enumerate();
+        prepared
+            .map(move |(i, prepared)| (&moduli[m * i..][..m], &committed[n * i..][..n], prepared))
+    }
+
+    pub fn commit(&mut self, elements: &[Element]) {
+        let [n, m] = [self.len(), self.law.moduli_len()];
+        for (i, element) in elements.iter().enumerate().filter(|_| n > 0) {
+            let (moduli, state) = (&self.moduli[m * i..][..m], &self.committed[n * i..][..n]);
+            let (elasticity, step_s) = (&element.elasticity, self.step_s);
+            let start = StepStart { elasticity, moduli, state, step_s };
+            self.law.finish(&start, &mut self.trial[n * i..][..n]);
+        }
         self.committed.copy_from_slice(&self.trial);
     }
 
@@ -164,8 +209,12 @@ impl States {
         if self.law.is_linear() { 0 } else { self.law.state_len() }
     }
 
-    /// A state of zeros for one element more, of this elasticity.
-    pub fn push(&mut self, elasticity: &Matrix6<f64>) {
+    fn prepared_len(&self) -> usize {
+        if self.law.is_linear() { 0 } else { self.law.prepared_len() }
+    }
+
+    /// A state of zeros for one element more, of this elasticity, made of this besides.
+    pub fn push(&mut self, elasticity: &Matrix6<f64>, made_of: &[f64]) {
         if self.law.is_linear() {
             return;
         }
@@ -174,7 +223,13 @@ impl States {
         self.beyond.push(Strain::zeros());
         let at = self.moduli.len();
         self.moduli.resize(at + self.law.moduli_len(), 0.0);
-        self.law.set_moduli(elasticity, &mut self.moduli[at..]);
+        self.law.set_moduli(elasticity, made_of, &mut self.moduli[at..]);
+        let [n, p] = [self.len(), self.prepared_len()];
+        let (moduli, state) = (&self.moduli[at..], &self.committed[self.committed.len() - n..]);
+        self.prepared.resize(self.prepared.len() + p, 0.0);
+        let from = self.prepared.len() - p;
+        let start = StepStart { elasticity, moduli, state, step_s: self.step_s };
+        self.law.prepare(&start, &mut self.prepared[from..]);
     }
 
     /// The last element takes the place of element `at`.
@@ -183,8 +238,9 @@ impl States {
             return;
         }
         self.beyond.swap_remove(at);
-        let (n, m) = (self.len(), self.law.moduli_len());
-        let lists = [(n, &mut self.committed), (n, &mut self.trial), (m, &mut self.moduli)];
+        let [n, m, p] = [self.len(), self.law.moduli_len(), self.prepared_len()];
+        let Self { committed, trial, moduli, prepared, .. } = self;
+        let lists = [(n, committed), (n, trial), (m, moduli), (p, prepared)];
         for (n, states) in lists {
             let last = states.len() - n;
             states.copy_within(last.., n * at);
@@ -203,11 +259,16 @@ impl States {
     }
 
     /// Sets the state of an element, and its σ − D ε̃.
-    pub fn set(&mut self, number: usize, state: &[f64], beyond: Strain) {
-        let n = self.len();
+    pub fn set(&mut self, element: (usize, &Element), state: &[f64], beyond: Strain) {
+        let (number, Element { elasticity, .. }) = element;
+        let [n, m, p] = [self.len(), self.law.moduli_len(), self.prepared_len()];
         self.committed[n * number..][..n].copy_from_slice(state);
         self.trial[n * number..][..n].copy_from_slice(state);
         self.beyond[number] = beyond;
+        // Until the next step begins no time passes, as for elements that stay.
+        let start =
+            StepStart { elasticity, moduli: &self.moduli[m * number..][..m], state, step_s: 0.0 };
+        self.law.prepare(&start, &mut self.prepared[p * number..][..p]);
     }
 
     /// The states of runs of `length` elements; none under a linear law.
@@ -215,13 +276,16 @@ impl States {
         let (n, step_s, law) = (self.len(), self.step_s, &*self.law);
         let (mut committed, mut trial) = (&self.committed[..], &mut self.trial[..]);
         let (m, mut moduli) = (law.moduli_len(), &self.moduli[..]);
+        let (p, mut prepared) = (law.prepared_len(), &self.prepared[..]);
         let runs = self.beyond.chunks_mut(length.max(1)).enumerate();
         runs.map(move |(run, beyond)| {
             let states = ..n * beyond.len();
             let committed = committed.split_off(states).unwrap_or_default();
             let trial = trial.split_off_mut(states).unwrap_or_default();
             let moduli = moduli.split_off(..m * beyond.len()).unwrap_or_default();
-            StateRun { law, step_s, first: length * run, committed, trial, beyond, moduli }
+            let prepared = prepared.split_off(..p * beyond.len()).unwrap_or_default();
+            let first = length * run;
+            StateRun { law, step_s, first, committed, trial, beyond, moduli, prepared }
         })
     }
 
@@ -230,16 +294,22 @@ impl States {
         if self.law.is_linear() {
             return None;
         }
-        let (number, m) = (question.number, self.law.moduli_len());
-        let moduli = &self.moduli[m * number..][..m];
-        self.law.energy(&question.put(self.law(), moduli, self.of(number), self.step_s).0)
+        self.law.energy(&question.put(self.law(), self.known(question.number)).0)
+    }
+
+    fn known(&self, number: usize) -> Known<'_> {
+        let [m, p] = [self.law.moduli_len(), self.law.prepared_len()];
+        Known {
+            moduli: &self.moduli[m * number..][..m],
+            state: self.of(number),
+            prepared: &self.prepared[p * number..][..p],
+            step_s: self.step_s,
+        }
     }
 
     /// σ and ∂σ/∂ε̃ of an element, Pa, and the derivative of its growth by ε if that is the law's own.
     pub fn response(&self, question: &Question<'_>) -> (Strain, Matrix6<f64>, Option<Strain>) {
-        let (number, m) = (question.number, self.law.moduli_len());
-        let moduli = &self.moduli[m * number..][..m];
-        let (point, _, growth) = question.put(self.law(), moduli, self.of(number), self.step_s);
+        let (point, _, growth) = question.put(self.law(), self.known(question.number));
         let mut trial = vec![0.0; self.len()];
         let stress = self.law.stress(&point, &mut trial);
         (stress, self.law.tangent(&point), growth.map(|(_, slope)| slope))

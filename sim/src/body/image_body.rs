@@ -35,6 +35,8 @@ pub(crate) struct ImageBody {
     pub placement: Placement,
     /// One material per dense label; entry 0 stands for void.
     pub materials: Vec<Material>,
+    /// The position of each in the scene; none of void.
+    pub positions: Vec<Option<usize>>,
     pub places: Places,
     /// What `[[fixed]]` holds.
     pub fixed: Vec<Zone>,
@@ -51,7 +53,7 @@ impl ImageBody {
             Some(volume) => ImageSource::of_memory(scene, volume)?,
             None => ImageSource::read(scene)?,
         };
-        let materials = source.materials(scene)?;
+        let (materials, positions) = (source.materials(scene)?, source.positions());
         let ImageSource { volume, axes, summary: image, .. } = source;
         let organ = OrganBox::of(&volume).ok_or(SimError::Empty(image.name.clone()))?;
         if scene.image.path.is_some() && scene.image.unit.is_none() {
@@ -84,6 +86,7 @@ impl ImageBody {
             tree,
             placement,
             materials,
+            positions,
             places,
             fixed,
             base_m,

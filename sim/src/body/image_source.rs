@@ -77,6 +77,11 @@ impl ImageSource {
             Material::new(softest * scene.void.stiffness_ratio, scene.void.poisson_ratio, 0.0)?;
         Ok(std::iter::once(void).chain(solid).collect())
     }
+
+    /// By dense label the position of its material; none of void.
+    pub fn positions(&self) -> Vec<Option<usize>> {
+        std::iter::once(None).chain(self.material_of.iter().copied().map(Some)).collect()
+    }
 }
 
 impl MaterialEntry {

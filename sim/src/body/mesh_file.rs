@@ -12,6 +12,7 @@ use yawara_mesh::{PlainMesh, TetId, VertexId};
 use super::axes::ScannerAxes;
 use super::components::spans_a_plane;
 use super::material_points::of_mesh;
+use super::memory::Memory;
 use super::organ_box::{OrganBox, Zone};
 use super::places::Places;
 use super::state::{BodyState, Cell, Hold};
@@ -29,8 +30,8 @@ pub(crate) struct FileMesh {
     pub excluded_components: usize,
     pub excluded_tets: usize,
     pub mesh: PlainMesh,
-    /// By tag.
-    pub materials: BTreeMap<i64, Material>,
+    /// By tag: position in the scene, and material.
+    pub materials: BTreeMap<i64, (usize, Material)>,
 }
 
 impl FileMesh {
@@ -78,22 +79,27 @@ impl FileMesh {
     }
 
     /// The mesh at rest, of the elements of an empty `body`. `holds` is by vertex number.
-    pub fn state(&self, holds: &[Hold], body: Body) -> BodyState {
+    pub fn state(&self, holds: &[Hold], body: Body, memory: Option<&Memory>) -> BodyState {
         let mut state = BodyState::new(body);
         for (i, &x) in self.mesh.points().iter().enumerate() {
             state.add_vertex(VertexId(i as u32), x, x, holds[i]);
         }
         for (i, (corners, tag)) in self.mesh.tets().iter().zip(self.mesh.tags()).enumerate() {
-            let material = &self.materials[tag];
+            let (position, material) = &self.materials[tag];
+            let (elasticity, made_of) = match memory {
+                Some(memory) => memory.alone(*position, material),
+                None => (material.elasticity(), Vec::new()),
+            };
             let element = Element {
                 tet: TetId(i as u32),
                 vertices: corners.map(|v| v as usize),
                 geometry: LinearTet::new(&self.mesh.corners(i)),
-                elasticity: material.elasticity(),
+                elasticity,
                 rotation: Matrix3::identity(),
             };
             let density_kg_m3 = material.density_kg_m3();
-            state.add_tet(element, Cell { level: 0, label: *tag, density_kg_m3, is_void: false });
+            let cell = Cell { level: 0, label: *tag, density_kg_m3, is_void: false };
+            state.add_tet(element, cell, &made_of);
         }
         state
     }
@@ -190,7 +196,7 @@ fn materials(
     scene: &Scene,
     name: &str,
     mesh: &PlainMesh,
-) -> Result<BTreeMap<i64, Material>, SimError> {
+) -> Result<BTreeMap<i64, (usize, Material)>, SimError> {
     let mut counts: BTreeMap<i64, u64> = BTreeMap::new();
     for tag in mesh.tags() {
         *counts.entry(*tag).or_default() += 1;
@@ -200,7 +206,7 @@ fn materials(
         let Some(position) = scene.material_of(tag) else {
             return Err(SimError::TagWithoutMaterial(tag, name.into(), count));
         };
-        materials.insert(tag, scene.materials[position].material()?);
+        materials.insert(tag, (position, scene.materials[position].material()?));
     }
     Ok(materials)
 }

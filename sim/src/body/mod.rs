@@ -3,7 +3,7 @@
 //! [`start`] is the file to open first: it turns a scene into a mesh at rest, either from an image
 //! (`image_source` reads labels, `image_body` builds the start mesh, `components` leaves out what
 //! nothing holds, `label_refinement` refines towards boundaries of labels) or from a mesh file
-//! (`mesh_file`). `places` finds the places that a scene gives. `state` is that mesh while the simulation changes it.
+//! (`mesh_file`). `memory` says what elements that remember are made of. `places` finds the places that a scene gives. `state` is that mesh while the simulation changes it.
 
 mod axes;
 mod components;
@@ -11,6 +11,7 @@ mod image_body;
 mod image_source;
 mod label_refinement;
 mod material_points;
+mod memory;
 mod mesh_file;
 mod organ_box;
 mod outline;
@@ -27,6 +28,7 @@ pub use summary::{
 };
 
 pub(crate) use image_body::{ImageBody, touches_solid};
+pub(crate) use memory::{EmbeddedMemory, Memory};
 pub(crate) use mesh_file::FileMesh;
 pub(crate) use organ_box::{OrganBox, Zone};
 pub(crate) use outline::{cut, cut_for_the_eye, same_cells, solid, surface_level};

@@ -188,8 +188,8 @@ impl BodyState {
         self.vertex_count -= 1;
     }
 
-    /// A tetrahedron comes in.
-    pub(crate) fn add_tet(&mut self, element: Element, cell: Cell) {
+    /// A tetrahedron comes in, made of what its law has to know besides its elasticity.
+    pub(crate) fn add_tet(&mut self, element: Element, cell: Cell, made_of: &[f64]) {
         let at = element.tet.index();
         if self.cells.len() <= at {
             self.cells.resize(at + 1, Cell::default());
@@ -197,7 +197,7 @@ impl BodyState {
         self.cells[at] = cell;
         let quarter = 0.25 * element.geometry.volume * cell.density_kg_m3;
         element.vertices.iter().for_each(|&v| self.masses[v] += quarter);
-        self.body.insert(element);
+        self.body.insert_made_of(element, made_of);
     }
 
     /// A tetrahedron goes out; its element, if it was there.

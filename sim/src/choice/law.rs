@@ -14,6 +14,9 @@ pub(crate) fn of_scene(scene: &Scene, stages: &Stages, start: &Start) -> (String
     if let Some(own) = &stages.law {
         return (own.name().into(), "given".into());
     }
+    if let Some(why) = memory(scene) {
+        return ("inelastic".into(), why);
+    }
     let damping_s = scene.dynamics.as_ref().map_or(0.0, |d| d.damping_stiffness_s);
     if scene.stages.law != AUTO {
         return (scene.stages.law.clone(), "asked for".into());
@@ -40,4 +43,21 @@ fn farthest_mm(scene: &Scene, start: &Start) -> f64 {
         Some(1e3 * path.reach_m())
     };
     scene.tools.iter().filter_map(reach).fold(0.0, f64::max)
+}
+
+/// What materials remember, if any does.
+fn memory(scene: &Scene) -> Option<String> {
+    let with_law =
+        scene.materials.iter().enumerate().filter_map(|(i, one)| Some((i, one.law.as_ref()?)));
+    let words: Vec<String> = with_law
+        .map(|(i, law)| {
+            let fit = law.law().ok().and_then(|law| law.fit_error);
+            let fit = fit.map_or_else(String::new, |error| {
+                format!(" of terms within {:.2} % of its power law", 100.0 * error)
+            });
+            format!("materials[{i}] {}{fit}", law.kind())
+        })
+        .collect();
+    let why = format!("{}; moduli of steps of {} s", words.join(", "), scene.time.step_s);
+    (!words.is_empty()).then_some(why)
 }

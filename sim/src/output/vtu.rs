@@ -12,7 +12,7 @@ use crate::report::Frame;
 /// Writes a frame to `path` (.vtu), replacing what stands there only once the file is whole.
 ///
 /// Points in scanner RAS, mm; point data `displacement_mm`; cell data `level`, `label`,
-/// `young_modulus_pa`, `von_mises_pa`, `indicator`. A field of no values is left out. The same
+/// `young_modulus_pa`, `von_mises_pa`, `plastic_strain`, `dissipated_j_m3`, `indicator`. A field of no values is left out. The same
 /// frame gives the same bytes. Cost: O(points + tetrahedra).
 /// # Errors
 /// [`SimError::Value`] if the fields do not fit together, a number is not finite or a corner is
@@ -27,6 +27,8 @@ pub fn write_vtu(path: &Path, frame: &Frame) -> Result<(), SimError> {
         ("label", VtkValues::Int64(&frame.label)),
         ("young_modulus_pa", VtkValues::Float64(&frame.young_modulus_pa)),
         ("von_mises_pa", VtkValues::Float64(&frame.von_mises_pa)),
+        ("plastic_strain", VtkValues::Float64(&frame.plastic_strain)),
+        ("dissipated_j_m3", VtkValues::Float64(&frame.dissipated_j_m3)),
         ("indicator", VtkValues::Float64(&frame.indicator)),
     ]
     .map(|(name, values)| VtkArray { name, components: 1, values });
@@ -47,6 +49,8 @@ fn check(frame: &Frame) -> Result<(), SimError> {
         ("label", frame.label.len(), tets),
         ("young_modulus_pa", frame.young_modulus_pa.len(), tets),
         ("von_mises_pa", frame.von_mises_pa.len(), tets),
+        ("plastic_strain", frame.plastic_strain.len(), tets),
+        ("dissipated_j_m3", frame.dissipated_j_m3.len(), tets),
         ("indicator", frame.indicator.len(), tets),
     ];
     for (field, found, want) in lengths {
@@ -55,11 +59,13 @@ fn check(frame: &Frame) -> Result<(), SimError> {
             return Err(refusal(field, found, "the length", want));
         }
     }
-    let series: [(&str, &[f64]); 5] = [
+    let series: [(&str, &[f64]); 7] = [
         ("points_mm", frame.points_mm.as_flattened()),
         ("displacement_mm", frame.displacement_mm.as_flattened()),
         ("young_modulus_pa", &frame.young_modulus_pa),
         ("von_mises_pa", &frame.von_mises_pa),
+        ("plastic_strain", &frame.plastic_strain),
+        ("dissipated_j_m3", &frame.dissipated_j_m3),
         ("indicator", &frame.indicator),
     ];
     for (field, values) in series {
@@ -102,6 +108,8 @@ mod tests {
             label: vec![-7, 1 << 40],
             young_modulus_pa: vec![5e3, 1.0 / 3.0],
             von_mises_pa: vec![0.0, 1e-300],
+            plastic_strain: vec![0.0, 0.25],
+            dissipated_j_m3: vec![3.0, 0.5],
             indicator: vec![1e-9, 2.0],
             surfaces: Vec::new(),
             outline: None,
@@ -139,6 +147,8 @@ mod tests {
             ("label", IOBuffer::I64(want.label)),
             ("young_modulus_pa", IOBuffer::F64(want.young_modulus_pa)),
             ("von_mises_pa", IOBuffer::F64(want.von_mises_pa)),
+            ("plastic_strain", IOBuffer::F64(want.plastic_strain)),
+            ("dissipated_j_m3", IOBuffer::F64(want.dissipated_j_m3)),
             ("indicator", IOBuffer::F64(want.indicator)),
         ];
         assert_eq!(named, expected.map(|(name, values)| (name.to_owned(), values)));

@@ -36,6 +36,8 @@ pub(crate) fn capture(
         frame.young_modulus_pa.push(isotropic_part(&element.elasticity));
         let stress = state.body.stress_without_pressure(of_body, &state.positions);
         frame.von_mises_pa.push(von_mises(&stress));
+        frame.plastic_strain.extend(state.body.plastic_strain(of_body));
+        frame.dissipated_j_m3.extend(state.body.dissipated(of_body));
         frame.indicator.extend(indicator.map(|measured| measured(element.tet)));
     }
     frame

@@ -43,6 +43,10 @@ pub struct EnergySummary {
     pub weight_work_j: f64,
     /// What the body stores at the end, J; at rest nothing.
     pub stored_j: f64,
+    /// What materials have turned into heat by the end, J, a part of what is released; absent if their law keeps no
+    /// count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dissipated_j: Option<f64>,
     /// What splits by themselves, with all older vertices where they are, do to what is stored and
     /// to the potential of loads.
     pub splits: EnergyChange,

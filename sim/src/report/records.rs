@@ -155,6 +155,10 @@ pub struct Frame {
     pub young_modulus_pa: Vec<f64>,
     /// Von Mises stress, Pa.
     pub von_mises_pa: Vec<f64>,
+    /// Equivalent plastic strain; empty if no strain stays.
+    pub plastic_strain: Vec<f64>,
+    /// What has turned into heat so far, J/m³; empty if the law keeps no count.
+    pub dissipated_j_m3: Vec<f64>,
     /// Refinement indicator of its ring at the last measurement; empty if nothing is measured.
     pub indicator: Vec<f64>,
     /// Outlines of labels.
@@ -186,6 +190,8 @@ impl Frame {
             label: picked(&self.label, &kept),
             young_modulus_pa: picked(&self.young_modulus_pa, &kept),
             von_mises_pa: picked(&self.von_mises_pa, &kept),
+            plastic_strain: picked(&self.plastic_strain, &kept),
+            dissipated_j_m3: picked(&self.dissipated_j_m3, &kept),
             indicator: picked(&self.indicator, &kept),
             surfaces: self.surfaces,
             outline: self.outline,

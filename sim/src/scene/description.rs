@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::law::LawEntry;
 use super::region::Region;
 use super::stage_names::StageNames;
 use super::tool::ToolEntry;
@@ -161,6 +162,9 @@ pub struct MaterialEntry {
     /// ≥ 0, kg/m³.
     #[serde(default = "default_density")]
     pub density_kg_m3: f64,
+    /// What it remembers; linear elasticity if no material has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<LawEntry>,
 }
 
 /// The ersatz material of void.

@@ -1,7 +1,7 @@
 //! What a scene file says, and whether it makes sense.
 //!
 //! `description` is the file to open first: [`Scene`] and its tables, data only; `stage_names`,
-//! `region` and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
+//! `region`, `law` and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
 //! `schema` refuses unknown and missing keys with the line they stand in, `checks` refuses values
 //! out of range. `library` has materials by name, with their sources.
 
@@ -9,6 +9,7 @@ pub(crate) mod checks;
 mod description;
 pub mod file;
 mod key_path;
+mod law;
 mod library;
 mod overrides;
 mod region;
@@ -21,6 +22,7 @@ pub use description::{
     MeshOptions, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry,
     Time, Void,
 };
+pub use law::{LawEntry, PowerLaw, PronyEntry, RelaxingPart};
 pub use library::{LibraryMaterial, library, library_material_of};
 pub use region::Region;
 pub use stage_names::{Adapter, StageNames};
@@ -29,5 +31,6 @@ pub use tool::{
     ToolEntry,
 };
 
+pub(crate) use law::MaterialLaw;
 pub(crate) use region::{Shape, Way};
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

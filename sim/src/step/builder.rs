@@ -18,7 +18,7 @@ use super::figures::Figure;
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
-use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
+use crate::body::{BodyState, Hold, ImageBody, Memory, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, law_of_scene, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
@@ -117,8 +117,12 @@ impl<'a> SimulationBuilder<'a> {
             Ok::<_, SimError>(start.material_points(&zone))
         });
         let goal_points = goal_points.transpose()?;
-        let empty = empty_body(element)?
-            .with_law(stages.take_law(&law_of_scene(scene, &stages, &start).0, scene)?);
+        let memory = if stages.law.is_none() { Memory::of(scene)? } else { None };
+        let law = match &memory {
+            Some(memory) => Box::new(memory.law()),
+            None => stages.take_law(&law_of_scene(scene, &stages, &start).0, scene)?,
+        };
+        let empty = empty_body(element)?.with_law(law);
         let integrator = stages.take_integrator(scene)?;
         let Stages {
             homogenisation, element: own, forces, equilibrium, indicator, inverse, ..
@@ -126,17 +130,26 @@ impl<'a> SimulationBuilder<'a> {
         let Start { places: Places { name, axes, organ, .. }, fixed, origin, .. } = start;
         let (mut body_summary, mut volume, mut surfaces, mut outline) = (None, None, None, None);
         let (mut state, refiner) = match origin {
-            Origin::MeshFile(mesh) => (mesh.state(&holds, empty), None),
+            Origin::MeshFile(mesh) => (mesh.state(&holds, empty, memory.as_ref()), None),
             Origin::Image(mut setup) => {
                 let rule = match scene.void.beside_tissue {
                     BesideTissue::Material => VoidRule::Material,
                     BesideTissue::Volume => VoidRule::Volume,
                 };
-                let materials = Materials::from(std::mem::take(&mut setup.materials));
+                let by_label = std::mem::take(&mut setup.materials);
+                let positions = std::mem::take(&mut setup.positions);
+                let materials = match &memory {
+                    Some(memory) => memory.in_a_step(&by_label, &positions)?,
+                    None => Materials::from(by_label.clone()),
+                };
                 let materials = materials.with_void(rule);
                 let tree = Arc::clone(&setup.tree);
                 let embedding =
                     Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
+                let memory = memory.map(|memory| {
+                    memory.embedded(&by_label, &positions, &embedding, &mut self.progress)
+                });
+                let memory = memory.transpose()?;
                 plan::homogenised(&mut plan, &embedding);
                 surfaces = Surfaces::new(scene, &setup, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
@@ -146,7 +159,7 @@ impl<'a> SimulationBuilder<'a> {
                 volume = scene.output.field.then(|| Arc::clone(&labels));
                 let has_outline = scene.output.outline && scene.output.frames_every > 0;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
-                let content = Content { forest, embedding, placement, label_values };
+                let content = Content { forest, embedding, placement, memory, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
                 if !is_asked && indicator.error_over_sum().is_none() {
                     let want =

@@ -8,13 +8,15 @@ use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Placement, Tet, VertexId};
 
 use super::indicator::RingMember;
-use crate::body::{BodyState, Cell, Hold};
+use crate::body::{BodyState, Cell, EmbeddedMemory, Hold};
 
 /// The bisection forest with the embedding of the image's material.
 pub(crate) struct Content {
     pub forest: BisectionForest,
     pub embedding: Embedding,
     pub placement: Placement,
+    /// What its tetrahedra remember; none of linear elastic ones.
+    pub memory: Option<EmbeddedMemory>,
     /// Labels as in the image, by dense label.
     pub label_values: Vec<i64>,
 }
@@ -49,7 +51,9 @@ impl Content {
             density_kg_m3: self.embedding.density(tet.node),
             is_void: self.is_void(tet),
         };
-        state.add_tet(element, cell);
+        let memory = self.memory.as_ref();
+        let made_of = memory.map_or_else(Vec::new, |memory| memory.made_of(tet.node, label));
+        state.add_tet(element, cell, &made_of);
     }
 
     fn is_void(&self, tet: &Tet) -> bool {

@@ -206,6 +206,7 @@ impl Ledger {
         // Of elements that have just come in no rotation is of where the body is.
         let stored = if self.is_current { self.stored } else { state.energy_j() };
         sums.stored_j = stored;
+        sums.dissipated_j = state.body.dissipated_j();
         sums.close(sums.given_j() - self.given, stored - self.stored);
         sums
     }

@@ -59,6 +59,7 @@ impl Sample {
             young_modulus_pa: SOFTEST * RATIO.powf(random.between(0.0, 1.0)),
             poisson_ratio: random.between(0.3, 0.45),
             density_kg_m3: 1000.0,
+            law: None,
         };
         let materials: Vec<MaterialEntry> = volume.values()[1..].iter().map(material).collect();
         let element = ["p1", "p1p1"][random.below(2)];

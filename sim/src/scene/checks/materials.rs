@@ -2,7 +2,7 @@
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{MaterialEntry, MeshOptions, Scene};
+use crate::scene::{AUTO, LawEntry, MaterialEntry, MeshOptions, PowerLaw, PronyEntry, Scene};
 
 impl Scene {
     /// True where the image holds intensities that ranges of materials turn into labels.
@@ -71,11 +71,67 @@ impl Check<'_> {
             self.poisson(&key("poisson_ratio"), *poisson_ratio)?;
             let heavy = *density_kg_m3 >= 0.0 && density_kg_m3.is_finite();
             self.that(heavy, &key("density_kg_m3"), density_kg_m3, "finite and at least 0")?;
+            if let Some(law) = &material.law {
+                self.law(scene, law, &key("law"))?;
+            }
         }
         let ratio = scene.void.stiffness_ratio;
         let in_range = ratio > 0.0 && ratio <= 1.0;
         self.that(in_range, "void.stiffness_ratio", ratio, "more than 0 and at most 1")?;
         self.poisson("void.poisson_ratio", scene.void.poisson_ratio)
+    }
+
+    /// The law of a material, and that nothing else says how stress follows from strain.
+    fn law(&self, scene: &Scene, law: &LawEntry, key: &str) -> Result<(), SimError> {
+        let want = "no such key beside stages.law, which is the law of the whole body";
+        self.that(scene.stages.law == AUTO, key, law.kind(), want)?;
+        let damping = scene.dynamics.as_ref().map_or(0.0, |dynamics| dynamics.damping_stiffness_s);
+        let want = "no such key beside dynamics.damping_stiffness_s > 0: what damps is the law, a Prony term say";
+        self.that(damping == 0.0, key, law.kind(), want)?;
+        let at = |name: &str| format!("{key}.{name}");
+        let not_negative = |name: &str, value: f64| {
+            let in_range = value >= 0.0 && value.is_finite();
+            self.that(in_range, &at(name), value, "finite and at least 0")
+        };
+        match law {
+            LawEntry::Linear => Ok(()),
+            LawEntry::Prony { terms, power_law: None, .. } => {
+                let want = "at least one term { fraction, time_s }, or a power_law";
+                self.that(!terms.is_empty(), &at("terms"), terms.len(), want)?;
+                let mut sum = 0.0;
+                for (i, PronyEntry { fraction, time_s }) in terms.iter().enumerate() {
+                    let key = at(&format!("terms[{i}].fraction"));
+                    self.that((0.0..=1.0).contains(fraction), &key, fraction, "0 to 1")?;
+                    self.positive(&at(&format!("terms[{i}].time_s")), *time_s)?;
+                    sum += fraction;
+                    let want = "so little that all fractions together are at most 1";
+                    self.that(sum <= 1.0 + 1e-12, &key, fraction, want)?;
+                }
+                Ok(())
+            }
+            LawEntry::Prony { terms, power_law: Some(law), .. } => {
+                let want = "no such key beside power_law, which gives the terms";
+                self.that(terms.is_empty(), &at("terms"), terms.len(), want)?;
+                let PowerLaw { exponent, from_s, to_s, terms } = *law;
+                let in_range = exponent > 0.0 && exponent < 1.0;
+                let want = "more than 0 and less than 1";
+                self.that(in_range, &at("power_law.exponent"), exponent, want)?;
+                self.positive(&at("power_law.from_s"), from_s)?;
+                let want = format!("finite and more than from_s, {from_s:?}");
+                let in_range = to_s > from_s && to_s.is_finite();
+                self.that(in_range, &at("power_law.to_s"), to_s, &want)?;
+                self.that((1..=32).contains(&terms), &at("power_law.terms"), terms, "1 to 32")
+            }
+            LawEntry::Plastic { yield_pa, hardening_pa } => {
+                self.positive(&at("yield_pa"), *yield_pa)?;
+                not_negative("hardening_pa", *hardening_pa)
+            }
+            LawEntry::Creep { yield_strain, rate_per_s, max_strain } => {
+                not_negative("yield_strain", *yield_strain)?;
+                self.positive(&at("rate_per_s"), *rate_per_s)?;
+                self.positive(&at("max_strain"), *max_strain)
+            }
+        }
     }
 
     fn poisson(&self, key: &str, ratio: f64) -> Result<(), SimError> {

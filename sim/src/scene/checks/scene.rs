@@ -247,7 +247,8 @@ impl Check<'_> {
         }
         let Some(dynamics) = &scene.dynamics else {
             let (key, name) = ("stages.integrator", &scene.stages.integrator);
-            return self.that(name != "implicit_euler", key, name, "[dynamics] in the scene");
+            let still = [AUTO, "quasi_static"].contains(&&name[..]);
+            return self.that(still, key, name, "[dynamics] in the scene");
         };
         let undamped = !(scene.stages.law == "linear" && dynamics.damping_stiffness_s > 0.0);
         let want = "rayleigh or auto beside dynamics.damping_stiffness_s > 0";
