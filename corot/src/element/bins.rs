@@ -85,7 +85,13 @@ mod tests {
     use super::*;
 
     fn cloud(count: usize, size: [f64; 3]) -> Vec<Vector3<f64>> {
-        let part = |i: usize| (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+        // Mixed as in splitmix64, or the three coordinates would lie on lines.
+        let part = |i: usize| {
+            let z = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z >> 40
+        };
         let point = |i: usize| {
             [0, 1, 2].map(|axis| size[axis] * part(3 * i + axis) as f64 / f64::from(1 << 24))
         };
