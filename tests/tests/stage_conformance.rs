@@ -233,7 +233,7 @@ fn every_choice_has_its_line() {
     assert_eq!(indicator::CHOICES, ["energy", "residual", "goal", "volume", "rotation"]);
     assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
     assert_eq!(LAWS, ["linear", "rayleigh", "neo_hookean"]);
-    assert_eq!(INTEGRATORS, ["implicit_euler", "quasi_static"]);
+    assert_eq!(INTEGRATORS, ["implicit_euler", "newmark", "quasi_static"]);
 }
 
 #[test]
