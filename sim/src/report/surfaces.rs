@@ -71,6 +71,33 @@ impl Surfaces {
         Self { detail, follower, rest, parts }
     }
 
+    /// The labels of the surfaces, their triangles and where their vertices rest, m.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if a surface is of another mesh.
+    #[cfg(feature = "view")]
+    pub fn at_rest(&self) -> Result<Vec<(i64, &[[u32; 3]], Vec<Vector3<f64>>)>, SimError> {
+        let part =
+            |(label, surface): &'_ (i64, IsoSurface)| (*label, surface.positions(&self.rest));
+        let parts = self.parts.iter().map(|one| (part(one), &one.1.triangles[..]));
+        parts.map(|((label, rest), triangles)| Ok((label, triangles, rest?))).collect()
+    }
+
+    /// Where the vertices of every surface are, m.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if a position is not finite.
+    #[cfg(feature = "view")]
+    pub fn positions(
+        &self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+    ) -> Result<Vec<Vec<Vector3<f64>>>, SimError> {
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
+        self.parts.iter().map(|(_, surface)| Ok(surface.positions(now)?)).collect()
+    }
+
     /// Every surface as the active mesh carries it, scanner RAS.
     pub fn frames(
         &self,

@@ -15,9 +15,12 @@ use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
+use super::hands::Coming;
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
+#[cfg(feature = "view")]
+use crate::body::outline_all;
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
@@ -30,7 +33,19 @@ use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 type Tools = Vec<Box<dyn Tool>>;
 
 /// What is held of the material, by a tool or by a support.
-type Grips = Vec<(Option<usize>, MaterialHold)>;
+pub(super) type Grips = Vec<(Option<usize>, MaterialHold)>;
+
+/// The tools of a body at rest.
+struct Made {
+    tools: Tools,
+    /// What holds each vertex of the start mesh, by its number.
+    holds: Vec<Hold>,
+    grips: Grips,
+    /// Tools that begin later, with what they hold then.
+    coming: Coming,
+    /// How much that is.
+    held: Vec<Holding>,
+}
 
 /// Makes a tool for a body at rest.
 type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
@@ -42,6 +57,8 @@ pub struct SimulationBuilder<'a> {
     volume: Option<LabelVolume>,
     tools: Vec<MakeTool<'a>>,
     progress: Box<dyn FnMut(f64) -> ControlFlow<()> + 'a>,
+    #[cfg(feature = "view")]
+    outlines_all: bool,
 }
 
 impl Simulation {
@@ -53,6 +70,8 @@ impl Simulation {
             volume: None,
             tools: Vec::new(),
             progress: Box::new(|_| ControlFlow::Continue(())),
+            #[cfg(feature = "view")]
+            outlines_all: false,
         }
     }
 
@@ -88,6 +107,13 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
+    /// Has the outlines of all labels, whichever the scene asks for.
+    #[cfg(feature = "view")]
+    pub(crate) fn outlines_all(mut self) -> Self {
+        self.outlines_all = true;
+        self
+    }
+
     /// Calls `progress` with the fraction done by a homogenisation that solves for the whole fine
     /// body; breaking stops the work.
     pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
@@ -107,7 +133,7 @@ impl<'a> SimulationBuilder<'a> {
         let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
-        let (mut tools, holds, grips, held) = self.make_tools(&start)?;
+        let Made { mut tools, holds, grips, coming, held } = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element, &held);
         let first = GoalEntry::Force { tool: 0 };
         let asked = scene.refinement.goal.as_ref();
@@ -137,7 +163,15 @@ impl<'a> SimulationBuilder<'a> {
                 let embedding =
                     Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
                 plan::homogenised(&mut plan, &embedding);
-                surfaces = Surfaces::new(scene, &setup, &embedding)?;
+                #[cfg(feature = "view")]
+                let drawn = &mut scene.clone();
+                #[cfg(feature = "view")]
+                if self.outlines_all {
+                    outline_all(&mut drawn.output, &setup);
+                }
+                #[cfg(not(feature = "view"))]
+                let drawn = scene;
+                surfaces = Surfaces::new(drawn, &setup, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
                 body_summary = Some(summary);
                 let label_values = labels.values().to_vec();
@@ -178,7 +212,9 @@ impl<'a> SimulationBuilder<'a> {
         let formulation = own.map_or_else(built_in, Ok)?;
         let link = invert(formulation, &state, refiner.as_ref(), &organ, inverse)?;
         plan.push(plan::inverse(scene, &link));
-        tools.iter_mut().try_for_each(|tool| tool.follow(&state))?;
+        let is_there = |(number, _): &(usize, _)| !coming.iter().any(|(of, _)| of == number);
+        let mut there = tools.iter_mut().enumerate().filter(is_there);
+        there.try_for_each(|(_, tool)| tool.follow(&state))?;
         let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
         let statistics = RunStatistics::new(begin, &state);
         Ok(Simulation {
@@ -189,6 +225,8 @@ impl<'a> SimulationBuilder<'a> {
             solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),
             body: SimulatedBody { state, inverse: link, refiner },
             goal,
+            coming,
+            rest: None,
             recorder: Recorder {
                 axes,
                 plan,
@@ -202,26 +240,26 @@ impl<'a> SimulationBuilder<'a> {
         })
     }
 
-    /// All tools, what holds each vertex of the start mesh by its number, and what supports and tools
-    /// hold of the material, and how much that is.
-    fn make_tools(
-        &mut self,
-        start: &Start,
-    ) -> Result<(Tools, Vec<Hold>, Grips, Vec<Holding>), SimError> {
+    /// All tools with what they and supports hold.
+    fn make_tools(&mut self, start: &Start) -> Result<Made, SimError> {
         let mut grips = supports(self.scene, start);
         let mut body = BodyAtRest::new(self.scene, start);
         let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
             Box::new(move |body| tools::by_name(entry, &format!("tools[{i}]"), body))
         });
-        let mut made = Vec::new();
+        let (mut made, mut coming) = (Vec::new(), Coming::new());
         for (number, make) in entries.chain(self.tools.drain(..)).enumerate() {
             let tool = make(&mut body)?;
             body.hold(&tool.grasp(&body)?, number);
-            grips.extend(tool.grip(&body)?.map(|hold| (Some(number), hold)));
+            let hold = tool.grip(&body)?;
+            match tool.begin_s() {
+                Some(_) => coming.push((number, hold)),
+                None => grips.extend(hold.map(|hold| (Some(number), hold))),
+            }
             made.push(tool);
         }
         let held = tools::holdings(self.scene, &mut body)?;
-        Ok((made, body.into_holds(), grips, held))
+        Ok(Made { tools: made, holds: body.into_holds(), grips, coming, held })
     }
 }
 
@@ -240,7 +278,11 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
 ///
 /// # Errors
 /// [`SimError::Value`] for a tool that holds nothing of them.
-fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(), SimError> {
+pub(super) fn hold_material(
+    grips: Grips,
+    image: &str,
+    state: &mut BodyState,
+) -> Result<(), SimError> {
     for (tool, MaterialHold { points, stiffness }) in grips {
         let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
         match (Grip::new(points, stiffness, solid, &state.rest), tool) {
