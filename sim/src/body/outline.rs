@@ -38,29 +38,27 @@ pub(crate) fn cut_for_the_eye(
     coarse: &BisectionForest,
     volume: &LabelVolume,
 ) -> Result<Outlines, SimError> {
-    let (grid, level) = (coarse.tree().grid(), level_for_the_eye(coarse));
+    let grid = coarse.tree().grid();
+    let cells = grid.cells.into_iter().max().unwrap_or(1) as f64;
+    // Three levels halve the edges.
+    let wanted = 3.0 * (EDGES_FOR_THE_EYE / cells).log2().ceil().max(0.0);
+    let of_two_voxels = grid.embed_level().saturating_sub(3);
+    let level = (wanted as u8).min(of_two_voxels).max(coarse.max_level()).min(MAX_LEVEL);
     // Without a blur of half an edge the surface has stairs.
     let edge = grid.voxels_per_cell as f64 / f64::from(level / 3).exp2();
     let outline = Outline { label: 1, sigma_voxels: (0.5 * edge).clamp(1.0, 16.0) };
     cut(coarse, &solid(volume)?, level, &[outline])
 }
 
-/// The level of a mesh whose edges are as short as eyes want them.
-fn level_for_the_eye(coarse: &BisectionForest) -> u8 {
-    let grid = coarse.tree().grid();
-    let cells = grid.cells.into_iter().max().unwrap_or(1) as f64;
-    // Three levels halve the edges.
-    let wanted = 3.0 * (EDGES_FOR_THE_EYE / cells).log2().ceil().max(0.0);
-    let of_two_voxels = grid.embed_level().saturating_sub(3);
-    (wanted as u8).min(of_two_voxels).max(coarse.max_level()).min(MAX_LEVEL)
-}
-
-/// Has `output` name the outlines of all labels, as fine as eyes want them unless it says how fine.
+/// Has `output` name the outlines of all labels but that of most voxels, which looks like the body's.
 #[cfg(feature = "view")]
-pub(crate) fn outline_all(output: &mut Output, setup: &ImageBody) {
-    let labels = setup.volume.values().iter().copied().filter(|&label| label > 0);
-    output.surfaces = labels.map(|label| SurfaceEntry { label, sigma_voxels: 1.0 }).collect();
-    output.surface_level.get_or_insert_with(|| level_for_the_eye(&setup.forest));
+pub(crate) fn outline_inner(output: &mut Output, volume: &LabelVolume) {
+    let mut counts = vec![0usize; volume.values().len()];
+    volume.labels().iter().for_each(|&dense| counts[dense as usize] += 1);
+    let most = (1..counts.len()).max_by_key(|&dense| counts[dense]);
+    let inner = (1..counts.len()).filter(|&dense| Some(dense) != most && counts[dense] > 0);
+    let entry = |dense: usize| SurfaceEntry { label: volume.values()[dense], sigma_voxels: 1.0 };
+    output.surfaces = inner.map(entry).collect();
 }
 
 /// The root cubes of a mesh on a lattice of `level`.

@@ -65,22 +65,35 @@ impl Surfaces {
         Ok(Some(Self::on(detail, rest, parts)))
     }
 
+    /// The outline of all that is not void, as fine as eyes want it; its label is 0.
+    fn of_body(coarse: &BisectionForest, labels: &LabelVolume) -> Result<Self, SimError> {
+        let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(coarse, labels)?;
+        let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
+        // Beside void no material moves a vertex out of the middle of its edge.
+        Ok(Self::on(DetailMesh::new(forest), rest, parts))
+    }
+
     fn on(detail: DetailMesh, rest: Vec<Vector3<f64>>, parts: Vec<(i64, IsoSurface)>) -> Self {
         let ends = parts.iter().flat_map(|(_, surface)| &surface.vertices).flat_map(|v| v.edge);
         let follower = RefCell::new(Follower::new(&detail, ends));
         Self { detail, follower, rest, parts }
     }
 
-    /// The labels of the surfaces, their triangles and where their vertices rest, m.
+    /// The labels of the surfaces.
+    #[cfg(feature = "view")]
+    pub fn labels(&self) -> Vec<i64> {
+        self.parts.iter().map(|(label, _)| *label).collect()
+    }
+
+    /// The triangles of the surfaces and where their vertices rest, m.
     ///
     /// # Errors
     /// [`SimError::Surface`] if a surface is of another mesh.
     #[cfg(feature = "view")]
-    pub fn at_rest(&self) -> Result<Vec<(i64, &[[u32; 3]], Vec<Vector3<f64>>)>, SimError> {
-        let part =
-            |(label, surface): &'_ (i64, IsoSurface)| (*label, surface.positions(&self.rest));
-        let parts = self.parts.iter().map(|one| (part(one), &one.1.triangles[..]));
-        parts.map(|((label, rest), triangles)| Ok((label, triangles, rest?))).collect()
+    pub fn at_rest(&self) -> Result<Vec<(&[[u32; 3]], Vec<Vector3<f64>>)>, SimError> {
+        let part = |(_, surface): &'_ (i64, IsoSurface)| surface.positions(&self.rest);
+        let parts = self.parts.iter().map(|one| (&one.1.triangles[..], part(one)));
+        parts.map(|(triangles, rest)| Ok((triangles, rest?))).collect()
     }
 
     /// Where the vertices of every surface are, m.
@@ -161,6 +174,18 @@ impl BodyOutline {
         Self(RefCell::new(Stage::Asked(labels)))
     }
 
+    /// The outline itself, to be carried along elsewhere.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if it can't be cut.
+    #[cfg(feature = "view")]
+    pub fn into_surfaces(self, forest: &BisectionForest) -> Result<Surfaces, SimError> {
+        match self.0.into_inner() {
+            Stage::Asked(labels) => Surfaces::of_body(forest, &labels),
+            Stage::Cut(surfaces) => Ok(*surfaces),
+        }
+    }
+
     /// The outline as the active mesh carries it, scanner RAS; its label is 0.
     pub fn frame(
         &self,
@@ -170,10 +195,7 @@ impl BodyOutline {
     ) -> Result<Option<SurfaceFrame>, SimError> {
         let mut stage = self.0.borrow_mut();
         if let Stage::Asked(labels) = &*stage {
-            let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(forest, labels)?;
-            let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
-            // Beside void no material moves a vertex out of the middle of its edge.
-            *stage = Stage::Cut(Box::new(Surfaces::on(DetailMesh::new(forest), rest, parts)));
+            *stage = Stage::Cut(Box::new(Surfaces::of_body(forest, labels)?));
         }
         match &*stage {
             Stage::Cut(surfaces) => Ok(surfaces.frames(forest, positions, axes)?.pop()),

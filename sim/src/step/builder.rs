@@ -20,7 +20,7 @@ use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
 #[cfg(feature = "view")]
-use crate::body::outline_all;
+use crate::body::outline_inner;
 use crate::body::{BodyState, Hold, ImageBody, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, of_scene, plan};
 use crate::error::SimError;
@@ -107,7 +107,7 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
-    /// Has the outlines of all labels, whichever the scene asks for.
+    /// Has the outlines of the body and of all labels in it, whichever the scene asks for.
     #[cfg(feature = "view")]
     pub(crate) fn outlines_all(mut self) -> Self {
         self.outlines_all = true;
@@ -167,7 +167,7 @@ impl<'a> SimulationBuilder<'a> {
                 let drawn = &mut scene.clone();
                 #[cfg(feature = "view")]
                 if self.outlines_all {
-                    outline_all(&mut drawn.output, &setup);
+                    outline_inner(&mut drawn.output, &setup.volume);
                 }
                 #[cfg(not(feature = "view"))]
                 let drawn = scene;
@@ -178,6 +178,8 @@ impl<'a> SimulationBuilder<'a> {
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
                 let has_outline = scene.output.outline && scene.output.frames_every > 0;
+                #[cfg(feature = "view")]
+                let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
                 let content = Content { forest, embedding, placement, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();

@@ -8,7 +8,7 @@ use super::simulation::Simulation;
 use crate::body::Start;
 use crate::error::SimError;
 #[cfg(feature = "view")]
-use crate::report::Surfaces;
+use crate::report::{BodyOutline, Surfaces};
 use crate::scene::{GrabEntry, GrabHold, Key, Scene, ToolEntry};
 use crate::tools::{self, BodyAtRest, MaterialHold, Pose, path_of};
 
@@ -187,10 +187,10 @@ impl Simulation {
         self.recorder.axes
     }
 
-    /// Takes the outlines of labels out of the simulation, whose frames have none from then on.
+    /// Takes the outlines of the body and of labels out of the simulation, whose frames have none from then on.
     #[cfg(feature = "view")]
-    pub(crate) fn take_surfaces(&mut self) -> Option<Surfaces> {
-        self.recorder.surfaces.take()
+    pub(crate) fn take_outlines(&mut self) -> (Option<BodyOutline>, Option<Surfaces>) {
+        (self.recorder.outline.take(), self.recorder.surfaces.take())
     }
 
     /// Binds the tools that begin before `to`, s, to the body as it is now.

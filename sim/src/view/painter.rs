@@ -10,7 +10,7 @@ use yawara_mesh::BisectionForest;
 use super::picture::{PIECE, Picture, Surface, SurfaceAtRest, Topology};
 use crate::SimError;
 use crate::body::ScannerAxes;
-use crate::report::{Frame, Surfaces};
+use crate::report::{BodyOutline, Frame, Surfaces};
 
 /// What a picture is made of.
 pub(super) struct Snapshot {
@@ -29,7 +29,10 @@ pub(super) struct Snapshot {
 
 /// The outlines of a simulation and how they are told.
 pub(super) struct Outlines {
-    pub surfaces: Option<Surfaces>,
+    /// Of the body, not cut yet.
+    pub skin: Option<BodyOutline>,
+    /// Of the labels in it.
+    pub inner: Option<Surfaces>,
     pub axes: ScannerAxes,
     /// Unit of displacements, mm.
     pub quantum_mm: f64,
@@ -94,7 +97,9 @@ pub(super) fn paint(easel: &Easel, pictures: &watch::Sender<Arc<Picture>>) {
 
 #[derive(Default)]
 struct Painter {
-    outlines: Option<Outlines>,
+    outlines: Vec<Surfaces>,
+    axes: Option<ScannerAxes>,
+    quantum_mm: f64,
     rest: Vec<Vec<Vector3<f64>>>,
     last: Picture,
     /// The edges of the last mesh by where their ends rest.
@@ -107,7 +112,7 @@ impl Painter {
     fn paint(&mut self, snapshot: Snapshot) -> Result<Picture, SimError> {
         let number = self.last.number + 1;
         if let Some(outlines) = snapshot.outlines {
-            self.begin(outlines, number)?;
+            self.begin(outlines, snapshot.forest.as_deref(), number)?;
         }
         let frame = snapshot.frame.without_void();
         if snapshot.is_remeshed || self.last.generation != snapshot.generation {
@@ -131,22 +136,34 @@ impl Painter {
     }
 
     /// Begins with the outlines of another simulation.
-    fn begin(&mut self, outlines: Outlines, number: u64) -> Result<(), SimError> {
-        self.last = Picture { number: number - 1, ..Picture::default() };
-        self.rest.clear();
-        self.edges.clear();
-        if let Some(surfaces) = &outlines.surfaces {
-            for (_, triangles, rest) in surfaces.at_rest()? {
-                let points = rest.iter().map(|x| outlines.axes.to_ras_mm(x).map(|x| x as f32));
+    fn begin(
+        &mut self,
+        outlines: Outlines,
+        forest: Option<&BisectionForest>,
+        number: u64,
+    ) -> Result<(), SimError> {
+        let Outlines { skin, inner, axes, quantum_mm } = outlines;
+        *self = Self {
+            last: Picture { number: number - 1, ..Picture::default() },
+            axes: Some(axes),
+            quantum_mm,
+            ..Self::default()
+        };
+        if let (Some(skin), Some(forest)) = (skin, forest) {
+            self.outlines.push(skin.into_surfaces(forest)?);
+        }
+        self.outlines.extend(inner);
+        for surfaces in &self.outlines {
+            for (triangles, rest) in surfaces.at_rest()? {
+                let points = rest.iter().map(|x| axes.to_ras_mm(x).map(|x| x as f32));
                 let points_mm: Vec<[f32; 3]> = points.map(Into::into).collect();
                 let moved = vec![[0; 3]; rest.len()];
                 let changed = vec![number; rest.len().div_ceil(PIECE)];
-                let rest_too = SurfaceAtRest { points_mm, triangles: triangles.to_vec() };
-                self.last.surfaces.push(Surface { rest: Arc::new(rest_too), moved, changed });
+                let at_rest = SurfaceAtRest { points_mm, triangles: triangles.to_vec() };
+                self.last.surfaces.push(Surface { rest: Arc::new(at_rest), moved, changed });
                 self.rest.push(rest);
             }
         }
-        self.outlines = Some(outlines);
         Ok(())
     }
 
@@ -157,14 +174,14 @@ impl Painter {
         positions: &[Vector3<f64>],
         number: u64,
     ) -> Result<(), SimError> {
-        let Some(Outlines { surfaces: Some(surfaces), axes, quantum_mm }) = &self.outlines else {
-            return Ok(());
-        };
-        let Some(forest) = forest else { return Ok(()) };
-        let now = surfaces.positions(forest, positions)?;
+        let (Some(forest), Some(axes)) = (forest, self.axes) else { return Ok(()) };
+        let mut now = Vec::new();
+        for surfaces in &self.outlines {
+            now.extend(surfaces.positions(forest, positions)?);
+        }
         for ((surface, rest), now) in self.last.surfaces.iter_mut().zip(&self.rest).zip(now) {
             for (i, (rest, now)) in rest.iter().zip(&now).enumerate() {
-                let moved = axes.to_ras_direction(&((now - rest) * (1e3 / quantum_mm)));
+                let moved = axes.to_ras_direction(&((now - rest) * (1e3 / self.quantum_mm)));
                 // A cast saturates; NaN becomes 0.
                 let moved: [i16; 3] = moved.map(|x| x.round() as i16).into();
                 if surface.moved[i] != moved {

@@ -206,18 +206,19 @@ impl Session {
     fn begin(&mut self) -> Result<(), SimError> {
         self.generation += 1;
         self.hands.clear();
-        self.still = 0;
+        let scene = self.simulation.scene();
+        let is_unloaded = scene.tools.is_empty() && scene.gravity_m_s2 == [0.0; 3];
+        let is_at_rest = is_unloaded && scene.dynamics.is_none();
+        self.still = if is_at_rest { STILL_STEPS } else { 0 };
         self.painted = None;
         self.is_remeshed = true;
         self.ends.clear();
         let (vertices, tets) =
             (self.simulation.body().vertex_count(), self.simulation.body().tet_count());
         self.report = StepReport { vertices, tets, converged: true, ..StepReport::default() };
-        let surfaces = self.simulation.take_surfaces();
-        self.labels = match &surfaces {
-            Some(surfaces) => surfaces.at_rest()?.iter().map(|(label, ..)| *label).collect(),
-            None => Vec::new(),
-        };
+        let (skin, inner) = self.simulation.take_outlines();
+        let of_skin = skin.iter().map(|_| 0);
+        self.labels = of_skin.chain(inner.iter().flat_map(|inner| inner.labels())).collect();
         let frame = self.simulation.frame()?;
         let side = (0..3).map(|axis| {
             let along = frame.points_mm.iter().map(|x| x[axis]);
@@ -229,7 +230,7 @@ impl Session {
         // Twice the longest side either way.
         self.quantum_mm = 2.0 * side.fold(1e-3, f64::max) / f64::from(i16::MAX);
         let (axes, quantum_mm) = (self.simulation.axes(), self.quantum_mm);
-        self.outlines = Some(Outlines { surfaces, axes, quantum_mm });
+        self.outlines = Some(Outlines { skin, inner, axes, quantum_mm });
         self.show()?;
         self.tell();
         Ok(())
@@ -299,7 +300,9 @@ impl Session {
     }
 
     fn goes_on(&self, has_page: bool) -> bool {
-        let rests = self.hands.is_empty() && self.still >= STILL_STEPS;
+        // A hand that has not moved yet changes nothing either.
+        let has_moved = |hand: &Hand| hand.target != Vector3::zeros();
+        let rests = self.still >= STILL_STEPS && !self.hands.values().any(has_moved);
         !self.is_paused && !rests && (has_page || self.orders.keep_going)
     }
 
@@ -387,7 +390,6 @@ impl Session {
         let (time_s, step_s) = (self.report.time_s, self.simulation.scene().time.step_s);
         let hand = Hand::new(&mut self.simulation, tool, radius_mm, time_s, step_s)?;
         self.hands.insert(key, hand);
-        self.still = 0;
         Ok(())
     }
 
@@ -473,6 +475,7 @@ impl Session {
         };
         let more = json!({
             "generation": self.generation,
+            "quantum_mm": self.quantum_mm,
             "steps_per_s": rate,
             "at_rest": self.hands.is_empty() && self.still >= STILL_STEPS,
         });
@@ -499,7 +502,6 @@ impl Session {
             changes: &shown,
             generation: self.generation,
             is_paused: self.is_paused,
-            quantum_mm: self.quantum_mm,
             labels: &self.labels,
             most_steps: MOST_STEPS,
         };

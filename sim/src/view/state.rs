@@ -15,7 +15,6 @@ pub(super) struct Standing<'a> {
     pub changes: &'a [String],
     pub generation: u64,
     pub is_paused: bool,
-    pub quantum_mm: f64,
     /// Of the surfaces, in their order.
     pub labels: &'a [i64],
     /// The most steps of a simulation here.
@@ -25,12 +24,11 @@ pub(super) struct Standing<'a> {
 impl Standing<'_> {
     /// What a page needs to know of a simulation, whichever step it is at.
     pub fn json(&self) -> Value {
-        let Self { simulation, name, changes, generation, is_paused, quantum_mm, labels, .. } =
-            self;
+        let Self { simulation, name, changes, generation, is_paused, labels, .. } = self;
         let scene = simulation.scene();
         let name_of = |label: i64| {
             let found = scene.materials.iter().find(|one| one.label == Some(label));
-            found.map_or("", |one| &one.name[..])
+            if label == 0 { "skin" } else { found.map_or("", |one| &one.name[..]) }
         };
         let warnings: Vec<String> =
             simulation.plan().iter().flat_map(|row| row.warnings().collect::<Vec<_>>()).collect();
@@ -41,7 +39,6 @@ impl Standing<'_> {
             "description": scene.description,
             "generation": generation,
             "paused": is_paused,
-            "quantum_mm": quantum_mm,
             "step_s": scene.time.step_s,
             "most_steps": self.most_steps,
             "labels": labels.iter().map(|&label| json!({

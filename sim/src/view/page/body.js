@@ -47,9 +47,8 @@ export class Body {
   }
 
   /** Empties the scene for another simulation. */
-  clear(state) {
-    this.quantum = state.quantum_mm;
-    this.labels = state.labels;
+  clear(quantum_mm) {
+    this.quantum = quantum_mm;
     for (const surface of this.surfaces) this.drop(surface.mesh);
     this.surfaces = [];
     this.drop(this.faces);
@@ -247,7 +246,7 @@ export class Body {
 
   /** Shows tools: balls, arrows of forces and bands from hand to tool. */
   hold(tools, hands) {
-    for (const one of this.tools) { this.scene.remove(one); }
+    for (const one of this.tools) this.drop(one);
     this.tools = [];
     for (const tool of tools) {
       const at = new THREE.Vector3(...tool.reference_mm);
@@ -264,10 +263,7 @@ export class Body {
         this.tools.push(mark);
       }
       if (size > 1e-4) {
-        const length = Math.min(Math.max(size * MM_PER_N, 6), 140);
-        const arrow = new THREE.ArrowHelper(force.clone().normalize(), at, length, 0xd55e00, Math.min(9, 0.45 * length), Math.min(5, 0.25 * length));
-        for (const part of [arrow.line, arrow.cone]) { part.material.depthTest = false; part.material.transparent = true; part.renderOrder = 21; }
-        this.tools.push(arrow);
+        this.tools.push(...arrow(at, force, Math.min(Math.max(size * MM_PER_N, 6), 140)));
       }
       const hand = hands.get(tool.hand);
       if (hand && tool.is_mine) {
@@ -392,4 +388,21 @@ function weights(p, [a, b, c]) {
   const [uu, uv, vv, wu, wv] = [u.dot(u), u.dot(v), v.dot(v), w.dot(u), w.dot(v)];
   const det = uu * vv - uv * uv || 1;
   return [(vv * wu - uv * wv) / det, (uu * wv - uv * wu) / det];
+}
+
+/** A force at a place, in front of everything else. */
+function arrow(at, force, length) {
+  const material = new THREE.MeshBasicMaterial({ color: 0xd55e00, depthTest: false, transparent: true });
+  const head = Math.min(10, 0.45 * length);
+  const along = force.clone().normalize();
+  const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 1, 0), along);
+  const part = (geometry, middle) => {
+    const mesh = new THREE.Mesh(geometry, material);
+    mesh.quaternion.copy(turn);
+    mesh.position.copy(at).addScaledVector(along, middle);
+    mesh.renderOrder = 21;
+    return mesh;
+  };
+  const shaft = part(new THREE.CylinderGeometry(1.1, 1.1, length - head, 12), 0.5 * (length - head));
+  return [shaft, part(new THREE.ConeGeometry(3.4, head, 20), length - 0.5 * head)];
 }

@@ -56,8 +56,9 @@ function seen(buffer) {
   const { text, blocks } = decode(buffer);
   if (generation !== text.generation) {
     generation = text.generation;
-    if (!state || state.generation !== generation) state = { ...state, generation };
-    body.clear(state);
+    body.clear(text.quantum_mm);
+    get('about').textContent =
+      `Positions of outlines are rounded to ${short(text.quantum_mm / 2)} mm. 3D by three.js (MIT).`;
     plots.forEach((one) => one.plot.clear());
     hands.clear();
     parked.clear();
@@ -100,8 +101,6 @@ function describe() {
   document.title = `${state.scene} – yawara`;
   get('pause').setAttribute('aria-pressed', String(state.paused));
   get('pause').textContent = state.paused ? 'Go on' : 'Pause';
-  get('about').textContent =
-    `yawara ${state.version}. Positions of outlines are rounded to ${short(state.quantum_mm / 2)} mm. 3D by three.js (MIT).`;
   command(state.command);
   body.labels = state.labels;
   const legend = get('legend');
