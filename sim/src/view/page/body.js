@@ -164,42 +164,85 @@ export class Body {
   /** Colours what is shown. */
   paint() {
     const of = COLOURS[this.colour];
-    const is_coarse = of.row !== undefined || this.surfaces.length === 0;
+    const is_coarse = this.surfaces.length === 0;
+    const is_plain = this.colour === 'label';
     const planes = this.is_cut ? [this.plane] : [];
     this.surfaces.forEach(({ mesh, moved }, number) => {
       const { material } = mesh;
       const is_skin = number === 0;
-      mesh.visible = !this.hidden.has(number) && !(is_coarse && is_skin);
-      material.vertexColors = this.colour === 'displacement';
+      mesh.visible = !this.hidden.has(number);
+      material.vertexColors = is_skin && !is_plain;
       material.clippingPlanes = planes;
       material.side = this.is_cut ? THREE.DoubleSide : THREE.FrontSide;
-      const opacity = is_skin && this.colour !== 'displacement' ? this.opacity : 1;
+      const opacity = is_skin && is_plain ? this.opacity : 1;
       material.transparent = opacity < 1;
       material.depthWrite = opacity >= 1;
       material.opacity = opacity;
-      if (this.colour !== 'displacement') {
-        material.color.set(LABELS[number % LABELS.length]);
-      } else {
-        material.color.set(0xffffff);
-      }
+      material.color.set(is_skin && !is_plain ? 0xffffff : LABELS[number % LABELS.length]);
       material.needsUpdate = true;
-      if (this.colour === 'displacement') {
-        let most = 0;
-        for (let i = 0; i < moved.length; i += 3) most = Math.max(most, moved[i] ** 2 + moved[i + 1] ** 2 + moved[i + 2] ** 2);
-        if (is_skin) this.rescale(Math.sqrt(most) * this.quantum);
-        const colours = mesh.geometry.attributes.color;
-        for (let i = 0; i < moved.length; i += 3) {
-          const u = Math.hypot(moved[i], moved[i + 1], moved[i + 2]) * this.quantum;
-          colours.array.set(this.shade(u / this.range), i);
-        }
-        colours.needsUpdate = true;
-      }
+      if (!is_skin || is_plain) return;
+      const colours = mesh.geometry.attributes.color;
+      const amount = this.amounts(of, moved);
+      this.rescale(amount.reduce((most, x) => Math.max(most, x), 0));
+      amount.forEach((x, i) => colours.array.set(this.shade(x / this.range), 3 * i));
+      colours.needsUpdate = true;
     });
     this.faces.visible = is_coarse && Boolean(this.topology);
     this.faces.material.clippingPlanes = planes;
     this.lines.material.clippingPlanes = planes;
     if (is_coarse && this.values && this.topology) this.paint_faces(of);
     this.is_stale = true;
+  }
+
+  /** What the vertices of the skin show: their displacement, or what the outer face nearest at rest has. */
+  amounts(of, moved) {
+    const amount = new Float32Array(moved.length / 3);
+    if (of.row === undefined) {
+      for (let i = 0; i < amount.length; i += 1) amount[i] = Math.hypot(moved[3 * i], moved[3 * i + 1], moved[3 * i + 2]) * this.quantum;
+    } else if (this.values && this.topology) {
+      if (this.nearest_of !== this.topology) { this.nearest = this.find_nearest(); this.nearest_of = this.topology; }
+      this.nearest.forEach((face, i) => { amount[i] = this.values[4 * face + of.row] * of.factor; });
+    }
+    return amount;
+  }
+
+  /** For each vertex of the skin the outer face of the coarse mesh whose middle rests nearest. */
+  find_nearest() {
+    const { points, topology } = this;
+    const { rest } = this.surfaces[0];
+    const cell = this.size / 24;
+    const cells = new Map();
+    const key = (x, y, z) => (Math.floor(x / cell) * 4096 + Math.floor(y / cell)) * 4096 + Math.floor(z / cell);
+    const middles = [];
+    for (let face = 0; face < topology.faces.length / 3; face += 1) {
+      const middle = [0, 0, 0];
+      for (let k = 0; k < 3; k += 1) {
+        const at = 6 * topology.faces[3 * face + k];
+        for (let axis = 0; axis < 3; axis += 1) middle[axis] += (points[at + axis] - points[at + 3 + axis]) / 3;
+      }
+      middles.push(middle);
+      const here = key(...middle);
+      if (cells.has(here)) cells.get(here).push(face); else cells.set(here, [face]);
+    }
+    const found = new Uint32Array(rest.length / 3);
+    const near = (i, faces, best) => {
+      for (const face of faces) {
+        const m = middles[face];
+        const far = (m[0] - rest[3 * i]) ** 2 + (m[1] - rest[3 * i + 1]) ** 2 + (m[2] - rest[3 * i + 2]) ** 2;
+        if (far < best) { best = far; found[i] = face; }
+      }
+      return best;
+    };
+    const all = middles.map((_, face) => face);
+    for (let i = 0; i < found.length; i += 1) {
+      let best = Infinity;
+      for (let dx = -1; dx <= 1; dx += 1) for (let dy = -1; dy <= 1; dy += 1) for (let dz = -1; dz <= 1; dz += 1) {
+        const faces = cells.get(key(rest[3 * i] + dx * cell, rest[3 * i + 1] + dy * cell, rest[3 * i + 2] + dz * cell));
+        if (faces) best = near(i, faces, best);
+      }
+      if (best === Infinity) near(i, all, best);
+    }
+    return found;
   }
 
   paint_faces(of) {
@@ -240,8 +283,8 @@ export class Body {
 
   /** Widens the scale at once, and narrows it when little of it is used. */
   rescale(most) {
-    const wanted = nice(most);
-    if (most > this.range || most < 0.3 * this.range) this.range = most > 0 ? wanted : this.range || 1;
+    const is_fit = this.range > 0 && most <= this.range && most >= 0.3 * this.range;
+    if (!is_fit && (most > 0 || !(this.range > 0))) this.range = nice(most);
   }
 
   /** Shows tools: balls, arrows of forces and bands from hand to tool. */

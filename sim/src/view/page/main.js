@@ -210,8 +210,9 @@ function figures() {
   get('n_step').textContent = last.step;
   get('n_vertices').textContent = `${last.vertices}${last.waiting ? `, ${last.waiting} wait` : ''}`;
   get('n_rate').textContent = last.at_rest ? 'at rest' : `${last.steps_per_s.toFixed(0)} /s`;
+  while (arrivals.at(-1) - arrivals[0] > 2000) arrivals.shift();
   const span = arrivals.at(-1) - arrivals[0];
-  get('n_pictures').textContent = arrivals.length > 1 ? `${((arrivals.length - 1) / span * 1000).toFixed(0)} /s` : '–';
+  get('n_pictures').textContent = arrivals.length > 2 && !last.at_rest ? `${((arrivals.length - 1) / span * 1000).toFixed(0)} /s` : '–';
   if (!last.converged) {
     const where = last.failure ? ` at ${last.failure.place_mm.map((x) => x.toFixed(0)).join(', ')} mm` : '';
     status(`step ${last.step} did not converge${where}`, true);
