@@ -49,6 +49,8 @@ pub(super) enum Request {
     Move { hand: u8, move_mm: [f64; 3], stamp: u32 },
     /// Lets go.
     Release { hand: u8 },
+    /// So many pictures have been drawn; a page has at most two that it has not.
+    Drawn { count: u32 },
     /// Stops the clock, or lets it go on.
     Pause { on: bool },
     /// One step while the clock stands.
@@ -99,7 +101,11 @@ impl Request {
             }
             Self::Release { hand } => check_hand(*hand),
             Self::Set { changes } => check_changes(changes),
-            Self::Pause { .. } | Self::Step {} | Self::Reset {} | Self::Save {} => Ok(()),
+            Self::Drawn { .. }
+            | Self::Pause { .. }
+            | Self::Step {}
+            | Self::Reset {}
+            | Self::Save {} => Ok(()),
         }
     }
 }

@@ -29,6 +29,9 @@ use crate::SimError;
 /// The most pages at a time.
 const MOST_PAGES: usize = 8;
 
+/// Pictures that are under way to a page or wait there.
+const MOST_UNDRAWN: u32 = 2;
+
 /// Notices that a slow page may be behind; older ones are left out.
 const NOTICES: usize = 64;
 
@@ -278,7 +281,7 @@ async fn speak(socket: &mut WebSocket, shared: &Shared, page: u64) -> Result<(),
     state.mark_changed();
     let welcome = json!({ "kind": "welcome", "page": page }).to_string();
     send(socket, Message::Text(welcome.into())).await?;
-    let mut seen = Seen::default();
+    let (mut seen, mut undrawn) = (Seen::default(), 0);
     let mut ask = interval(ASK);
     let mut heard = Instant::now();
     loop {
@@ -291,7 +294,14 @@ async fn speak(socket: &mut WebSocket, shared: &Shared, page: u64) -> Result<(),
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(()),
                 };
-                if let Err(why) = answer.and_then(|request| shared.inbox.send(page, request)) {
+                let answer = answer.and_then(|request| match request {
+                    Request::Drawn { count } => {
+                        undrawn = undrawn.saturating_sub(count);
+                        Ok(())
+                    }
+                    request => shared.inbox.send(page, request),
+                });
+                if let Err(why) = answer {
                     let notice = json!({ "kind": "notice", "level": "error", "text": why });
                     send(socket, Message::Text(notice.to_string().into())).await?;
                 }
@@ -301,7 +311,7 @@ async fn speak(socket: &mut WebSocket, shared: &Shared, page: u64) -> Result<(),
                 let text = state.borrow_and_update().to_string();
                 send(socket, Message::Text(text.into())).await?;
             }
-            changed = pictures.changed() => {
+            changed = pictures.changed(), if undrawn < MOST_UNDRAWN => {
                 changed.map_err(|_| ())?;
                 // Of all that came meanwhile the last.
                 let picture = Arc::clone(&pictures.borrow_and_update());
@@ -309,6 +319,7 @@ async fn speak(socket: &mut WebSocket, shared: &Shared, page: u64) -> Result<(),
                     let bytes = picture.encode(seen);
                     seen = Seen { number: picture.number, generation: picture.generation };
                     send(socket, Message::Binary(bytes.into())).await?;
+                    undrawn += 1;
                 }
             }
             notice = notices.recv() => match notice {

@@ -340,8 +340,8 @@ impl Session {
                 });
                 self.take((page, hand), entry, radius_mm)
             }
-            // Kept by the inbox.
-            Request::Move { .. } => Ok(()),
+            // Kept by the inbox, and by the server.
+            Request::Move { .. } | Request::Drawn { .. } => Ok(()),
             Request::Release { hand } => {
                 if let Some(hand) = self.hands.remove(&(page, hand)) {
                     self.release(hand.tool)?;

@@ -113,10 +113,19 @@ impl Browser {
 
     /// Presses the pointer at a place (CSS pixels), and moves it through others.
     pub fn drag(&self, from: [f64; 2], through: &[[f64; 2]]) {
-        let to = |[x, y]: [f64; 2], ms: u32| json!({ "type": "pointerMove", "duration": ms, "x": x.round(), "y": y.round() });
-        let mut actions = vec![to(from, 0), json!({ "type": "pointerDown", "button": 0 })];
-        actions.extend(through.iter().map(|&at| to(at, 100)));
-        self.pointer(actions);
+        self.pointer(vec![to(from, 0), json!({ "type": "pointerDown", "button": 0 })]);
+        self.drag_on(through);
+    }
+
+    /// Moves the pointer on, a tenth of a second from place to place.
+    pub fn drag_on(&self, through: &[[f64; 2]]) {
+        self.pointer(through.iter().map(|&at| to(at, 100)).collect());
+    }
+
+    /// A PNG of the window.
+    pub fn screenshot(&self) -> Vec<u8> {
+        let text = self.ask("GET", &format!("/session/{}/screenshot", self.session), None);
+        base64(text.as_str().expect("a text"))
     }
 
     /// Lets go of the pointer.
@@ -153,8 +162,24 @@ impl Drop for Browser {
     }
 }
 
+fn to([x, y]: [f64; 2], ms: u32) -> Value {
+    json!({ "type": "pointerMove", "duration": ms, "x": x.round(), "y": y.round() })
+}
+
+fn base64(text: &str) -> Vec<u8> {
+    let digits = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let value = |digit: u8| digits.iter().position(|&one| one == digit).map(|at| at as u32);
+    let mut bytes = Vec::new();
+    let values: Vec<u32> = text.bytes().filter_map(value).collect();
+    for four in values.chunks(4) {
+        let word = four.iter().fold(0, |word, value| word << 6 | value) << (6 * (4 - four.len()));
+        bytes.extend_from_slice(&word.to_be_bytes()[1..four.len()]);
+    }
+    bytes
+}
+
 fn is_there(program: &str) -> bool {
-    let version = Command::new(program).arg("--version").stdin(Stdio::null());
-    let quiet = { version }.stdout(Stdio::null()).stderr(Stdio::null()).status();
-    quiet.is_ok_and(|status| status.success())
+    let mut version = Command::new(program);
+    version.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    version.status().is_ok_and(|status| status.success())
 }

@@ -8,6 +8,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use browser::Browser;
 use serde_json::Value;
@@ -323,4 +324,56 @@ fn two_pages_see_the_same_and_a_thousand_hostile_messages_change_nothing() {
     page.wait(&format!("yawara.last.step === {} + 1", before[0]));
     page.switch(&first);
     page.wait(&format!("yawara.last.step === {} + 1", before[0]));
+}
+
+/// Figures for `docs/view.md`, and its picture where `YAWARA_PICTURE` names a file.
+#[test]
+#[ignore = "measures, and proves nothing"]
+fn how_fast() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(page) = Browser::open(1280, 900) else { return };
+    let begin = Instant::now();
+    let view = View::start(&["liver"]);
+    let built = begin.elapsed();
+    page.go(&view.url);
+    page.wait(READY);
+    println!(
+        "address printed after {:.2} s, first picture after {:.2} s",
+        built.as_secs_f64(),
+        begin.elapsed().as_secs_f64()
+    );
+    let from = pair(&page.run(LOBE));
+    page.drag(from, &[]);
+    page.run(
+        "window.pull = [];
+         const watch = (t) => { pull.push([t, yawara.last.step, yawara.last.vertices]); requestAnimationFrame(watch); };
+         requestAnimationFrame(watch);",
+    );
+    // Six seconds to and fro.
+    let way: Vec<[f64; 2]> = (1..=60)
+        .map(|i| {
+            let turn = f64::from(i) / 60.0 * 2.0 * std::f64::consts::TAU;
+            [from[0] + 40.0 * turn.sin(), from[1] - 40.0 * (1.0 - turn.cos())]
+        })
+        .collect();
+    page.drag_on(&way);
+    let measured = page.run(
+        "const [first, last] = [pull[0], pull.at(-1)];
+         const s = (last[0] - first[0]) / 1000;
+         const sorted = yawara.latencies.sort((a, b) => a - b);
+         return [(last[1] - first[1]) / s, pull.length / s, sorted[sorted.length >> 1], Math.max(...pull.map((x) => x[2]))];",
+    );
+    println!(
+        "while dragging: {:.0} steps a second, {:.0} frames a second in the browser, hand to picture {:.0} ms at p50, at most {} vertices",
+        number(&measured[0]),
+        number(&measured[1]),
+        number(&measured[2]),
+        measured[3]
+    );
+    if let Some(file) = std::env::var_os("YAWARA_PICTURE") {
+        page.drag_on(&[[from[0] + 50.0, from[1] - 60.0]]);
+        page.wait("Math.hypot(...yawara.last.force_n) > 1.5");
+        page.run("document.getElementById('view').blur()");
+        fs::write(file, page.screenshot()).unwrap();
+    }
 }

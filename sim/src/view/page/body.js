@@ -170,7 +170,8 @@ export class Body {
     this.surfaces.forEach(({ mesh, moved }, number) => {
       const { material } = mesh;
       const is_skin = number === 0;
-      mesh.visible = !this.hidden.has(number);
+      // Under an opaque skin they would only shimmer through.
+      mesh.visible = !this.hidden.has(number) && (is_skin || is_plain || this.is_cut);
       material.vertexColors = is_skin && !is_plain;
       material.clippingPlanes = planes;
       material.side = this.is_cut ? THREE.DoubleSide : THREE.FrontSide;

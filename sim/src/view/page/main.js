@@ -35,6 +35,7 @@ function connect() {
   socket.onclose = () => {
     hands.clear();
     parked.clear();
+    undrawn = 0;
     status('no connection: trying again', true);
     setTimeout(connect, wait_ms);
     wait_ms = Math.min(2 * wait_ms, 4000);
@@ -64,6 +65,7 @@ function seen(buffer) {
     parked.clear();
   }
   body.take(blocks);
+  undrawn += 1;
   const is_new = !last || last.step !== text.step || last.generation !== text.generation;
   last = text;
   arrivals.push(performance.now());
@@ -416,6 +418,7 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { bo
 // ---------------------------------------------------------------- pictures
 
 const pending = [];
+let undrawn = 0;
 let plotted = 0;
 
 function draw(now) {
@@ -423,6 +426,8 @@ function draw(now) {
   waiting_moves.clear();
   const is_drawn = body.draw();
   if (is_drawn) {
+    if (undrawn) say({ do: 'drawn', count: undrawn });
+    undrawn = 0;
     overlay();
     bar();
     for (const [id, at] of pending.splice(0)) {
