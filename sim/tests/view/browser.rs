@@ -38,10 +38,9 @@ impl Browser {
             .spawn()
             .expect("chromedriver starts");
         let mut lines = BufReader::new(driver.stdout.take().expect("piped")).lines();
-        let port = lines
-            .by_ref()
-            .map_while(Result::ok)
-            .find_map(|line| line.split("on port ").nth(1)?.trim_end_matches('.').parse().ok());
+        let port = lines.by_ref().map_while(Result::ok).find_map(|line| {
+            line.split("successfully on port ").nth(1)?.trim_end_matches('.').parse().ok()
+        });
         // Read on, so that the driver does not stop at a full pipe.
         std::thread::spawn(move || lines.for_each(drop));
         let mut browser = Self {
@@ -78,9 +77,24 @@ impl Browser {
             body.len()
         );
         stream.write_all((head + &body).as_bytes()).expect("it takes requests");
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).expect("it answers in UTF-8");
-        let (_, text) = answer.split_once("\r\n\r\n").expect("HTTP");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a time limit");
+        let mut answer = BufReader::new(stream);
+        let mut length = 0;
+        loop {
+            let mut line = String::new();
+            answer.read_line(&mut line).expect("it answers");
+            if let Some((name, value)) = line.split_once(':')
+                && name.eq_ignore_ascii_case("content-length")
+            {
+                length = value.trim().parse().expect("a length");
+            }
+            if line.trim().is_empty() {
+                break;
+            }
+        }
+        let mut text = vec![0; length];
+        answer.read_exact(&mut text).expect("all of it");
+        let text = std::str::from_utf8(&text).expect("UTF-8");
         let value: Value = serde_json::from_str(text).expect("JSON");
         let value = value["value"].clone();
         assert!(value["error"].is_null(), "{path}: {} {}", value["error"], value["message"]);
