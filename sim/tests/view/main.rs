@@ -372,7 +372,7 @@ fn how_fast() {
     );
     if let Some(file) = std::env::var_os("YAWARA_PICTURE") {
         page.drag_on(&[[from[0] + 50.0, from[1] - 60.0]]);
-        page.wait("Math.hypot(...yawara.last.force_n) > 1.5");
+        page.wait("Math.hypot(...yawara.last.force_n) > 1.0");
         page.run("document.getElementById('view').blur()");
         fs::write(file, page.screenshot()).unwrap();
     }
