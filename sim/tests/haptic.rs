@@ -13,9 +13,9 @@ fn simulation() -> Simulation {
 fn a_hand_that_presses_feels_the_body() {
     let mut simulation = simulation();
     // From the surface two millimetres down within half a second, and there.
-    let device = |t: f64| [0.0, 0.0, 0.04 - 0.002 * (2.0 * t).min(1.0)];
+    let mut device = |t: f64| [0.0, 0.0, 0.04 - 0.002 * (2.0 * t).min(1.0)];
     let options = HapticOptions { seconds: 1.0, ..HapticOptions::default() };
-    let summary = haptic::run(&mut simulation, &device, &options).unwrap();
+    let summary = haptic::run(&mut simulation, &mut device, &options).unwrap();
     assert!(summary.steps > 3 && summary.converged > 3, "{summary:?}");
     assert!(summary.ticks > 100 && summary.ticks <= 1001 + 200, "{}", summary.ticks);
     assert!(summary.force_max_n > 0.05, "{}", summary.force_max_n);
@@ -29,7 +29,7 @@ fn a_hand_that_presses_feels_the_body() {
 #[test]
 fn what_no_loop_can_do_is_refused() {
     let mut simulation = simulation();
-    let device = |_: f64| [0.0; 3];
+    let mut device = |_: f64| [0.0; 3];
     let good = HapticOptions { seconds: 0.01, ..HapticOptions::default() };
     for wrong in [
         HapticOptions { seconds: f64::NAN, ..good },
@@ -39,10 +39,10 @@ fn what_no_loop_can_do_is_refused() {
             ..good
         },
     ] {
-        let error = haptic::run(&mut simulation, &device, &wrong).unwrap_err();
+        let error = haptic::run(&mut simulation, &mut device, &wrong).unwrap_err();
         assert!(matches!(error, SimError::Value { .. }), "{error}");
     }
     let missing = HapticOptions { tool: 7, ..good };
-    let error = haptic::run(&mut simulation, &device, &missing).unwrap_err();
+    let error = haptic::run(&mut simulation, &mut device, &missing).unwrap_err();
     assert!(matches!(error, SimError::NoSuchTool { tool: 7, .. }), "{error}");
 }

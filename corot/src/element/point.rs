@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use yawara_mesh::TetId;
 
+use super::bins::Bins;
 use super::tetrahedron::Element;
 use crate::field::Field;
 
@@ -45,32 +46,46 @@ impl ElementPoint {
 /// For each point (rest, m) the element in which its least λ is largest, the first of several;
 /// none where every element's box, wider by `reach` (m) on each side, is missed.
 ///
-/// Cost: O(points log points), and a look at each point whose x lies in an element's wider box.
+/// Cost: O(points), and a look at each point whose bin meets an element's wider box.
 pub fn locate<'a>(
     points: &[Vector3<f64>],
     elements: impl Iterator<Item = &'a Element>,
     rest: &[Vector3<f64>],
     reach: f64,
 ) -> Vec<Option<(TetId, ElementPoint)>> {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    order.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
+    let elements: Vec<&Element> = elements.collect();
+    let found = elements_of(points, &elements, rest, reach);
+    let bound = |(x, found): (&Vector3<f64>, Option<u32>)| {
+        let element = elements[found? as usize];
+        Some((element.tet, ElementPoint::new(element, rest, x)))
+    };
+    points.iter().zip(found).map(bound).collect()
+}
+
+/// The same by its place in `elements`.
+pub(crate) fn elements_of(
+    points: &[Vector3<f64>],
+    elements: &[&Element],
+    rest: &[Vector3<f64>],
+    reach: f64,
+) -> Vec<Option<u32>> {
+    let bins = Bins::new(points);
     let mut found = vec![None; points.len()];
     let mut inside = vec![f64::NEG_INFINITY; points.len()];
-    for element in elements {
+    for (number, element) in elements.iter().enumerate() {
         let corners = element.vertices.map(|v| rest[v]);
         let low = corners.iter().fold(corners[0], |low, x| low.inf(x)).add_scalar(-reach);
         let high = corners.iter().fold(corners[0], |high, x| high.sup(x)).add_scalar(reach);
-        let first = order.partition_point(|&i| points[i].x < low.x);
-        for &i in order[first..].iter().take_while(|&&i| points[i].x <= high.x) {
+        for i in bins.near(&low, &high) {
             let x = &points[i];
-            if x.y < low.y || x.y > high.y || x.z < low.z || x.z > high.z {
+            if (0..3).any(|axis| x[axis] < low[axis] || x[axis] > high[axis]) {
                 continue;
             }
             let here = ElementPoint::new(element, rest, x);
             let least = here.weights.iter().copied().fold(f64::INFINITY, f64::min);
             // On a face the first element wins, so that rounding does not decide.
             if least > inside[i] + SAME {
-                (inside[i], found[i]) = (least, Some((element.tet, here)));
+                (inside[i], found[i]) = (least, Some(number as u32));
             }
         }
     }

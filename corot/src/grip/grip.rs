@@ -7,7 +7,7 @@ use yawara_embed::LinearTet;
 use yawara_mesh::{Change, MeshDelta, RingTet, TetId};
 
 use super::loads::Loads;
-use crate::element::{EDGES, Element, locate};
+use crate::element::{EDGES, Element, ElementPoint, elements_of};
 
 /// The least radius of gyration of points that can feel a torque, as a part of the largest.
 const FLAT: f64 = 1e-4;
@@ -110,19 +110,21 @@ impl Grip {
         rest: &[Vector3<f64>],
     ) -> Option<Self> {
         let places: Vec<Vector3<f64>> = points.iter().map(|point| point.rest).collect();
-        let located = locate(&places, elements, rest, 0.0);
-        type Bound = ([usize; 4], Vec<(u32, Vector4<f64>)>);
-        let mut bound: BTreeMap<TetId, Bound> = BTreeMap::new();
-        for (number, place) in located.iter().enumerate() {
-            let Some((tet, place)) = place else { continue };
-            let share = bound.entry(*tet).or_insert((place.vertices, Vec::new()));
-            share.1.push((number as u32, Vector4::from(place.weights)));
+        let elements: Vec<&Element> = elements.collect();
+        let found = elements_of(&places, &elements, rest, 0.0);
+        let mut bound: Vec<Vec<(u32, Vector4<f64>)>> = vec![Vec::new(); elements.len()];
+        for (number, (place, found)) in places.iter().zip(found).enumerate() {
+            let Some(at) = found.map(|at| at as usize) else { continue };
+            let ElementPoint { weights, .. } = ElementPoint::new(elements[at], rest, place);
+            bound[at].push((number as u32, weights.into()));
         }
-        let shares: BTreeMap<TetId, Share> = bound
-            .into_iter()
-            .map(|(tet, (vertices, bound))| {
-                let corners = vertices.map(|v| rest[v]);
-                (tet, Share::new(vertices, corners, bound, &points))
+        let shares: BTreeMap<TetId, Share> = elements
+            .iter()
+            .zip(bound)
+            .filter(|(_, bound)| !bound.is_empty())
+            .map(|(element, bound)| {
+                let corners = element.vertices.map(|v| rest[v]);
+                (element.tet, Share::new(element.vertices, corners, bound, &points))
             })
             .collect();
         let weight: f64 = shares.values().map(|share| share.first.sum()).sum();

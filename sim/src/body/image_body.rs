@@ -1,5 +1,6 @@
 //! From a scene to labels, domain, materials and the start mesh.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
@@ -117,35 +118,39 @@ impl ImageBody {
         SimError::NothingFixed(self.image_name().into(), self.base_m * 1e3)
     }
 
-    /// What fixed regions hold of the start mesh's vertices or of the material, with the base cells
+    /// What fixed regions hold of the start mesh's vertices or of the material, by the base cells
     /// around it.
-    fn fixed_places(&self, scene: &Scene) -> Vec<(Vec<usize>, Vector3<f64>)> {
-        let lattice = *self.forest.domain().lattice();
+    fn fixed_places(&self, scene: &Scene) -> BTreeMap<usize, Vec<Vector3<f64>>> {
+        let mut places: BTreeMap<usize, Vec<Vector3<f64>>> = BTreeMap::new();
         if scene.support.hold == SupportHold::Elastic {
             let voxel_m = self.volume.grid().spacing_mm * 1e-3;
-            // A face between two voxels, up to rounding, belongs to the cells of both.
-            let cells = |x: &Vector3<f64>| {
-                let cell = |off: f64| {
-                    let voxel = x.map(|x| (x / voxel_m + off).floor() as i64);
-                    components::cell_of(self.tree.grid(), voxel.into())
-                };
-                vec![cell(-1e-6), cell(1e-6)]
-            };
-            let points = self.fixed.iter().flat_map(|zone| {
-                material_points::of_volume(&self.volume, &self.places.organ, zone)
-            });
-            return points.map(|point| (cells(&point.rest), point.rest)).collect();
+            for zone in &self.fixed {
+                let points = material_points::of_volume(&self.volume, &self.places.organ, zone);
+                for point in &points {
+                    // A face between two voxels, up to rounding, belongs to the cells of both.
+                    let [below, above] = [-1e-6, 1e-6].map(|off| {
+                        let voxel = point.rest.map(|x| (x / voxel_m + off).floor() as i64);
+                        components::cell_of(self.tree.grid(), voxel.into())
+                    });
+                    places.entry(below).or_default().push(point.rest);
+                    if above != below {
+                        places.entry(above).or_default().push(point.rest);
+                    }
+                }
+            }
+            return places;
         }
-        let held = self.forest.vertices().filter(|&v| {
+        let lattice = *self.forest.domain().lattice();
+        for v in self.forest.vertices() {
             let x = self.rest(v);
             let fixes = |zone: &Zone| zone.contains(&self.places.organ, &x);
-            self.fixed.iter().any(fixes) && touches_solid(&self.volume, &x)
-        });
-        held.map(|v| {
-            let cells = lattice.cells_around(self.forest.point(v)).collect();
-            (cells, self.rest(v))
-        })
-        .collect()
+            if self.fixed.iter().any(fixes) && touches_solid(&self.volume, &x) {
+                for cell in lattice.cells_around(self.forest.point(v)) {
+                    places.entry(cell).or_default().push(x);
+                }
+            }
+        }
+        places
     }
 
     /// Groups of base cells that hang together by faces but are not held could move freely or
@@ -160,9 +165,8 @@ impl ImageBody {
         let mut domain = self.forest.domain().clone();
         let components = domain.components();
         let is_held = |component: &[usize]| {
-            let touches = |cell: &usize| component.binary_search(cell).is_ok();
-            let held = fixed.iter().filter(|(cells, _)| cells.iter().any(touches));
-            spans_a_plane(&held.map(|(_, place)| *place).collect::<Vec<_>>())
+            let held = component.iter().filter_map(|cell| fixed.get(cell)).flatten();
+            spans_a_plane(&held.copied().collect::<Vec<_>>())
         };
         let voxels = components::solid_voxels(&self.volume, self.tree.grid());
         let found = components::summary(&components, |part| all || is_held(part), &voxels);

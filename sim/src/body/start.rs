@@ -105,6 +105,13 @@ impl Start {
         }
     }
 
+    /// How many voxels of the material are in a zone but in none of `others`; of a mesh file none is known.
+    pub fn voxels_in(&self, zone: &Zone, others: &[Zone]) -> Option<usize> {
+        let Origin::Image(setup) = &self.origin else { return None };
+        let organ = &self.places.organ;
+        Some(material_points::count_voxels(&setup.volume, organ, zone, others))
+    }
+
     /// All of it.
     pub fn all_material(&self) -> Vec<WeightedPoint> {
         self.material_points(&Zone::Box { min: [0.0; 3], max: [1.0; 3] })

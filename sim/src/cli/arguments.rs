@@ -1,5 +1,6 @@
 //! The command-line arguments.
 
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
@@ -143,6 +144,13 @@ pub struct HapticArguments {
     /// Gives the hand back energy that it has not put in, where the body has it: only observes.
     #[arg(long)]
     pub no_passivity: bool,
+    /// Gives the tool to a program that sends poses to this UDP address and gets forces back, in place of
+    /// the scene's path; a port alone is one of this machine, 0 any that is free.
+    #[arg(long, value_name = "[ADDRESS:]PORT", value_parser = udp_address)]
+    pub udp: Option<SocketAddr>,
+    /// The largest force that is sent to it, N.
+    #[arg(long, value_name = "F", default_value_t = 10.0, requires = "udp")]
+    pub most_force_n: f64,
     /// Also writes the printed numbers as JSON.
     #[arg(long, value_name = "FILE.json")]
     pub out: Option<PathBuf>,
@@ -175,6 +183,13 @@ pub struct ViewArguments {
     /// Replaces a value of the scene, as for run.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+/// An address with its port, or a port of this machine.
+fn udp_address(text: &str) -> Result<SocketAddr, String> {
+    let port = text.parse().map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    let want = "a port, or an address with a port such as 127.0.0.1:5005 or [::1]:5005";
+    port.or_else(|_| text.parse()).map_err(|_| format!("want {want}"))
 }
 
 #[derive(Debug, Args)]

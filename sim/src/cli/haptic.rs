@@ -1,6 +1,7 @@
-//! `yawara haptic`: a simulated hand that follows a scene's path in real time.
+//! `yawara haptic`: a hand on a tool in real time, that of another program or a simulated one.
 
-use yawara::haptic::{self, HapticOptions, HapticSummary};
+use yawara::haptic::{self, HapticOptions, HapticSummary, PROTOCOL_VERSION, UdpDevice, UdpSummary};
+use yawara::scene::Scene;
 use yawara::{SimError, Simulation, VirtualCoupling, scene_file};
 
 use super::arguments::HapticArguments;
@@ -26,21 +27,41 @@ pub fn run(arguments: &HapticArguments, out: &mut Printer) -> Result<(), SimErro
         passivity: !arguments.no_passivity,
         ..HapticOptions::default()
     };
-    let length = scene.time.steps as f64 * scene.time.step_s;
-    let count = ((length * POINTS_PER_SECOND) as usize).clamp(1, MOST_POINTS);
-    let points: Vec<[f64; 3]> = (0..=count)
-        .map(|i| Ok(simulation.tool_pose(options.tool, length * i as f64 / count as f64)?.move_m))
-        .collect::<Result<_, SimError>>()?;
-    // Again and again: a hand that pokes.
-    let device = |t: f64| points[(t / length * count as f64) as usize % points.len()];
-    let summary = haptic::run(&mut simulation, &device, &options)?;
+    let summary = match arguments.udp {
+        Some(address) => {
+            let start = simulation.tool_pose(arguments.tool, 0.0)?.move_m;
+            let mut device = UdpDevice::listen(address, start, arguments.most_force_n)?;
+            let here = device.address()?;
+            out.print(&format!("listening on {here} (UDP, protocol {PROTOCOL_VERSION})\n"))?;
+            let summary = haptic::run(&mut simulation, &mut device, &options)?;
+            HapticSummary { udp: Some(device.summary()), ..summary }
+        }
+        None => {
+            let mut device = hand(&scene, &mut simulation, arguments.tool)?;
+            haptic::run(&mut simulation, &mut device, &options)?
+        }
+    };
     out.print(&text(&summary))?;
     arguments.out.as_deref().map_or(Ok(()), |path| summary.write_json(path))
 }
 
+/// A hand that follows the path of a tool, again and again.
+fn hand(
+    scene: &Scene,
+    simulation: &mut Simulation,
+    tool: usize,
+) -> Result<impl FnMut(f64) -> [f64; 3] + Send + use<>, SimError> {
+    let length = scene.time.steps as f64 * scene.time.step_s;
+    let count = ((length * POINTS_PER_SECOND) as usize).clamp(1, MOST_POINTS);
+    let points: Vec<[f64; 3]> = (0..=count)
+        .map(|i| Ok(simulation.tool_pose(tool, length * i as f64 / count as f64)?.move_m))
+        .collect::<Result<_, SimError>>()?;
+    Ok(move |t: f64| points[(t / length * count as f64) as usize % points.len()])
+}
+
 fn text(summary: &HapticSummary) -> String {
     let HapticSummary { period_ms: period, age_ms: age, steps_per_second: rate, .. } = summary;
-    format!(
+    let mut text = format!(
         "loop      {} ticks in {:.2} s, {:.2} % late; period {:.3} ms (99 %: {:.3}, most {:.3}); {}\n\
          block     {:.2} ms old (99 %: {:.2}, most {:.2}); extrapolation off by {:.4} N (99 %: {:.4})\n\
          steps     {} of {} converged, {:.0} a second (99 %: {:.0}), at most {} vertices\n\
@@ -69,5 +90,14 @@ fn text(summary: &HapticSummary) -> String {
         summary.passivity.controlled_ticks,
         summary.damping_limit_n_s_m,
         if summary.is_passive { "yes" } else { "NO" },
-    )
+    );
+    if let Some(UdpSummary { hands, poses, old, leaps, of_others, refused, forces, cut }) =
+        summary.udp
+    {
+        text += &format!(
+            "device    {poses} poses of {hands} program(s) ({old} late, {leaps} leaps), {forces} forces sent, \
+             {cut} of them cut; {of_others} packets of others and {refused} of no meaning\n"
+        );
+    }
+    text
 }

@@ -13,7 +13,8 @@ use thread_priority::{
 
 use super::coupled_device::CoupledDevice;
 use super::coupling::ForceModel;
-use super::options::{Device, HapticOptions};
+use super::device::{Device, Felt};
+use super::options::HapticOptions;
 use super::passivity::PassivitySummary;
 
 /// What the solver tells the device's loop.
@@ -59,7 +60,7 @@ const SPIN: Duration = Duration::from_micros(150);
 /// The device's loop.
 pub(super) fn tick(
     shared: &Shared,
-    device: Device<'_>,
+    device: &mut dyn Device,
     options: &HapticOptions,
     begin: Instant,
 ) -> Ticks {
@@ -69,7 +70,7 @@ pub(super) fn tick(
     for series in [&mut ticks.lateness_ms, &mut ticks.age_ms] {
         series.reserve(most.min(1 << 24));
     }
-    let mut coupled = CoupledDevice::new(options, Vector3::from(device(0.0)));
+    let mut coupled = CoupledDevice::new(options, Vector3::from(device.position(0.0)));
     let mut due = begin + period;
     while !shared.ended.load(Ordering::Relaxed) {
         wait(due);
@@ -80,10 +81,11 @@ pub(super) fn tick(
         ticks.late += usize::from(2 * late > period);
         let snapshot = *lock(&shared.snapshot);
         ticks.age_ms.push((now - snapshot.asked).as_secs_f64() * 1e3);
-        let hand = Vector3::from(device((now - begin).as_secs_f64()));
+        let hand = Vector3::from(device.position((now - begin).as_secs_f64()));
         let (x, force) = coupled.tick(hand, &snapshot.model);
         ticks.force_max = ticks.force_max.max(force.norm());
         *lock(&shared.target) = (x, now);
+        device.feel(&Felt { force_n: -force, tool_m: x });
         due += period;
         while due + period < Instant::now() {
             due += period;

@@ -3,9 +3,6 @@
 use super::coupling::VirtualCoupling;
 use crate::error::SimError;
 
-/// Where the hand is: displacement of the device from its start in scanner axes, m, at a time, s.
-pub type Device<'a> = &'a (dyn Fn(f64) -> [f64; 3] + Sync);
-
 /// How a haptic loop runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HapticOptions {

@@ -8,8 +8,9 @@ use std::time::Instant;
 use nalgebra::{Matrix3, Vector3};
 
 use super::coupling::ForceModel;
+use super::device::Device;
 use super::device_loop::{Shared, Snapshot, lock, tick};
-use super::options::{Device, HapticOptions};
+use super::options::HapticOptions;
 use super::summary::{HapticSummary, Made, summary};
 use crate::error::SimError;
 use crate::report::StepReport;
@@ -28,13 +29,13 @@ use crate::tools::Pose;
 /// [`Simulation::step`].
 pub fn run(
     simulation: &mut Simulation,
-    device: Device<'_>,
+    device: &mut dyn Device,
     options: &HapticOptions,
 ) -> Result<HapticSummary, SimError> {
     options.check()?;
     let tool = options.tool;
     simulation.tool_pose(tool, 0.0)?;
-    let start = Vector3::from(device(0.0));
+    let start = Vector3::from(device.position(0.0));
     let model = ForceModel {
         position: start,
         force: Vector3::zeros(),

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::device_loop::Ticks;
 use super::options::HapticOptions;
 use super::passivity::PassivitySummary;
+use super::udp_device::UdpSummary;
 use crate::error::SimError;
 use crate::output::write_json;
 use crate::report::Percentiles;
@@ -46,6 +47,9 @@ pub struct HapticSummary {
     pub force_max_n: f64,
     /// The energy that the hand had put in.
     pub passivity: PassivitySummary,
+    /// What came in and went out, of a device that is reached by UDP.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub udp: Option<UdpSummary>,
     /// How far an extrapolated force was from the solver's next one, N.
     pub extrapolation_error_n: Percentiles,
     /// K T/2 + |B| of the coupling, N s/m.
@@ -110,6 +114,7 @@ pub(super) fn summary(
         vertices_max: made.vertices,
         force_max_n: ticks.force_max,
         passivity: ticks.passivity,
+        udp: None,
         extrapolation_error_n: Percentiles::of(&made.errors_n),
         damping_limit_n_s_m: options.coupling.damping_limit(options.period_s),
         is_passive: options.coupling.is_passive(options.device_damping_n_s_m, options.period_s),

@@ -92,7 +92,7 @@ impl<'a> BodyAtRest<'a> {
     }
 
     /// The `region` of a tool whose key is `key`.
-    fn zone(&self, key: &str, region: &Region) -> Result<Zone, SimError> {
+    pub(super) fn zone(&self, key: &str, region: &Region) -> Result<Zone, SimError> {
         self.places().zone(region, &format!("{key}.region"))
     }
 

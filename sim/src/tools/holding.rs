@@ -1,14 +1,12 @@
 //! How much of the body each fixed region and each tool of a scene has.
 
-use std::collections::BTreeSet;
-
 use nalgebra::Vector3;
 use serde::Serialize;
 use yawara_corot::WeightedPoint;
 use yawara_mesh::VertexId;
 
 use super::at_rest::BodyAtRest;
-use crate::body::{Hold, Origin, Start};
+use crate::body::{Hold, Start, Zone};
 use crate::error::SimError;
 use crate::scene::{GrabHold, LoadEntry, Region, Scene, SupportHold, ToolEntry};
 
@@ -54,16 +52,18 @@ impl Holding {
         }
     }
 
-    fn of_material(mut self, points: &[WeightedPoint], start: &Start) -> Self {
-        if let Origin::Image(setup) = &start.origin {
-            let voxel_m = setup.volume.grid().spacing_mm * 1e-3;
-            let voxel =
-                |x: &Vector3<f64>| <[i64; 3]>::from(x.map(|x| (x / voxel_m).floor() as i64));
-            let voxels: BTreeSet<_> = points.iter().map(|point| voxel(&point.rest)).collect();
-            self.voxels = Some(voxels.len());
-        }
+    /// Of `zone` but `others`.
+    fn of_material(
+        mut self,
+        points: Vec<WeightedPoint>,
+        start: &Start,
+        zone: &Zone,
+        others: &[Zone],
+    ) -> Self {
+        // A region too small for any has the nearest point.
+        self.voxels = start.voxels_in(zone, others).map(|voxels| voxels.max(1));
         self.volume_cm3 = Some(1e6 * points.iter().map(|point| point.weight).sum::<f64>());
-        self.places = points.iter().map(|point| point.rest).collect();
+        self.places = points.into_iter().map(|point| point.rest).collect();
         self
     }
 
@@ -91,7 +91,8 @@ impl Holding {
             return self.of_surface(region, body);
         }
         let points = body.material_inside(&self.key, region)?;
-        Ok(self.of_material(&points, body.start()))
+        let zone = body.zone(&self.key, region)?;
+        Ok(self.of_material(points, body.start(), &zone, &[]))
     }
 }
 
@@ -110,7 +111,9 @@ pub(crate) fn holdings(scene: &Scene, body: &mut BodyAtRest<'_>) -> Result<Vec<H
                     |v: &VertexId| zone.contains(&start.places.organ, &start.rest[v.index()]);
                 holding.of_vertices(start, is_in)
             }
-            SupportHold::Elastic => holding.of_material(&start.held_by(i), start),
+            SupportHold::Elastic => {
+                holding.of_material(start.held_by(i), start, zone, &start.fixed[..i])
+            }
         });
     }
     for (i, tool) in scene.tools.iter().enumerate() {
@@ -121,7 +124,8 @@ pub(crate) fn holdings(scene: &Scene, body: &mut BodyAtRest<'_>) -> Result<Vec<H
                 holding.of_vertices(start, |&v| body.held_by(v) == Hold::Grabbed(i))
             }
             ToolEntry::Grab(grab) => {
-                holding.of_material(&body.material_points(&key, &grab.region)?, start)
+                let points = body.material_points(&key, &grab.region)?;
+                holding.of_material(points, start, &body.zone(&key, &grab.region)?, &[])
             }
             ToolEntry::Probe(probe) => Holding { radius_mm: Some(1e3 * probe.radius_m), ..holding },
             ToolEntry::Pressure(pressure) => holding.of_surface(&pressure.region, body)?,

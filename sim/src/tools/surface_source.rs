@@ -1,6 +1,7 @@
 //! Where surface points come from: the outline of all that is not void, or a mesh file's faces.
 
-use std::collections::HashMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::Vector3;
 use yawara_mesh::isosurface::{Outline, Outlines};
@@ -27,42 +28,45 @@ struct Triangles {
     off: f64,
 }
 
-/// The surface at rest, made when the first tool asks.
+/// The surface at rest, made when a tool asks.
 pub(super) struct SurfaceSource<'a> {
     scene: &'a Scene,
     start: &'a Start,
-    triangles: Option<Triangles>,
+    /// By the level of the mesh that cuts it; a mesh file has one.
+    made: BTreeMap<u8, Triangles>,
 }
 
 impl<'a> SurfaceSource<'a> {
     pub fn new(scene: &'a Scene, start: &'a Start) -> Self {
-        Self { scene, start, triangles: None }
+        Self { scene, start, made: BTreeMap::new() }
     }
 
-    fn triangles(&mut self) -> Result<&Triangles, SimError> {
-        let made = match self.triangles.take() {
-            Some(made) => made,
-            None => match &self.start.origin {
-                Origin::Image(setup) => outline(self.scene, setup)?,
-                Origin::MeshFile(mesh) => Triangles {
-                    points: mesh.mesh.points().to_vec(),
-                    corners: mesh
-                        .mesh
-                        .boundary_faces()
-                        .iter()
-                        .map(|f| f.map(|v| v as usize))
-                        .collect(),
-                    off: 1e-6 * self.start.edge_m,
-                },
-            },
+    /// The triangles of the surface, for points `spacing` (m) apart.
+    fn triangles(&mut self, spacing: f64) -> Result<&Triangles, SimError> {
+        let level = match &self.start.origin {
+            Origin::Image(setup) => level_for(self.scene, setup, spacing),
+            Origin::MeshFile(_) => 0,
         };
-        Ok(self.triangles.insert(made))
+        Ok(match self.made.entry(level) {
+            Entry::Occupied(made) => made.into_mut(),
+            Entry::Vacant(place) => place.insert(match &self.start.origin {
+                Origin::Image(setup) => outline(setup, level)?,
+                Origin::MeshFile(mesh) => {
+                    let faces = mesh.mesh.boundary_faces();
+                    Triangles {
+                        points: mesh.mesh.points().to_vec(),
+                        corners: faces.iter().map(|f| f.map(|v| v as usize)).collect(),
+                        off: 1e-6 * self.start.edge_m,
+                    }
+                }
+            }),
+        })
     }
 
     /// Points all over the surface, `spacing` (m) or a little more apart where it is smooth.
     pub fn points(&mut self, spacing: f64) -> Result<SurfacePoints, SimError> {
         let name = self.start.places.name.clone();
-        let Triangles { points, corners, off } = self.triangles()?;
+        let Triangles { points, corners, off } = self.triangles(spacing)?;
         let area: f64 = corners.iter().map(|face| area(&face.map(|i| points[i])).norm()).sum();
         let least = (area / MOST_POINTS).sqrt();
         if spacing < least {
@@ -80,7 +84,7 @@ impl<'a> SurfaceSource<'a> {
     /// The triangles whose middles lie in `zone`: their middles with their area vectors.
     pub fn patch(&mut self, key: &str, zone: &Zone) -> Result<SurfacePoints, SimError> {
         let (organ, name) = (self.start.places.organ, self.start.places.name.clone());
-        let Triangles { points, corners, off } = self.triangles()?;
+        let Triangles { points, corners, off } = self.triangles(0.0)?;
         let (mut middles, mut areas) = (Vec::new(), Vec::new());
         for face in corners {
             let corners = face.map(|i| points[i]);
@@ -102,15 +106,34 @@ fn area([a, b, c]: &[Vector3<f64>; 3]) -> Vector3<f64> {
     0.5 * (b - a).cross(&(c - a))
 }
 
+/// Edges of the mesh that cuts a surface on `level`, voxels.
+fn edge_voxels(setup: &ImageBody, level: u8) -> f64 {
+    setup.tree.grid().voxels_per_cell as f64 / f64::from(level / 3).exp2()
+}
+
+/// The level of the surfaces, or a coarser one whose edges are still no longer than half of `spacing`, m.
+fn level_for(scene: &Scene, setup: &ImageBody, spacing: f64) -> u8 {
+    let voxel = setup.volume.grid().spacing_mm * 1e-3;
+    let mut level = surface_level(scene, setup);
+    while level >= scene.mesh.finest_level() + 3
+        && edge_voxels(setup, level - 3) * voxel <= 0.5 * spacing
+    {
+        level -= 3;
+    }
+    level
+}
+
 /// The outline of all labels together.
-fn outline(scene: &Scene, setup: &ImageBody) -> Result<Triangles, SimError> {
-    let (volume, level) = (solid(&setup.volume)?, surface_level(scene, setup));
-    let asked = [Outline { label: 1, sigma_voxels: SIGMA_VOXELS }];
+fn outline(setup: &ImageBody, level: u8) -> Result<Triangles, SimError> {
+    let volume = solid(&setup.volume)?;
+    // Without a blur of half an edge the surface has stairs.
+    let sigma_voxels = (0.5 * edge_voxels(setup, level)).max(SIGMA_VOXELS);
+    let asked = [Outline { label: 1, sigma_voxels }];
     let Outlines { rest, surfaces, .. } = cut(&setup.forest, &volume, level, &asked)?;
     Ok(Triangles {
         points: surfaces[0].positions(&rest)?,
         corners: surfaces[0].triangles.iter().map(|t| t.map(|i| i as usize)).collect(),
-        off: volume.grid().spacing_mm * 1e-3,
+        off: volume.grid().spacing_mm * 1e-3 * edge_voxels(setup, level).max(1.0),
     })
 }
 
@@ -153,5 +176,33 @@ impl Thinned {
                 self.offer(&(a + (b - a) * s + (c - a) * t));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file;
+
+    #[test]
+    fn a_surface_for_points_far_apart_is_coarser_and_nearly_the_same() {
+        let (scene, _) = scene_file::load("liver", &["mesh.max_level=0".into()]).unwrap();
+        let start = Start::new(&scene, None).unwrap();
+        let mut source = SurfaceSource::new(&scene, &start);
+        let mut measured = |spacing: f64| {
+            let Triangles { points, corners, off } = source.triangles(spacing).unwrap();
+            let area: f64 = corners.iter().map(|f| area(&f.map(|i| points[i])).norm()).sum();
+            let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+            (corners.len(), area, middle, *off)
+        };
+        // Voxels of 2 mm.
+        let (count, area, middle, off) = measured(0.0);
+        assert_eq!(measured(7.9e-3).0, count);
+        let (coarse, coarse_area, coarse_middle, coarse_off) = measured(8e-3);
+        assert!(3 * coarse < count, "{coarse} of {count}");
+        assert!((coarse_area / area - 1.0).abs() < 0.03, "{coarse_area} of {area}");
+        assert!((coarse_middle - middle).norm() < 2e-3, "{coarse_middle} {middle}");
+        assert_eq!((off, coarse_off), (2e-3, 4e-3));
+        assert_eq!(source.made.len(), 2);
     }
 }
