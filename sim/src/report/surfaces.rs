@@ -15,6 +15,10 @@ use crate::body::{ImageBody, ScannerAxes, cut, cut_for_the_eye, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
+/// The triangles of a surface and where its vertices rest, m.
+#[cfg(feature = "view")]
+type AtRest<'a> = (&'a [[u32; 3]], Vec<Vector3<f64>>);
+
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
     detail: DetailMesh,
@@ -90,7 +94,7 @@ impl Surfaces {
     /// # Errors
     /// [`SimError::Surface`] if a surface is of another mesh.
     #[cfg(feature = "view")]
-    pub fn at_rest(&self) -> Result<Vec<(&[[u32; 3]], Vec<Vector3<f64>>)>, SimError> {
+    pub fn at_rest(&self) -> Result<Vec<AtRest<'_>>, SimError> {
         let part = |(_, surface): &'_ (i64, IsoSurface)| surface.positions(&self.rest);
         let parts = self.parts.iter().map(|one| (&one.1.triangles[..], part(one)));
         parts.map(|(triangles, rest)| Ok((triangles, rest?))).collect()

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::Grip;
 use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
@@ -15,7 +14,7 @@ use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
-use super::hands::Coming;
+use super::holding::{Coming, Grips, hold_material};
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
@@ -31,9 +30,6 @@ use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 
 /// All tools, by number.
 type Tools = Vec<Box<dyn Tool>>;
-
-/// What is held of the material, by a tool or by a support.
-pub(super) type Grips = Vec<(Option<usize>, MaterialHold)>;
 
 /// The tools of a body at rest.
 struct Made {
@@ -274,34 +270,6 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
     let stiffness = Some(given.unwrap_or_else(|| start.holding_stiffness(scene)));
     let held = |i: usize| (None, MaterialHold { points: start.held_by(i), stiffness });
     (0..start.fixed.len()).map(held).collect()
-}
-
-/// Puts what is held into the elements of `state` that are not void.
-///
-/// # Errors
-/// [`SimError::Value`] for a tool that holds nothing of them.
-pub(super) fn hold_material(
-    grips: Grips,
-    image: &str,
-    state: &mut BodyState,
-) -> Result<(), SimError> {
-    for (tool, MaterialHold { points, stiffness }) in grips {
-        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        match (Grip::new(points, stiffness, solid, &state.rest), tool) {
-            (Some(grip), _) => {
-                state.body.add_grip(grip);
-                state.grip_tools.push(tool);
-            }
-            // A region may hold only parts that are left out.
-            (None, None) => {}
-            (None, Some(tool)) => {
-                let (key, want) =
-                    (format!("tools[{tool}].region"), "material of a part that is kept");
-                return Err(SimError::value(image, &key, "in parts that are left out", want));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The inverse of the stiffness of `state` with its fixed vertices held.

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use yawara_corot::Grip;
 
-use super::builder::hold_material;
+use super::holding::{Coming, hold_material};
 use super::simulation::Simulation;
 use crate::body::Start;
 use crate::error::SimError;
@@ -17,9 +17,6 @@ const SAME_TURN: f64 = 1e-12;
 
 /// Most corrections of a turn: each leaves an error of third order.
 const CORRECTIONS: usize = 50;
-
-/// Tools by number that begin later, with what they are going to hold.
-pub(super) type Coming = Vec<(usize, Option<MaterialHold>)>;
 
 impl Simulation {
     /// Adds a tool that begins now, whatever its `begin_s` says, and stays where it is until it is led by

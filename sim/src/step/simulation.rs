@@ -10,7 +10,7 @@ use yawara_mesh::bisection::lattice::MAX_LEVEL;
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
-use super::hands::Coming;
+use super::holding::Coming;
 use super::indicator::{Dual, Sight};
 use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
