@@ -42,6 +42,9 @@ export class Body {
     this.is_cut = false;
     this.where = 0.5;
     this.hidden = new Set();
+    this.sharpness = 1;
+    this.slow_ms = 16;
+    this.drawn_at = 0;
     this.coarse();
     this.is_stale = true;
   }
@@ -398,10 +401,25 @@ export class Body {
     return [((v.x + 1) / 2) * place.width, ((1 - v.y) / 2) * place.height];
   }
 
+  /** Draws fewer pixels while pictures that follow each other take too long, all of them when it is still. */
+  pace() {
+    const now = performance.now();
+    if (this.is_stale) {
+      const since = now - this.drawn_at;
+      if (since < 1000) this.slow_ms = 0.8 * this.slow_ms + 0.2 * since;
+      this.drawn_at = now;
+      if (this.slow_ms > 50 && this.sharpness > 0.5) { this.sharpness = Math.max(0.5, 0.7 * this.sharpness); this.slow_ms = 30; }
+    } else if (this.sharpness < 1 && now - this.drawn_at > 500) {
+      this.sharpness = 1;
+      this.is_stale = true;
+    }
+  }
+
   /** Draws if anything has changed; true if it has. */
   draw() {
     const { clientWidth: w, clientHeight: h } = this.canvas;
-    const ratio = Math.min(devicePixelRatio || 1, 2);
+    this.pace();
+    const ratio = Math.min(devicePixelRatio || 1, 2) * this.sharpness;
     const size = this.renderer.getSize(new THREE.Vector2());
     if (size.x !== w || size.y !== h || this.renderer.getPixelRatio() !== ratio) {
       this.renderer.setPixelRatio(ratio);
