@@ -147,7 +147,8 @@ const LOBE: &str = "
     const place = document.getElementById('view').getBoundingClientRect();
     return [place.left + x, place.top + y];";
 
-const READY: &str = "window.yawara && yawara.last && yawara.state && yawara.body.is_framed";
+const READY: &str = "window.yawara && yawara.last && yawara.state && yawara.body.is_framed \
+    && yawara.body.was_sized && !yawara.body.is_stale";
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
