@@ -45,6 +45,8 @@ pub mod report;
 pub mod scene;
 mod step;
 mod tools;
+#[cfg(feature = "view")]
+pub mod view;
 
 pub use body::{BodyState, ScannerAxes};
 pub use choice::{MIXED_FROM, Stages, choose_element};

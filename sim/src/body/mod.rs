@@ -31,6 +31,8 @@ pub(crate) use image_body::{ImageBody, touches_solid};
 pub(crate) use memory::{EmbeddedMemory, Memory};
 pub(crate) use mesh_file::FileMesh;
 pub(crate) use organ_box::{OrganBox, Zone};
+#[cfg(feature = "view")]
+pub(crate) use outline::outline_inner;
 pub(crate) use outline::{cut, cut_for_the_eye, same_cells, solid, surface_level};
 pub(crate) use places::Places;
 pub(crate) use start::{Origin, Start};

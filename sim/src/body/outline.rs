@@ -8,6 +8,8 @@ use yawara_mesh::{BisectionForest, Domain, Lattice};
 use super::image_body::ImageBody;
 use crate::error::SimError;
 use crate::scene::Scene;
+#[cfg(feature = "view")]
+use crate::scene::{Output, SurfaceEntry};
 
 /// How many edges of the mesh of an outline for the eye fit into the body's longest side at least.
 const EDGES_FOR_THE_EYE: f64 = 48.0;
@@ -46,6 +48,17 @@ pub(crate) fn cut_for_the_eye(
     let edge = grid.voxels_per_cell as f64 / f64::from(level / 3).exp2();
     let outline = Outline { label: 1, sigma_voxels: (0.5 * edge).clamp(1.0, 16.0) };
     cut(coarse, &solid(volume)?, level, &[outline])
+}
+
+/// Has `output` name the outlines of all labels but that of most voxels, which looks like the body's.
+#[cfg(feature = "view")]
+pub(crate) fn outline_inner(output: &mut Output, volume: &LabelVolume) {
+    let mut counts = vec![0usize; volume.values().len()];
+    volume.labels().iter().for_each(|&dense| counts[dense as usize] += 1);
+    let most = (1..counts.len()).max_by_key(|&dense| counts[dense]);
+    let inner = (1..counts.len()).filter(|&dense| Some(dense) != most && counts[dense] > 0);
+    let entry = |dense: usize| SurfaceEntry { label: volume.values()[dense], sigma_voxels: 1.0 };
+    output.surfaces = inner.map(entry).collect();
 }
 
 /// The root cubes of a mesh on a lattice of `level`.

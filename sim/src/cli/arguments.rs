@@ -38,6 +38,11 @@ pub enum Command {
     ///
     /// Prints rates and latencies. What is computed depends on how fast this machine is.
     Haptic(HapticArguments),
+    /// Shows a scene in the browser, with hands on it.
+    ///
+    /// Prints the address, which has a token in it; ends with Ctrl-C.
+    #[cfg(feature = "view")]
+    View(ViewArguments),
     /// Removes what interrupted runs have left behind.
     Clean(CleanArguments),
     /// Lists the built-in scenes.
@@ -148,6 +153,32 @@ pub struct HapticArguments {
     pub most_force_n: f64,
     /// Also writes the printed numbers as JSON.
     #[arg(long, value_name = "FILE.json")]
+    pub out: Option<PathBuf>,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[cfg(feature = "view")]
+#[derive(Debug, Args)]
+pub struct ViewArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = DEFAULT_SCENE)]
+    pub scene: String,
+    /// The port; 0 takes any that is free.
+    #[arg(long, value_name = "P", default_value_t = 0)]
+    pub port: u16,
+    /// Where to listen. Beyond 127.0.0.1 whoever reads the address on its way has hands on it too.
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1")]
+    pub listen: std::net::IpAddr,
+    /// Leaves the scene's own grabs and probes on their paths, and its steps as long as they are.
+    #[arg(long)]
+    pub play: bool,
+    /// Goes on while no page is open.
+    #[arg(long)]
+    pub keep_going: bool,
+    /// Directory for recordings [default: runs/view].
+    #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Replaces a value of the scene, as for run.
     #[arg(long, value_name = "KEY=VALUE")]

@@ -14,6 +14,8 @@ mod preview;
 mod printer;
 mod run;
 mod surface;
+#[cfg(feature = "view")]
+mod view;
 
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
@@ -93,6 +95,8 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Labels(arguments) => labels::run(&arguments, &mut out)?,
         Command::Surface(arguments) => surface::run(&arguments, &mut out)?,
         Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::run(&arguments, &mut out)?,
         Command::Clean(CleanArguments { folder }) => {
             for path in yawara::output::clean(&folder)? {
                 out.print(&format!("removed {}\n", path.display()))?;

@@ -215,10 +215,9 @@ impl RunStatistics {
         }
         force.end_n = report.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
         force.max_n = force.max_n.max(force.end_n);
-        if self.tools.is_empty() {
-            let unfelt = |kind| ToolSummary { kind, ..ToolSummary::default() };
-            self.tools.extend(report.tools.iter().map(|tool| unfelt(tool.kind)));
-        }
+        let unfelt = |kind| ToolSummary { kind, ..ToolSummary::default() };
+        let new = report.tools.iter().skip(self.tools.len());
+        self.tools.extend(new.map(|tool| unfelt(tool.kind)));
         for (summary, tool) in self.tools.iter_mut().zip(&report.tools) {
             summary.add(tool);
         }

@@ -15,6 +15,10 @@ use crate::body::{ImageBody, ScannerAxes, cut, cut_for_the_eye, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
+/// The triangles of a surface and where its vertices rest, m.
+#[cfg(feature = "view")]
+type AtRest<'a> = (&'a [[u32; 3]], Vec<Vector3<f64>>);
+
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
     detail: DetailMesh,
@@ -65,10 +69,50 @@ impl Surfaces {
         Ok(Some(Self::on(detail, rest, parts)))
     }
 
+    /// The outline of all that is not void, as fine as eyes want it; its label is 0.
+    fn of_body(coarse: &BisectionForest, labels: &LabelVolume) -> Result<Self, SimError> {
+        let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(coarse, labels)?;
+        let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
+        // Beside void no material moves a vertex out of the middle of its edge.
+        Ok(Self::on(DetailMesh::new(forest), rest, parts))
+    }
+
     fn on(detail: DetailMesh, rest: Vec<Vector3<f64>>, parts: Vec<(i64, IsoSurface)>) -> Self {
         let ends = parts.iter().flat_map(|(_, surface)| &surface.vertices).flat_map(|v| v.edge);
         let follower = RefCell::new(Follower::new(&detail, ends));
         Self { detail, follower, rest, parts }
+    }
+
+    /// The labels of the surfaces.
+    #[cfg(feature = "view")]
+    pub fn labels(&self) -> Vec<i64> {
+        self.parts.iter().map(|(label, _)| *label).collect()
+    }
+
+    /// The triangles of the surfaces and where their vertices rest, m.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if a surface is of another mesh.
+    #[cfg(feature = "view")]
+    pub fn at_rest(&self) -> Result<Vec<AtRest<'_>>, SimError> {
+        let part = |(_, surface): &'_ (i64, IsoSurface)| surface.positions(&self.rest);
+        let parts = self.parts.iter().map(|one| (&one.1.triangles[..], part(one)));
+        parts.map(|(triangles, rest)| Ok((triangles, rest?))).collect()
+    }
+
+    /// Where the vertices of every surface are, m.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if a position is not finite.
+    #[cfg(feature = "view")]
+    pub fn positions(
+        &self,
+        forest: &BisectionForest,
+        positions: &[Vector3<f64>],
+    ) -> Result<Vec<Vec<Vector3<f64>>>, SimError> {
+        let mut follower = self.follower.borrow_mut();
+        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
+        self.parts.iter().map(|(_, surface)| Ok(surface.positions(now)?)).collect()
     }
 
     /// Every surface as the active mesh carries it, scanner RAS.
@@ -134,6 +178,18 @@ impl BodyOutline {
         Self(RefCell::new(Stage::Asked(labels)))
     }
 
+    /// The outline itself, to be carried along elsewhere.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if it can't be cut.
+    #[cfg(feature = "view")]
+    pub fn into_surfaces(self, forest: &BisectionForest) -> Result<Surfaces, SimError> {
+        match self.0.into_inner() {
+            Stage::Asked(labels) => Surfaces::of_body(forest, &labels),
+            Stage::Cut(surfaces) => Ok(*surfaces),
+        }
+    }
+
     /// The outline as the active mesh carries it, scanner RAS; its label is 0.
     pub fn frame(
         &self,
@@ -143,10 +199,7 @@ impl BodyOutline {
     ) -> Result<Option<SurfaceFrame>, SimError> {
         let mut stage = self.0.borrow_mut();
         if let Stage::Asked(labels) = &*stage {
-            let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(forest, labels)?;
-            let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
-            // Beside void no material moves a vertex out of the middle of its edge.
-            *stage = Stage::Cut(Box::new(Surfaces::on(DetailMesh::new(forest), rest, parts)));
+            *stage = Stage::Cut(Box::new(Surfaces::of_body(forest, labels)?));
         }
         match &*stage {
             Stage::Cut(surfaces) => Ok(surfaces.frames(forest, positions, axes)?.pop()),

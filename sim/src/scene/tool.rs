@@ -54,6 +54,9 @@ pub struct GrabEntry {
     /// Axis of `turn_deg` in scanner axes, through the region's centre.
     #[serde(default = "default_axis")]
     pub turn_axis: [f64; 3],
+    /// When it takes hold of the mean of its material, s; from the start if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub begin_s: Option<f64>,
     /// When it lets go, s; never if absent.
     pub release_s: Option<f64>,
 }
@@ -93,6 +96,9 @@ pub struct ProbeEntry {
     pub path_csv: Option<PathBuf>,
     /// Distance between the surface points that may touch it, m; a quarter of the radius if absent.
     pub spacing_m: Option<f64>,
+    /// When it comes, s; from the start if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub begin_s: Option<f64>,
     /// When it is taken away, s; never if absent.
     pub release_s: Option<f64>,
 }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use yawara_corot::Grip;
 use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
@@ -15,9 +14,12 @@ use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
+use super::holding::{Coming, Grips, hold_material};
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};
+#[cfg(feature = "view")]
+use crate::body::outline_inner;
 use crate::body::{BodyState, Hold, ImageBody, Memory, OrganBox, Origin, Places, Start};
 use crate::choice::{Stages, empty_body, law_of_scene, of_scene, plan};
 use crate::error::SimError;
@@ -29,8 +31,17 @@ use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 /// All tools, by number.
 type Tools = Vec<Box<dyn Tool>>;
 
-/// What is held of the material, by a tool or by a support.
-type Grips = Vec<(Option<usize>, MaterialHold)>;
+/// The tools of a body at rest.
+struct Made {
+    tools: Tools,
+    /// What holds each vertex of the start mesh, by its number.
+    holds: Vec<Hold>,
+    grips: Grips,
+    /// Tools that begin later, with what they hold then.
+    coming: Coming,
+    /// How much that is.
+    held: Vec<Holding>,
+}
 
 /// Makes a tool for a body at rest.
 type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
@@ -42,6 +53,8 @@ pub struct SimulationBuilder<'a> {
     volume: Option<LabelVolume>,
     tools: Vec<MakeTool<'a>>,
     progress: Box<dyn FnMut(f64) -> ControlFlow<()> + 'a>,
+    #[cfg(feature = "view")]
+    outlines_all: bool,
 }
 
 impl Simulation {
@@ -53,6 +66,8 @@ impl Simulation {
             volume: None,
             tools: Vec::new(),
             progress: Box::new(|_| ControlFlow::Continue(())),
+            #[cfg(feature = "view")]
+            outlines_all: false,
         }
     }
 
@@ -88,6 +103,13 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
+    /// Has the outlines of the body and of all labels in it, whichever the scene asks for.
+    #[cfg(feature = "view")]
+    pub(crate) fn outlines_all(mut self) -> Self {
+        self.outlines_all = true;
+        self
+    }
+
     /// Calls `progress` with the fraction done by a homogenisation that solves for the whole fine
     /// body; breaking stops the work.
     pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
@@ -107,7 +129,7 @@ impl<'a> SimulationBuilder<'a> {
         let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
-        let (mut tools, holds, grips, held) = self.make_tools(&start)?;
+        let Made { mut tools, holds, grips, coming, held } = self.make_tools(&start)?;
         let mut plan = plan::rows(scene, &start, &stages, element, &held);
         let first = GoalEntry::Force { tool: 0 };
         let asked = scene.refinement.goal.as_ref();
@@ -151,13 +173,23 @@ impl<'a> SimulationBuilder<'a> {
                 });
                 let memory = memory.transpose()?;
                 plan::homogenised(&mut plan, &embedding);
-                surfaces = Surfaces::new(scene, &setup, &embedding)?;
+                #[cfg(feature = "view")]
+                let drawn = &mut scene.clone();
+                #[cfg(feature = "view")]
+                if self.outlines_all {
+                    outline_inner(&mut drawn.output, &setup.volume);
+                }
+                #[cfg(not(feature = "view"))]
+                let drawn = scene;
+                surfaces = Surfaces::new(drawn, &setup, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
                 body_summary = Some(summary);
                 let label_values = labels.values().to_vec();
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
                 let has_outline = scene.output.outline && scene.output.frames_every > 0;
+                #[cfg(feature = "view")]
+                let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
                 let content = Content { forest, embedding, placement, memory, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
@@ -192,7 +224,9 @@ impl<'a> SimulationBuilder<'a> {
         let formulation = own.map_or_else(built_in, Ok)?;
         let link = invert(formulation, &state, refiner.as_ref(), &organ, inverse)?;
         plan.push(plan::inverse(scene, &link));
-        tools.iter_mut().try_for_each(|tool| tool.follow(&state))?;
+        let is_there = |(number, _): &(usize, _)| !coming.iter().any(|(of, _)| of == number);
+        let mut there = tools.iter_mut().enumerate().filter(is_there);
+        there.try_for_each(|(_, tool)| tool.follow(&state))?;
         let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
         let statistics = RunStatistics::new(begin, &state);
         Ok(Simulation {
@@ -203,6 +237,8 @@ impl<'a> SimulationBuilder<'a> {
             solver: StepSolver::new(forces, equilibrium, scene, gravity, motion),
             body: SimulatedBody { state, inverse: link, refiner },
             goal,
+            coming,
+            rest: None,
             recorder: Recorder {
                 axes,
                 plan,
@@ -216,26 +252,26 @@ impl<'a> SimulationBuilder<'a> {
         })
     }
 
-    /// All tools, what holds each vertex of the start mesh by its number, and what supports and tools
-    /// hold of the material, and how much that is.
-    fn make_tools(
-        &mut self,
-        start: &Start,
-    ) -> Result<(Tools, Vec<Hold>, Grips, Vec<Holding>), SimError> {
+    /// All tools with what they and supports hold.
+    fn make_tools(&mut self, start: &Start) -> Result<Made, SimError> {
         let mut grips = supports(self.scene, start);
         let mut body = BodyAtRest::new(self.scene, start);
         let entries = self.scene.tools.iter().enumerate().map(|(i, entry)| -> MakeTool<'_> {
             Box::new(move |body| tools::by_name(entry, &format!("tools[{i}]"), body))
         });
-        let mut made = Vec::new();
+        let (mut made, mut coming) = (Vec::new(), Coming::new());
         for (number, make) in entries.chain(self.tools.drain(..)).enumerate() {
             let tool = make(&mut body)?;
             body.hold(&tool.grasp(&body)?, number);
-            grips.extend(tool.grip(&body)?.map(|hold| (Some(number), hold)));
+            let hold = tool.grip(&body)?;
+            match tool.begin_s() {
+                Some(_) => coming.push((number, hold)),
+                None => grips.extend(hold.map(|hold| (Some(number), hold))),
+            }
             made.push(tool);
         }
         let held = tools::holdings(self.scene, &mut body)?;
-        Ok((made, body.into_holds(), grips, held))
+        Ok(Made { tools: made, holds: body.into_holds(), grips, coming, held })
     }
 }
 
@@ -248,30 +284,6 @@ fn supports(scene: &Scene, start: &Start) -> Grips {
     let stiffness = Some(given.unwrap_or_else(|| start.holding_stiffness(scene)));
     let held = |i: usize| (None, MaterialHold { points: start.held_by(i), stiffness });
     (0..start.fixed.len()).map(held).collect()
-}
-
-/// Puts what is held into the elements of `state` that are not void.
-///
-/// # Errors
-/// [`SimError::Value`] for a tool that holds nothing of them.
-fn hold_material(grips: Grips, image: &str, state: &mut BodyState) -> Result<(), SimError> {
-    for (tool, MaterialHold { points, stiffness }) in grips {
-        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        match (Grip::new(points, stiffness, solid, &state.rest), tool) {
-            (Some(grip), _) => {
-                state.body.add_grip(grip);
-                state.grip_tools.push(tool);
-            }
-            // A region may hold only parts that are left out.
-            (None, None) => {}
-            (None, Some(tool)) => {
-                let (key, want) =
-                    (format!("tools[{tool}].region"), "material of a part that is kept");
-                return Err(SimError::value(image, &key, "in parts that are left out", want));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The inverse of the stiffness of `state` with its fixed vertices held.

@@ -73,6 +73,13 @@ impl Ledger {
         }
     }
 
+    /// Another tool has come.
+    pub fn add_tool(&mut self) {
+        self.hands.push(Hand::default());
+        self.loads.clear();
+        self.is_current = false;
+    }
+
     /// Begins a step: tools may have been led elsewhere since, and the mesh may be another.
     pub fn begin(&mut self, solver: &StepSolver, state: &BodyState, tools: &[Box<dyn Tool>]) {
         let t = solver.reached_s();

@@ -6,7 +6,8 @@
 //! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement`
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
-//! energy, with what `slips` from under tools when the mesh changes.
+//! energy, with what `slips` from under tools when the mesh changes. `hands` has tools come, go where they are led and
+//! let go while the simulation runs; `holding` puts what they hold into the body.
 
 mod builder;
 mod contact;
@@ -15,7 +16,9 @@ mod dynamics;
 mod equilibrium;
 mod figures;
 mod grips;
+mod hands;
 mod held;
+mod holding;
 pub mod indicator;
 mod ledger;
 mod marking;

@@ -10,12 +10,13 @@ use yawara_mesh::bisection::lattice::MAX_LEVEL;
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
+use super::holding::Coming;
 use super::indicator::{Dual, Sight};
 use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
-use crate::body::BodyState;
+use crate::body::{BodyState, Start};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{
@@ -34,6 +35,10 @@ pub struct Simulation {
     pub(super) solver: StepSolver,
     /// The figure that the scene is about, if it names one.
     pub(super) goal: Option<Figure>,
+    /// What tools that begin later are going to hold.
+    pub(super) coming: Coming,
+    /// The body at rest, read again when the first tool is added.
+    pub(super) rest: Option<Box<Start>>,
     pub(super) recorder: Recorder,
     pub(super) ledger: Ledger,
     /// Force of the fixed vertices on the body at the last equilibrium, solver axes, N.
@@ -70,7 +75,7 @@ impl Simulation {
     }
 
     /// Time at the end of step number `step`, s.
-    fn time_after(&self, step: usize) -> f64 {
+    pub(super) fn time_after(&self, step: usize) -> f64 {
         step as f64 * self.scene.time.step_s
     }
 
@@ -88,6 +93,7 @@ impl Simulation {
         let begin = Instant::now();
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
+        self.take_hold(span.to)?;
         let Self { body, tools, contact, solver, .. } = self;
         self.ledger.begin(solver, &body.state, tools);
         solver.let_go(span, &mut body.state, &mut body.inverse, tools)?;
@@ -145,7 +151,7 @@ impl Simulation {
         if ranks || is_written || self.scene.time.steps == step {
             done.stored_j = self.measure(step, ranks, felt, report)?;
         }
-        let Self { body, tools, contact, solver, scene, ledger, .. } = self;
+        let Self { body, tools, solver, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let mut remeshed = done;
         if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes)) {
@@ -156,9 +162,10 @@ impl Simulation {
         }
         if remeshed.splits + remeshed.merges > 0 {
             let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
-            inverse.watch(scene.seed.wrapping_add(step as u64), &elements)?;
-            tools.iter_mut().try_for_each(|tool| tool.follow(state))?;
+            inverse.watch(self.scene.seed.wrapping_add(step as u64), &elements)?;
+            self.follow()?;
         }
+        let Self { body: SimulatedBody { state, .. }, tools, contact, solver, ledger, .. } = self;
         ledger.remeshed(&remeshed, solver, state, contact, tools);
         Ok(remeshed)
     }

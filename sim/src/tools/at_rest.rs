@@ -8,7 +8,7 @@ use super::surface_points::SurfacePoints;
 use super::surface_source::SurfaceSource;
 use crate::body::{Hold, Places, ScannerAxes, Start, Zone};
 use crate::error::SimError;
-use crate::scene::{Region, Scene};
+use crate::scene::{GrabEntry, Region, Scene};
 
 /// The start mesh and the surface of a body before anything moves.
 ///
@@ -19,8 +19,8 @@ pub struct BodyAtRest<'a> {
     surface: SurfaceSource<'a>,
     /// By vertex number.
     holds: Vec<Hold>,
-    /// What grabs have taken so far, with their keys.
-    grabbed: Vec<(String, Vec<WeightedPoint>)>,
+    /// What grabs have taken so far, with their keys, and from when to when.
+    grabbed: Vec<(String, Vec<WeightedPoint>, [f64; 2])>,
 }
 
 impl<'a> BodyAtRest<'a> {
@@ -45,21 +45,23 @@ impl<'a> BodyAtRest<'a> {
     /// Notes what a grab takes.
     ///
     /// # Errors
-    /// [`SimError::Value`] if another one has just that already: they can't both lead it.
-    pub(crate) fn grab(&mut self, key: &str, region: &Region) -> Result<(), SimError> {
-        let points = self.start.material_points(&self.zone(key, region)?);
-        let is_same = |(_, other): &&(String, Vec<WeightedPoint>)| {
+    /// [`SimError::Value`] if another one has just that at the same time: they can't both lead it.
+    pub(crate) fn grab(&mut self, key: &str, grab: &GrabEntry) -> Result<(), SimError> {
+        let points = self.start.material_points(&self.zone(key, &grab.region)?);
+        let times = [grab.begin_s.unwrap_or(0.0), grab.release_s.unwrap_or(f64::INFINITY)];
+        let is_same = |(_, other, of): &&(String, Vec<WeightedPoint>, [f64; 2])| {
             let mut pairs = points.iter().zip(other);
-            other.len() == points.len() && pairs.all(|(a, b)| a.rest == b.rest)
+            let is_at_once = of[0] < times[1] && times[0] < of[1];
+            is_at_once && other.len() == points.len() && pairs.all(|(a, b)| a.rest == b.rest)
         };
         match self.grabbed.iter().find(is_same).filter(|_| !points.is_empty()) {
-            Some((other, _)) => {
+            Some((other, ..)) => {
                 let (key, value) = (format!("{key}.region"), format!("that of {other}"));
                 let want = "other material: one grab leads what it holds";
                 Err(SimError::value(self.name(), &key, value, want))
             }
             None => {
-                self.grabbed.push((key.into(), points));
+                self.grabbed.push((key.into(), points, times));
                 Ok(())
             }
         }

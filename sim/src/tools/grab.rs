@@ -22,6 +22,7 @@ pub(super) struct Grab {
     centre: Vector3<f64>,
     axis: Vector3<f64>,
     path: ToolPath,
+    begin_s: Option<f64>,
     release_s: Option<f64>,
 }
 
@@ -39,6 +40,7 @@ impl Grab {
             zone,
             axis: body.axes().to_solver_direction(&Vector3::from(entry.turn_axis)),
             path: ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?,
+            begin_s: entry.begin_s,
             release_s: entry.release_s,
         })
     }
@@ -50,11 +52,23 @@ impl Tool for Grab {
     }
 
     fn acts_at(&self, t: f64) -> bool {
-        acts(self.release_s, t)
+        acts(self.begin_s, self.release_s, t)
+    }
+
+    fn begin_s(&self) -> Option<f64> {
+        self.begin_s
+    }
+
+    fn release(&mut self, at_s: f64) {
+        self.release_s = Some(at_s);
     }
 
     fn reference(&self, t: f64) -> Vector3<f64> {
         self.target(&self.centre, t)
+    }
+
+    fn path(&self) -> Option<&ToolPath> {
+        Some(&self.path)
     }
 
     fn path_mut(&mut self) -> Option<&mut ToolPath> {

@@ -45,7 +45,7 @@ pub(crate) fn by_name(
 ) -> Result<Box<dyn Tool>, SimError> {
     Ok(match entry {
         ToolEntry::Grab(grab) => {
-            body.grab(key, &grab.region)?;
+            body.grab(key, grab)?;
             Box::new(Grab::new(grab, key, body)?)
         }
         ToolEntry::Probe(probe) => Box::new(Probe::new(probe, key, body)?),

@@ -76,6 +76,18 @@ impl ToolPath {
         (self.axes.to_solver_direction(&Vector3::from(move_m)), turn_deg.to_radians())
     }
 
+    /// Goes on from its last key straight to `pose` at `to_s`, and stays there. A key at or after `to_s`
+    /// is replaced.
+    pub fn extend(&mut self, to_s: f64, pose: Pose) {
+        self.keys.retain(|key| key.time_s < to_s);
+        self.keys.push(Key { time_s: to_s, move_m: pose.move_m, turn_deg: pose.turn_deg });
+    }
+
+    /// Where it goes, ascending times.
+    pub fn keys(&self) -> &[Key] {
+        &self.keys
+    }
+
     /// Replaces the path: from where it is at `from_s` straight to `pose` at `to_s`, and stays there.
     pub fn lead(&mut self, from_s: f64, to_s: f64, pose: Pose) {
         let now = self.pose(from_s);
@@ -96,10 +108,12 @@ pub(super) fn around<K>(keys: &[K], time_s: impl Fn(&K) -> f64, t: f64) -> Optio
     }
 }
 
-/// Whether a tool that is taken away at `release_s` acts at `t`.
-pub(super) fn acts(release_s: Option<f64>, t: f64) -> bool {
-    // A step that ends at the release, up to rounding of the time, still holds.
-    release_s.is_none_or(|release| t <= release * (1.0 + 1e-12))
+/// Whether a tool that comes at `begin_s` and is taken away at `release_s` acts at `t`.
+pub(super) fn acts(begin_s: Option<f64>, release_s: Option<f64>, t: f64) -> bool {
+    // Up to rounding of the time: a step that ends at the release still holds, one that ends at the
+    // beginning does not yet.
+    begin_s.is_none_or(|begin| t > begin * (1.0 + 1e-12))
+        && release_s.is_none_or(|release| t <= release * (1.0 + 1e-12))
 }
 
 #[cfg(test)]
@@ -114,8 +128,23 @@ mod tests {
         assert_eq!(path.pose(0.0), Pose::default());
         assert_eq!(path.pose(2.5), Pose { move_m: [3.0, 0.0, 0.0], turn_deg: 7.5 });
         assert_eq!(path.pose(9.0).move_m[0], 4.0);
+        path.extend(4.0, Pose { move_m: [0.0; 3], turn_deg: 0.0 });
+        assert_eq!(path.pose(3.5), Pose { move_m: [2.0, 0.0, 0.0], turn_deg: 5.0 });
+        path.extend(4.0, Pose { move_m: [8.0, 0.0, 0.0], turn_deg: 10.0 });
+        assert_eq!((path.keys().len(), path.pose(3.5).move_m[0]), (3, 6.0));
         path.lead(2.0, 2.5, Pose { move_m: [2.0, 1.0, 0.0], turn_deg: 0.0 });
         assert_eq!(path.pose(2.25), Pose { move_m: [2.0, 0.5, 0.0], turn_deg: 2.5 });
         assert_eq!(path.pose(8.0).move_m, [2.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_tool_acts_after_its_beginning_up_to_its_release() {
+        let at = |t| acts(Some(0.3), Some(0.5), t);
+        // 0.1 + 0.2 is a little more than 0.3.
+        assert_eq!(
+            [0.0, 0.3, 0.1 + 0.2, 0.4, 0.5, 0.6].map(at),
+            [false, false, false, true, true, false]
+        );
+        assert!(acts(None, None, 0.0));
     }
 }

@@ -15,6 +15,7 @@ pub(super) struct Probe {
     centre: Vector3<f64>,
     radius: f64,
     path: ToolPath,
+    begin_s: Option<f64>,
     release_s: Option<f64>,
     surface_points: SurfacePoints,
 }
@@ -33,6 +34,7 @@ impl Probe {
             centre,
             radius: entry.radius_m,
             path,
+            begin_s: entry.begin_s,
             release_s: entry.release_s,
             surface_points: body
                 .surface_points(entry.spacing_m.unwrap_or(0.25 * entry.radius_m))?,
@@ -46,11 +48,23 @@ impl Tool for Probe {
     }
 
     fn acts_at(&self, t: f64) -> bool {
-        acts(self.release_s, t)
+        acts(self.begin_s, self.release_s, t)
+    }
+
+    fn begin_s(&self) -> Option<f64> {
+        self.begin_s
+    }
+
+    fn release(&mut self, at_s: f64) {
+        self.release_s = Some(at_s);
     }
 
     fn reference(&self, t: f64) -> Vector3<f64> {
         self.centre + self.path.motion(t).0
+    }
+
+    fn path(&self) -> Option<&ToolPath> {
+        Some(&self.path)
     }
 
     fn path_mut(&mut self) -> Option<&mut ToolPath> {

@@ -80,15 +80,30 @@ pub trait Tool {
     /// The point about which its torque is reported, m.
     fn reference(&self, t: f64) -> Vector3<f64>;
 
-    /// True while it acts. A tool that holds vertices lets go of them for good when it is false.
+    /// True while it acts. A tool that has begun lets go of what it holds for good when it is false.
     fn acts_at(&self, t: f64) -> bool {
         let _ = t;
         true
     }
 
+    /// When it comes, s, if not at the start: what it [grips](Self::grip) is held from then on.
+    fn begin_s(&self) -> Option<f64> {
+        None
+    }
+
+    /// Has it let go after `at_s`, s. By default nothing happens.
+    fn release(&mut self, at_s: f64) {
+        let _ = at_s;
+    }
+
     /// The path it follows, if it can be led by
     /// [`set_tool_pose`](crate::Simulation::set_tool_pose).
     fn path_mut(&mut self) -> Option<&mut ToolPath> {
+        None
+    }
+
+    /// The same to read.
+    fn path(&self) -> Option<&ToolPath> {
         None
     }
 

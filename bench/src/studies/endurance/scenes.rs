@@ -164,6 +164,7 @@ impl Liver {
             path,
             path_csv: None,
             turn_axis: random.direction().into(),
+            begin_s: None,
             release_s: clock.release(random),
         }
     }
@@ -206,6 +207,7 @@ impl Liver {
             path,
             path_csv: None,
             spacing_m: None,
+            begin_s: None,
             release_s: clock.release(random),
         }
     }

@@ -197,6 +197,7 @@ impl Place {
                     path_csv: None,
                     // Closer than the finest mesh is, whose limit they would else not let it reach.
                     spacing_m: Some(VOXEL),
+                    begin_s: None,
                     release_s: None,
                 };
                 ("probe", ToolEntry::Probe(probe))
@@ -227,6 +228,7 @@ fn grab(
         path: path(moved, turn_deg),
         path_csv: None,
         turn_axis: axis.into(),
+        begin_s: None,
         release_s: None,
     })
 }

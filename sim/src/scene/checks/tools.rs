@@ -28,7 +28,12 @@ impl Check<'_> {
                 }
                 self.path(&grab.path, grab.path_csv.as_ref(), key)?;
                 self.axis(&grab.turn_axis, &format!("{key}.turn_axis"))?;
-                self.release(grab.release_s, key)
+                if let Some(begin) = grab.begin_s {
+                    let key = format!("{key}.begin_s");
+                    let want = "no such key unless hold is \"mean\"";
+                    self.that(grab.hold == GrabHold::Mean, &key, begin, want)?;
+                }
+                self.acts(grab.begin_s, grab.release_s, key)
             }
             ToolEntry::Probe(probe) => {
                 let radius = probe.radius_m;
@@ -42,7 +47,7 @@ impl Check<'_> {
                     self.that(spacing <= radius, &key, spacing, &want)?;
                 }
                 self.path(&probe.path, probe.path_csv.as_ref(), key)?;
-                self.release(probe.release_s, key)
+                self.acts(probe.begin_s, probe.release_s, key)
             }
             ToolEntry::Pressure(pressure) => {
                 self.region(&pressure.region, &format!("{key}.region"))?;
@@ -87,9 +92,19 @@ impl Check<'_> {
         self.that(long, key, axis, "an axis of a length other than 0, below 1e100")
     }
 
-    fn release(&self, release_s: Option<f64>, key: &str) -> Result<(), SimError> {
-        let later = release_s.is_none_or(|release| release > 0.0 && release.is_finite());
-        let want = "a finite time after the start, or no such key";
+    /// From when to when a tool acts.
+    fn acts(
+        &self,
+        begin_s: Option<f64>,
+        release_s: Option<f64>,
+        key: &str,
+    ) -> Result<(), SimError> {
+        let is_time = begin_s.is_none_or(|begin| begin >= 0.0 && begin.is_finite());
+        let want = "a finite time, at least 0, or no such key";
+        self.that(is_time, &format!("{key}.begin_s"), begin_s, want)?;
+        let begin = begin_s.unwrap_or(0.0);
+        let later = release_s.is_none_or(|release| release > begin && release.is_finite());
+        let want = "a finite time after the start (after begin_s), or no such key";
         self.that(later, &format!("{key}.release_s"), release_s, want)
     }
 

@@ -1,0 +1,455 @@
+// The page: what comes from the server, what the pointer and the keys do, and what is said about it.
+
+import { Body, COLOURS } from './body.js';
+import { LABELS, short, viridis } from './colour.js';
+import { decode } from './picture.js';
+import { plot } from './plot.js';
+import * as THREE from './three.js';
+
+const get = (id) => document.getElementById(id);
+const canvas = get('view');
+const body = new Body(canvas);
+
+let state = null;
+let last = null;
+let socket = null;
+let page = null;
+let generation = null;
+let wait_ms = 250;
+let stamp = 0;
+const sent_at = new Map();
+const hands = new Map();
+const latencies = [];
+const arrivals = [];
+const parked = new Set();
+
+// ---------------------------------------------------------------- the server
+
+function connect() {
+  const query = new URLSearchParams(location.search);
+  const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
+  socket = new WebSocket(`${scheme}://${location.host}/ws?token=${query.get('token') ?? ''}`);
+  socket.binaryType = 'arraybuffer';
+  socket.onopen = () => { wait_ms = 250; };
+  socket.onmessage = ({ data }) => (typeof data === 'string' ? told(JSON.parse(data)) : seen(data));
+  socket.onclose = () => {
+    hands.clear();
+    parked.clear();
+    undrawn = 0;
+    status('no connection: trying again', true);
+    setTimeout(connect, wait_ms);
+    wait_ms = Math.min(2 * wait_ms, 4000);
+  };
+}
+
+function say(request) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+}
+
+function told(message) {
+  if (message.kind === 'welcome') { page = message.page; generation = null; return; }
+  if (message.kind === 'state') { state = message; describe(); return; }
+  if (message.kind === 'kept') command(message.command);
+  notice(message.text, message.level);
+}
+
+function seen(buffer) {
+  const { text, blocks } = decode(buffer);
+  if (generation !== text.generation) {
+    generation = text.generation;
+    body.clear(text.quantum_mm);
+    get('about').textContent =
+      `Positions of outlines are rounded to ${short(text.quantum_mm / 2)} mm. 3D by three.js (MIT).`;
+    plots.forEach((one) => one.plot.clear());
+    hands.clear();
+    parked.clear();
+  }
+  body.take(blocks);
+  undrawn += 1;
+  const is_new = !last || last.step !== text.step || last.generation !== text.generation;
+  last = text;
+  arrivals.push(performance.now());
+  if (arrivals.length > 60) arrivals.shift();
+  if (is_new && text.step > 0) plots.forEach((one) => one.plot.add(one.row(text)));
+  for (const tool of text.tools) tool.is_mine = tool.page === page;
+  body.hold(text.tools, new Map([...hands].map(([id, hand]) => [id, hand.point])));
+  for (const tool of text.tools) {
+    const at = tool.is_mine && sent_at.get(tool.stamp);
+    if (at) pending.push([tool.stamp, at]);
+  }
+  figures();
+}
+
+// ---------------------------------------------------------------- words and numbers
+
+function status(text, is_bad) {
+  get('status').textContent = text;
+  get('status').classList.toggle('bad', Boolean(is_bad));
+}
+
+function notice(text, level) {
+  const line = document.createElement('p');
+  line.className = level;
+  line.textContent = text;
+  get('notices').append(line);
+  while (get('notices').children.length > 4) get('notices').firstChild.remove();
+  setTimeout(() => line.remove(), level === 'error' ? 12000 : 6000);
+}
+
+function command(line) { get('command').textContent = line; }
+
+function describe() {
+  get('scene').textContent = state.scene;
+  document.title = `${state.scene} – yawara`;
+  get('pause').setAttribute('aria-pressed', String(state.paused));
+  get('pause').textContent = state.paused ? 'Go on' : 'Pause';
+  command(state.command);
+  body.labels = state.labels;
+  const legend = get('legend');
+  legend.replaceChildren(...state.labels.map(({ label, name }, number) => {
+    const row = document.createElement('li');
+    const box = document.createElement('label');
+    const check = document.createElement('input');
+    check.type = 'checkbox';
+    check.checked = !body.hidden.has(number);
+    check.onchange = () => {
+      if (check.checked) body.hidden.delete(number); else body.hidden.add(number);
+      body.paint();
+    };
+    const mark = document.createElement('i');
+    mark.style.background = LABELS[number % LABELS.length];
+    box.append(check, mark, name || `label ${label}`);
+    row.append(box);
+    return row;
+  }));
+  get('plan').tBodies[0].replaceChildren(...state.plan.map((row) => {
+    const line = document.createElement('tr');
+    line.className = row.runs ? '' : 'off';
+    for (const text of [row.stage, row.choice, row.why]) {
+      const cell = document.createElement('td');
+      cell.textContent = text;
+      line.append(cell);
+    }
+    return line;
+  }));
+  warn([]);
+  get('stages').replaceChildren(...state.stages.map(({ key, value, choices }) => {
+    const select = document.createElement('select');
+    select.dataset.key = key;
+    select.dataset.was = value;
+    for (const one of choices.includes(value) ? choices : [value, ...choices]) select.append(new Option(one, one, false, one === value));
+    return labelled(key.replace('stages.', ''), select);
+  }), ...state.numbers.map(({ key, value }) => {
+    const input = document.createElement('input');
+    input.type = 'number';
+    input.step = 'any';
+    input.size = 8;
+    input.dataset.key = key;
+    input.dataset.was = value ?? '';
+    input.value = value ?? '';
+    return labelled(key, input);
+  }));
+  get('materials').replaceChildren(...state.materials.map(({ name, young_modulus_pa: pa }, i) => {
+    const input = document.createElement('input');
+    input.type = 'range';
+    [input.min, input.max, input.step] = [2, 6, 0.05];
+    input.value = Math.log10(pa);
+    input.dataset.key = `materials.${i}.young_modulus_pa`;
+    input.dataset.was = input.value;
+    const out = document.createElement('output');
+    const show = () => { out.textContent = `E = ${short(10 ** Number(input.value) / 1000)} kPa`; };
+    input.oninput = show;
+    show();
+    const label = document.createElement('label');
+    label.append(name || `material ${i}`, out, input);
+    return label;
+  }));
+}
+
+function labelled(text, input) {
+  const label = document.createElement('label');
+  label.append(text, input);
+  return label;
+}
+
+function warn(more) {
+  const lines = [...(state?.warnings ?? []).map((text) => [text, '']), ...more.map((text) => [text, 'bad'])];
+  get('warnings').replaceChildren(...lines.map(([text, kind]) => {
+    const line = document.createElement('li');
+    line.textContent = text;
+    line.className = kind;
+    return line;
+  }));
+}
+
+const plots = [
+  { row: (r) => [Math.hypot(...r.force_n)], title: 'force', unit: 'N', series: [{ name: 'force', colour: '#d55e00' }] },
+  { row: (r) => [r.error_estimate === null ? null : 100 * r.error_estimate], title: 'estimated error of energy', unit: '%', series: [{ name: 'error', colour: '#cc79a7' }] },
+  { row: (r) => [r.vertices], title: 'vertices', unit: '', series: [{ name: 'vertices', colour: '#0072b2' }] },
+  {
+    row: (r) => [r.times_ms.tool, r.times_ms.solve, r.times_ms.indicator, r.times_ms.remesh, r.times_ms.inverse],
+    title: 'time of a step', unit: 'ms', stacked: true,
+    series: [['tools', '#7a7a7a'], ['equilibrium', '#0072b2'], ['indicator', '#e69f00'], ['mesh', '#009e73'], ['inverse', '#cc79a7']].map(([name, colour]) => ({ name, colour })),
+  },
+  { row: (r) => [r.iterations], title: 'iterations', unit: '', series: [{ name: 'iterations', colour: '#009e73' }] },
+  { row: (r) => [r.residual], title: 'residual', unit: '', log: true, series: [{ name: 'residual', colour: '#56b4e9' }] },
+].map((one) => ({ ...one, plot: plot(get('plots'), one) }));
+
+function figures() {
+  const force = Math.hypot(...last.force_n);
+  get('force').textContent = `${force.toFixed(3)} N`;
+  const mine = last.tools.find((tool) => tool.hand !== null) ?? last.tools[0];
+  get('torque').textContent = `${(mine ? Math.hypot(...mine.torque_n_m) : 0).toFixed(4)} N m`;
+  const s = mine?.stiffness_n_m;
+  const size = mine ? Math.hypot(...mine.force_n) : 0;
+  let felt = null;
+  if (s && size > 1e-6) {
+    const f = mine.force_n.map((x) => x / size);
+    felt = s.reduce((sum, row, i) => sum + f[i] * row.reduce((a, x, j) => a + x * f[j], 0), 0);
+  }
+  get('stiffness').textContent = felt === null ? '–' : `${short(felt)} N/m`;
+  get('error').textContent = mine?.force_error_n == null ? '–' : `± ${short(mine.force_error_n)} N`;
+  get('n_step').textContent = last.step;
+  get('n_vertices').textContent = `${last.vertices}${last.waiting ? `, ${last.waiting} wait` : ''}`;
+  get('n_rate').textContent = last.at_rest ? 'at rest' : `${last.steps_per_s.toFixed(0)} /s`;
+  while (arrivals.at(-1) - arrivals[0] > 2000) arrivals.shift();
+  const span = arrivals.at(-1) - arrivals[0];
+  get('n_pictures').textContent = arrivals.length > 2 && !last.at_rest ? `${((arrivals.length - 1) / span * 1000).toFixed(0)} /s` : '–';
+  if (!last.converged) {
+    const where = last.failure ? ` at ${last.failure.place_mm.map((x) => x.toFixed(0)).join(', ')} mm` : '';
+    status(`step ${last.step} did not converge${where}`, true);
+    warn(last.failure?.advice ?? []);
+  } else status(state?.paused ? 'paused' : last.at_rest ? 'at rest: take hold of it' : `${last.vertices} vertices, ${last.tets} tetrahedra`);
+}
+
+function overlay() {
+  const shown = (last?.tools ?? []).filter((tool) => Math.hypot(...tool.force_n) > 1e-4);
+  const labels = get('labels');
+  while (labels.children.length < shown.length) labels.append(document.createElement('div'));
+  while (labels.children.length > shown.length) labels.lastChild.remove();
+  shown.forEach((tool, i) => {
+    const [x, y] = body.project(tool.reference_mm);
+    const line = labels.children[i];
+    line.textContent = `${Math.hypot(...tool.force_n).toFixed(2)} N`;
+    line.style.transform = `translate(${Math.round(x + 14)}px, ${Math.round(y - 30)}px)`;
+  });
+}
+
+function bar() {
+  const of = COLOURS[body.colour];
+  get('bar').hidden = body.colour === 'label';
+  if (body.colour === 'label') return;
+  const pen = get('ramp').getContext('2d');
+  for (let x = 0; x < 220; x += 1) {
+    pen.fillStyle = `rgb(${viridis(x / 219).map((c) => Math.round(255 * c)).join(' ')})`;
+    pen.fillRect(x, 0, 1, 12);
+  }
+  get('low').textContent = '0';
+  get('middle').textContent = short(body.range / 2);
+  get('high').textContent = short(body.range);
+  get('what').textContent = of.unit ? `${of.name}, ${of.unit}` : of.name;
+}
+
+// ---------------------------------------------------------------- hands
+
+const tool_kind = () => document.querySelector('input[name=tool]:checked').value;
+
+function free_hand() {
+  for (let id = 0; id < 10; id += 1) if (!hands.has(id)) return id;
+  return null;
+}
+
+/** Takes hold of what is under the pointer; the hand's number, or null. */
+function take(x, y, pointer) {
+  const kind = tool_kind();
+  const hit = kind === 'look' ? null : body.pick(x, y);
+  const id = hit && free_hand();
+  if (!hit || id === null) return null;
+  const radius = Number(get('radius').value);
+  const hand = { pointer, kind, radius, move: new THREE.Vector3(), away: new THREE.Vector3(), normal: hit.normal };
+  if (kind === 'grab') {
+    hand.start = hit.point.clone();
+    say({ do: 'grab', hand: id, rest_mm: hit.rest.toArray(), radius_mm: radius });
+  } else {
+    hand.start = hit.point.clone().addScaledVector(hit.normal, radius + 1.5);
+    say({ do: 'press', hand: id, centre_mm: hand.start.toArray(), radius_mm: radius });
+  }
+  hand.grip = body.on_plane(x, y, hit.point);
+  hand.through = hit.point.clone();
+  hand.point = hand.start.clone();
+  hands.set(id, hand);
+  lead(id, hand);
+  return id;
+}
+
+function lead(id, hand) {
+  const move = hand.move.clone().add(hand.away);
+  if (hand.kind === 'press') move.addScaledVector(hand.normal, -(Number(get('depth').value) + 1.5));
+  hand.point = hand.start.clone().add(move);
+  stamp = (stamp + 1) % 4294967296;
+  sent_at.set(stamp, performance.now());
+  if (sent_at.size > 400) sent_at.delete(sent_at.keys().next().value);
+  say({ do: 'move', hand: id, move_mm: move.toArray(), stamp });
+}
+
+function let_go(id) {
+  say({ do: 'release', hand: id });
+  hands.delete(id);
+  parked.delete(id);
+}
+
+const hand_of = (pointer) => [...hands.keys()].find((id) => hands.get(id).pointer === pointer && !parked.has(id));
+const waiting_moves = new Set();
+
+canvas.addEventListener('pointerdown', (event) => {
+  if (event.button !== 0) return;
+  const id = take(event.clientX, event.clientY, event.pointerId);
+  if (id === null) return;
+  canvas.focus({ preventScroll: true });
+  body.controls.enabled = false;
+  canvas.setPointerCapture(event.pointerId);
+  event.stopImmediatePropagation();
+}, { capture: true });
+
+canvas.addEventListener('pointermove', (event) => {
+  const id = hand_of(event.pointerId);
+  if (id === undefined) return;
+  const hand = hands.get(id);
+  const at = body.on_plane(event.clientX, event.clientY, hand.through);
+  if (!at) return;
+  hand.move = at.sub(hand.grip);
+  waiting_moves.add(id);
+}, { capture: true });
+
+function up(event) {
+  const id = hand_of(event.pointerId);
+  if (id === undefined) return;
+  if (event.shiftKey) { parked.add(id); notice('the hand stays; Release lets go of all'); } else let_go(id);
+  if (![...hands.keys()].some((one) => !parked.has(one))) body.controls.enabled = true;
+}
+canvas.addEventListener('pointerup', up);
+canvas.addEventListener('pointercancel', up);
+
+canvas.addEventListener('wheel', (event) => {
+  const id = [...hands.keys()].find((one) => !parked.has(one));
+  if (id === undefined) return;
+  event.preventDefault();
+  event.stopImmediatePropagation();
+  const hand = hands.get(id);
+  hand.away.addScaledVector(body.camera.getWorldDirection(new THREE.Vector3()), -0.03 * event.deltaY);
+  waiting_moves.add(id);
+}, { capture: true, passive: false });
+
+canvas.addEventListener('keydown', (event) => {
+  const place = canvas.getBoundingClientRect();
+  const key = event.key.toLowerCase();
+  if (key === 'g') {
+    if (take(place.left + place.width / 2, place.top + place.height / 2, 'keys') === null) notice('nothing is in the middle of the view', 'error');
+  } else if (key === ' ') get('pause').click();
+  else if (key === 'n') get('step').click();
+  else if (key === 'escape') get('release').click();
+  else {
+    const id = hand_of('keys');
+    const right = new THREE.Vector3().setFromMatrixColumn(body.camera.matrixWorld, 0);
+    const above = new THREE.Vector3().setFromMatrixColumn(body.camera.matrixWorld, 1);
+    const ahead = body.camera.getWorldDirection(new THREE.Vector3());
+    const ways = { arrowleft: [right, -2], arrowright: [right, 2], arrowup: [above, 2], arrowdown: [above, -2], pageup: [ahead, 2], pagedown: [ahead, -2] };
+    const way = ways[key];
+    if (!way) return;
+    if (id === undefined) turn(key);
+    else { hands.get(id).move.addScaledVector(...way); waiting_moves.add(id); }
+  }
+  event.preventDefault();
+});
+
+/** Turns the view by keys. */
+function turn(key) {
+  const by = { arrowleft: [0.1, 0], arrowright: [-0.1, 0], arrowup: [0, -0.1], arrowdown: [0, 0.1] }[key];
+  const offset = body.camera.position.clone().sub(body.controls.target);
+  if (by) {
+    const spherical = { r: offset.length(), az: Math.atan2(offset.y, offset.x) + by[0], up: Math.acos(offset.z / offset.length()) + by[1] };
+    const up = Math.min(Math.max(spherical.up, 0.05), Math.PI - 0.05);
+    offset.set(Math.sin(up) * Math.cos(spherical.az), Math.sin(up) * Math.sin(spherical.az), Math.cos(up)).multiplyScalar(spherical.r);
+  } else offset.multiplyScalar(key === 'pageup' ? 0.9 : 1.1);
+  body.camera.position.copy(body.controls.target).add(offset);
+  body.controls.update();
+  body.is_stale = true;
+}
+
+// ---------------------------------------------------------------- what is pressed
+
+get('pause').onclick = () => say({ do: 'pause', on: !state?.paused });
+get('step').onclick = () => say({ do: 'step' });
+get('reset').onclick = () => say({ do: 'reset' });
+get('release').onclick = () => { [...hands.keys()].forEach(let_go); body.controls.enabled = true; };
+get('save').onclick = () => say({ do: 'save' });
+get('shot').onclick = () => {
+  const link = document.createElement('a');
+  link.href = canvas.toDataURL('image/png');
+  link.download = `${state?.scene ?? 'yawara'}-${last?.step ?? 0}.png`;
+  link.click();
+};
+get('copy').onclick = async () => {
+  try { await navigator.clipboard.writeText(get('command').textContent); notice('copied'); } catch { notice('this browser keeps pages from copying: mark the line below', 'error'); }
+};
+get('colour').onchange = ({ target }) => { body.colour = target.value; body.range = 0; body.paint(); };
+get('lines').onchange = ({ target }) => { body.shows_lines = target.checked; body.place(); body.is_stale = true; };
+get('cut').onchange = ({ target }) => { body.is_cut = target.checked; body.slice(); };
+get('where').oninput = ({ target }) => { body.where = Number(target.value); body.slice(); };
+get('opacity').oninput = ({ target }) => { body.opacity = target.value / 100; get('opacity_out').textContent = `${target.value} %`; body.paint(); };
+get('radius').oninput = ({ target }) => { get('radius_out').textContent = `${target.value} mm`; };
+get('depth').oninput = ({ target }) => {
+  get('depth_out').textContent = `${target.value} mm`;
+  for (const [id, hand] of hands) if (hand.kind === 'press') waiting_moves.add(id);
+};
+get('apply').onclick = () => {
+  const changes = [];
+  for (const input of document.querySelectorAll('#change [data-key]')) {
+    if (input.value === input.dataset.was || input.value === '') continue;
+    const value = input.type === 'range' ? Number((10 ** Number(input.value)).toPrecision(3)) : input.value;
+    const is_whole = /^-?\d+$/.test(input.value);
+    const text = input.dataset.key.endsWith('_pa') && Number.isInteger(value) ? `${value}.0` : input.type === 'number' && !is_whole ? String(Number(value)) : value;
+    changes.push(`${input.dataset.key}=${text}`);
+  }
+  if (changes.length) say({ do: 'set', changes }); else notice('nothing is changed');
+};
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { body.is_stale = true; });
+
+// ---------------------------------------------------------------- pictures
+
+const pending = [];
+let undrawn = 0;
+let plotted = 0;
+
+function draw(now) {
+  for (const id of waiting_moves) if (hands.has(id)) lead(id, hands.get(id));
+  waiting_moves.clear();
+  const is_drawn = body.draw();
+  if (is_drawn) {
+    if (undrawn) say({ do: 'drawn', count: undrawn });
+    undrawn = 0;
+    overlay();
+    bar();
+    for (const [id, at] of pending.splice(0)) {
+      if (!sent_at.delete(id)) continue;
+      latencies.push(performance.now() - at);
+      if (latencies.length > 200) latencies.shift();
+      const sorted = [...latencies].sort((a, b) => a - b);
+      get('n_latency').textContent = `${sorted[sorted.length >> 1].toFixed(0)} ms`;
+    }
+  }
+  if (now - plotted > 100) { plotted = now; plots.forEach((one) => one.plot.draw()); }
+  requestAnimationFrame(draw);
+}
+
+// For scripts and tests: where the page stands, and where the body is on the screen.
+window.yawara = {
+  get last() { return last; },
+  get state() { return state; },
+  get latencies() { return [...latencies]; },
+  get socket() { return socket; },
+  body,
+};
+
+connect();
+requestAnimationFrame(draw);

@@ -1,0 +1,34 @@
+// Reads a picture: see the table in picture.rs.
+
+/** The text and the blocks of a message. */
+export function decode(buffer) {
+  const view = new DataView(buffer);
+  if (view.getUint32(0, true) !== 0x31505759) throw new Error('no picture');
+  const length = view.getUint32(4, true);
+  const text = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  const blocks = [];
+  let at = 8 + length;
+  while (at < buffer.byteLength) {
+    const [kind, surface, count, other] = new Uint32Array(buffer, at, 4);
+    at += 16;
+    const block = { kind, surface, count, other };
+    if (kind === 1) {
+      block.points = new Float32Array(buffer, at, 3 * count);
+      block.triangles = new Uint32Array(buffer, at + 12 * count, 3 * other);
+      at += 12 * (count + other);
+    } else if (kind === 2) {
+      block.moved = new Int16Array(buffer, at, 3 * count);
+      at += Math.ceil((6 * count) / 4) * 4;
+    } else if (kind === 3) {
+      block.edges = new Uint32Array(buffer, at, 3 * count);
+      block.faces = new Uint32Array(buffer, at + 12 * count, 3 * other);
+      at += 12 * (count + other);
+    } else {
+      const width = kind === 4 ? 6 : 4;
+      block.rows = new Float32Array(buffer, at, width * count);
+      at += 4 * width * count;
+    }
+    blocks.push(block);
+  }
+  return { text, blocks };
+}
