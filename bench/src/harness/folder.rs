@@ -102,11 +102,15 @@ impl Folder {
         if_there(&path, fs::read(&path))
     }
 
-    /// Writes a file, or replaces it: a reader finds the old one or the whole new one.
+    /// Writes a file, or replaces it: a reader finds the old one or the whole new one. Folders within the
+    /// name are made.
     /// # Errors
     /// [`BenchError::Io`].
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {
         let path = self.at(name);
+        if let Some(above) = path.parent() {
+            fs::create_dir_all(above).map_err(BenchError::at(above))?;
+        }
         atomic_file::write(&path, bytes).map_err(BenchError::at(&path))
     }
 
@@ -238,6 +242,8 @@ mod tests {
         assert_eq!(again.row(4, &row.case).unwrap(), Some(row.clone()), "nothing is lost");
         let anew = Folder::open(&path, &other, true).unwrap();
         assert_eq!(anew.row(4, &row.case).unwrap(), None);
+        anew.write("of/a/case.toml", "x = 1").unwrap();
+        assert_eq!(anew.read("of/a/case.toml").unwrap().as_deref(), Some(&b"x = 1"[..]));
     }
 
     #[test]
