@@ -118,6 +118,15 @@ fn a_pull_by_more_than_half_of_the_body_gets_the_law_for_it() {
 }
 
 #[test]
+fn a_body_at_rest_is_not_refined_by_what_rounding_leaves() {
+    let set = ["tools=[]", "image.voxel_mm=4", "time.steps=3"];
+    for element in ["stages.element=p1", "stages.element=p1p1"] {
+        let (summary, _) = run("liver", &[&set[..], &[element]].concat());
+        assert_eq!((summary.mesh.splits, summary.mesh.merges), (0, 0), "{element}");
+    }
+}
+
+#[test]
 fn homogeneous_leaves_out_what_it_does_not_need() {
     let (summary, largest_mm) = run("homogeneous", &[]);
     let left_out: Vec<&str> =

@@ -19,6 +19,9 @@ use crate::tools::{Regions, Tool};
 /// Energy below this part of the largest so far is refined for as if it were that much.
 const NOTHING: f64 = 1e-2;
 
+/// A strain that is rounding, or what a solver leaves of a body at rest.
+const NO_STRAIN: f64 = 1e-9;
+
 /// The least part that the error of a goal counts for of the sum of its shares.
 const CANCELLED: f64 = 0.25;
 
@@ -269,7 +272,10 @@ impl Refiner {
     /// The body's energy, J.
     fn note_energy(&mut self, state: &BodyState) -> f64 {
         let energy = state.energy_j();
-        self.most_energy = self.most_energy.max(energy);
+        // The energy of no strain: a body at rest asks for nothing.
+        let stiffness = state.elements().iter().map(|e| e.geometry.volume * e.elasticity.m11);
+        let none = 0.5 * stiffness.sum::<f64>() * NO_STRAIN * NO_STRAIN;
+        self.most_energy = self.most_energy.max(energy).max(none / NOTHING);
         energy
     }
 
