@@ -1,7 +1,7 @@
 //! Which law a scene calls for.
 
 use super::stages::Stages;
-use crate::body::Start;
+use crate::body::{Memory, Start};
 use crate::scene::{AUTO, Scene, ToolEntry};
 use crate::tools::ToolPath;
 
@@ -47,6 +47,8 @@ fn farthest_mm(scene: &Scene, start: &Start) -> f64 {
 
 /// What materials remember, if any does.
 fn memory(scene: &Scene) -> Option<String> {
+    // Errors are said where the body is made.
+    Memory::of(scene).ok()??;
     let with_law =
         scene.materials.iter().enumerate().filter_map(|(i, one)| Some((i, one.law.as_ref()?)));
     let words: Vec<String> = with_law
@@ -58,6 +60,5 @@ fn memory(scene: &Scene) -> Option<String> {
             format!("materials[{i}] {}{fit}", law.kind())
         })
         .collect();
-    let why = format!("{}; moduli of steps of {} s", words.join(", "), scene.time.step_s);
-    (!words.is_empty()).then_some(why)
+    Some(format!("{}; moduli of steps of {} s", words.join(", "), scene.time.step_s))
 }
