@@ -290,3 +290,12 @@ fn what_has_no_inertia_or_damping_is_refused_by_name() {
     let error = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).err().unwrap();
     assert!(error.to_string().contains("nothing of"), "{error}");
 }
+
+#[test]
+fn the_plan_names_the_integrator_that_runs() {
+    for (name, want) in [("auto", "implicit Euler"), ("newmark", "newmark")] {
+        let simulation = scene("drop", &[&format!("stages.integrator={name}")]);
+        let row = simulation.plan().iter().find(|row| row.stage == "dynamics").unwrap();
+        assert_eq!(row.choice, want);
+    }
+}

@@ -104,3 +104,14 @@ fn what_can_not_be_drawn_or_written_is_refused() {
         bench.refused(&[&["preview"][..], &arguments].concat(), words);
     }
 }
+
+#[test]
+fn a_region_within_an_earlier_one_holds_nothing_more() {
+    let whole = "{ shape = 'box', min = [0, 0, 0], max = [0.3, 1, 1] }";
+    let within = "{ shape = 'box', min = [0, 0, 0], max = [0.1, 1, 1] }";
+    let (scene, _) = scene_file::load("beam", &[format!("fixed=[{whole}, {within}]")]).unwrap();
+    let preview = yawara::preview::Preview::new(&scene).unwrap();
+    let [first, second] = [0, 1].map(|i| &preview.holdings()[i]);
+    assert!(first.voxels > Some(0), "{first:?}");
+    assert_eq!((second.voxels, second.volume_cm3), (Some(0), Some(0.0)));
+}

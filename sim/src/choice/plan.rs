@@ -2,8 +2,8 @@
 
 use yawara_embed::Embedding;
 
+use super::element;
 use super::stages::Stages;
-use super::{element, law};
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::{PlanRow, WARNING};
@@ -13,12 +13,13 @@ use crate::tools::Holding;
 /// Why a body with inertia keeps all of its parts.
 const FREE: &str = "with inertia no part need be held";
 
-/// The plan of a scene, in the order of the pipeline.
+/// The plan of a scene, in the order of the pipeline; `chosen` is the element, then the law and why it is that.
 pub(crate) fn rows(
     scene: &Scene,
     start: &Start,
     stages: &Stages,
     chosen: &str,
+    (law, why_law): (&str, &str),
     held: &[Holding],
 ) -> Vec<PlanRow> {
     let mut rows = match &start.origin {
@@ -37,8 +38,8 @@ pub(crate) fn rows(
         row("element", element, true, element::reason(scene, stages, chosen)),
         row("corotation", stages.forces.name(), true, "rotations are not known to stay small"),
         row("equilibrium", stages.equilibrium.name(), true, "every step is solved to a residual"),
-        dynamics(scene),
-        law(scene, stages, start),
+        dynamics(scene, stages),
+        row("law", law, true, why_law),
         refinement(scene, stages),
         estimates(scene, stages),
         budget(scene),
@@ -258,7 +259,7 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
     row("inverse update", name, scene.mesh.refines(), why)
 }
 
-fn dynamics(scene: &Scene) -> PlanRow {
+fn dynamics(scene: &Scene, stages: &Stages) -> PlanRow {
     let Some(dynamics) = &scene.dynamics else {
         return row("dynamics", "none", false, "no [dynamics]: every step is an equilibrium");
     };
@@ -270,12 +271,8 @@ fn dynamics(scene: &Scene) -> PlanRow {
         "{mass} mass, damping {} /s by mass and {} s by stiffness, steps of {} s",
         dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
     );
-    row("dynamics", "implicit Euler", true, why)
-}
-
-fn law(scene: &Scene, stages: &Stages, start: &Start) -> PlanRow {
-    let (name, why) = law::of_scene(scene, stages, start);
-    row("law", &name, true, why)
+    let integrator = stages.integrator.as_ref().map_or("implicit Euler", |own| own.name());
+    row("dynamics", integrator, true, why)
 }
 
 fn budget(scene: &Scene) -> PlanRow {

@@ -130,7 +130,8 @@ impl<'a> SimulationBuilder<'a> {
         let element = of_scene(scene, &stages)?;
         let start = Start::new(scene, self.volume.take())?;
         let Made { mut tools, holds, grips, coming, held } = self.make_tools(&start)?;
-        let mut plan = plan::rows(scene, &start, &stages, element, &held);
+        let (law, why_law) = law_of_scene(scene, &stages, &start);
+        let mut plan = plan::rows(scene, &start, &stages, element, (&law, &why_law), &held);
         let first = GoalEntry::Force { tool: 0 };
         let asked = scene.refinement.goal.as_ref();
         let goal = asked.or_else(|| stages.indicator.is_of_goal().then_some(&first));
@@ -142,7 +143,7 @@ impl<'a> SimulationBuilder<'a> {
         let memory = if stages.law.is_none() { Memory::of(scene)? } else { None };
         let law = match &memory {
             Some(memory) => Box::new(memory.law()),
-            None => stages.take_law(&law_of_scene(scene, &stages, &start).0, scene)?,
+            None => stages.take_law(&law, scene)?,
         };
         let empty = empty_body(element)?.with_law(law);
         let integrator = stages.take_integrator(scene)?;

@@ -60,8 +60,9 @@ impl Holding {
         zone: &Zone,
         others: &[Zone],
     ) -> Self {
-        // A region too small for any has the nearest point.
-        self.voxels = start.voxels_in(zone, others).map(|voxels| voxels.max(1));
+        // A region too small for any voxel has the nearest point.
+        let least = usize::from(!points.is_empty());
+        self.voxels = start.voxels_in(zone, others).map(|voxels| voxels.max(least));
         self.volume_cm3 = Some(1e6 * points.iter().map(|point| point.weight).sum::<f64>());
         self.places = points.into_iter().map(|point| point.rest).collect();
         self
