@@ -257,15 +257,18 @@ fn a_following_pressure_all_round_has_no_net_force_and_a_dead_one_has_the_same()
 }
 
 #[test]
-fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_the_next() {
+fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_those_between() {
     let often = ["refinement.every_steps=3", "refinement.max_splits_per_step=4"];
     let set = [&often[..], &["time.steps=60", "output.frames_every=1000"]].concat();
     let mut simulation = simulation("palpate", &set);
     let reports = run(&mut simulation);
     for report in &reports[..59] {
         assert_eq!(report.times.indicator_ms > 0.0, report.step % 3 == 0, "{report:?}");
-        assert!(report.splits + report.merges == 0 || report.step % 3 == 1, "{report:?}");
+        assert!(report.splits.max(report.merges) <= 4, "{report:?}");
+        assert!(report.splits + report.merges == 0 || report.step % 3 > 0, "{report:?}");
     }
+    // What is more than may change at a time is done in the step after.
+    assert!(reports.iter().any(|r| r.step % 3 == 2 && r.splits > 0));
     assert!(reports.iter().map(|r| r.splits).sum::<usize>() > 20);
     assert!(reports.iter().all(|r| r.converged));
 }

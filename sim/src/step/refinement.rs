@@ -60,11 +60,11 @@ pub(crate) struct Turn {
 }
 
 impl Turn {
-    /// That of `step`, where something is done in every so many: what is wanted is measured in one step and
-    /// done in the next, so that neither takes as long as both.
+    /// That of `step`, where what is wanted is measured in one of so many steps and done, a part at a
+    /// time, in those between, so that none takes as long as both.
     pub fn of(step: usize, every: usize) -> Self {
-        let is = |nth: usize| step % every == nth.min(every - 1);
-        Self { measures: is(0), changes: is(1) }
+        let measures = step.is_multiple_of(every);
+        Self { measures, changes: every == 1 || !measures }
     }
 }
 
@@ -230,14 +230,16 @@ impl Refiner {
         if round.done.stored_j.is_none() && !(self.leaving.is_empty() && self.waiting.is_empty()) {
             round.done.stored_j = Some(round.state.energy_j());
         }
-        for v in take(&mut self.leaving) {
-            // What was ranked in the step before may be needed now, or held.
+        let most = self.rules.refinement.max_splits_per_step;
+        let others = self.leaving.split_off(most.min(self.leaving.len()));
+        for v in std::mem::replace(&mut self.leaving, others) {
+            // What was ranked in a step before may be needed now, or held.
             let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
             if !is_held && self.content.forest.merge_ring(v, &mut self.ring) {
                 self.merge(round, v)?;
             }
         }
-        for _ in 0..self.rules.refinement.max_splits_per_step {
+        for _ in 0..most {
             let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
             let is_late = round.deadline.is_some_and(|deadline| Instant::now() >= deadline);
             if is_full || is_late {
@@ -362,7 +364,8 @@ impl Refiner {
         wishes
     }
 
-    /// The vertices that are to go out, no more than may come in: those that are worth least.
+    /// The vertices that are to go out; where these are more than may go at a time, those first that are
+    /// worth least.
     fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {
         let dwell_steps = self.rules.refinement.dwell_steps;
         let settled: Vec<VertexId> = self
@@ -385,10 +388,8 @@ impl Refiner {
             }
         }
         leaving.retain(|(_, worth)| *worth <= limit);
-        let most = self.rules.refinement.max_splits_per_step;
-        if leaving.len() > most {
+        if leaving.len() > self.rules.refinement.max_splits_per_step {
             leaving.sort_by(|a, b| a.1.total_cmp(&b.1));
-            leaving.truncate(most);
         }
         leaving.into_iter().map(|(v, _)| v).collect()
     }
@@ -545,7 +546,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wanted_is_done_in_the_next_step_if_there_is_one_before_it_is_measured_again() {
+    fn what_is_wanted_is_done_in_the_steps_until_it_is_measured_again() {
         let turns = |every: usize| -> String {
             let letter = |step| match Turn::of(step, every) {
                 Turn { measures: true, changes: true } => 'b',
@@ -555,6 +556,6 @@ mod tests {
             };
             (1..=6).map(letter).collect()
         };
-        assert_eq!([1, 2, 3].map(turns), ["bbbbbb", "cmcmcm", "c-mc-m"]);
+        assert_eq!([1, 2, 3].map(turns), ["bbbbbb", "cmcmcm", "ccmccm"]);
     }
 }
