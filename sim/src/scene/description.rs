@@ -283,7 +283,7 @@ pub struct Refinement {
     pub dwell_steps: usize,
     /// Splits in one step at most, largest indicator first, and as many merges, smallest first.
     pub max_splits_per_step: usize,
-    /// The mesh is measured and changed in every so many steps, ≥ 1.
+    /// Every how many steps what is wanted is measured, ≥ 1; above 1 the mesh changes in the steps between.
     pub every_steps: usize,
     /// A figure whose error is estimated too, and to which the indicator `goal` refines; for that the
     /// force of the first tool if absent.

@@ -204,6 +204,11 @@ impl Refiner {
         self.waiting.len()
     }
 
+    /// Whether a vertex is to come in or to go out.
+    pub fn wants_changes(&self) -> bool {
+        !(self.leaving.is_empty() && self.waiting.is_empty())
+    }
+
     /// Measures what the mesh wants at a step: merges where the indicator has become small, splits where it is
     /// large. Returns what the body stores, J.
     pub fn rank(
@@ -227,9 +232,7 @@ impl Refiner {
     ) -> Result<Remeshed, SimError> {
         let begin = Instant::now();
         let inverse_before = round.inverse.total_ms;
-        if round.done.stored_j.is_none() && !(self.leaving.is_empty() && self.waiting.is_empty()) {
-            round.done.stored_j = Some(round.state.energy_j());
-        }
+        round.done.stored_j.get_or_insert_with(|| round.state.energy_j());
         let most = self.rules.refinement.max_splits_per_step;
         let others = self.leaving.split_off(most.min(self.leaving.len()));
         for v in std::mem::replace(&mut self.leaving, others) {

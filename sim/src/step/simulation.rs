@@ -154,7 +154,9 @@ impl Simulation {
         let Self { body, tools, solver, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let mut remeshed = done;
-        if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes)) {
+        if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes))
+            && refiner.wants_changes()
+        {
             ledger.look(solver, state, tools);
             let (turns, done) = (solver.turns(), remeshed);
             let mut round = Round { state, inverse, tools, step, deadline, turns, done };
