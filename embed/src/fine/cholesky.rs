@@ -133,15 +133,19 @@ impl SparseCholesky {
 
 /// P K Pᵀ = L D Lᵀ of a quasi-definite K, [A Bᵀ; B −C] with A and C positive definite in any order of rows, by
 /// faer, in one thread. Source: Vanderbei, Symmetric quasidefinite matrices, SIAM J. Optim. 5(1), 1995.
+///
+/// Factored is S K S, whose largest entry of each row is about 1: pivots are judged apart from how stiff one part of a
+/// body is beside another. S has powers of two, which change no digit.
 pub struct SparseLdl {
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
+    scale: Vec<f64>,
 }
 
 /// Where a [`SparseLdl`] has entries.
 pub struct LdlPattern(SymbolicCholesky<usize>);
 
-/// A pivot below this part of the largest entry, or of the wrong sign, is made that large.
+/// A pivot of S K S below this, or of the wrong sign, is made that large.
 const LEAST_PIVOT: f64 = 1e-14;
 
 impl SparseLdl {
@@ -162,11 +166,13 @@ impl SparseLdl {
             Some(LdlPattern(symbolic)) => symbolic,
             None => symbolic(lower, None, 1)?,
         };
-        let largest = lower.val().iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
+        let scale = scale(lower);
+        let entries = lower.triplet_iter().map(|at| scale[at.row] * at.val * scale[at.col]);
+        let lower = SparseColMat::new(lower.symbolic().to_owned().ok()?, entries.collect());
         let regular = LdltRegularization {
             dynamic_regularization_signs: Some(signs),
-            dynamic_regularization_delta: LEAST_PIVOT * largest,
-            dynamic_regularization_epsilon: LEAST_PIVOT * largest,
+            dynamic_regularization_delta: LEAST_PIVOT,
+            dynamic_regularization_epsilon: LEAST_PIVOT,
         };
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
@@ -181,7 +187,7 @@ impl SparseLdl {
                 Default::default(),
             )
             .ok()?;
-        Some(Self { symbolic, values })
+        Some(Self { symbolic, values, scale })
     }
 
     /// The pattern of L, for another matrix with the same entries.
@@ -195,13 +201,34 @@ impl SparseLdl {
     /// If X has not as many rows as K.
     pub fn solve_in_place(&self, x: &mut Mat<f64>) {
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        self.multiply(x);
         LdltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
             x.as_mut(),
             Par::Seq,
             MemStack::new(&mut MemBuffer::new(scratch)),
         );
+        self.multiply(x);
     }
+
+    /// X ← S X.
+    fn multiply(&self, x: &mut Mat<f64>) {
+        for column in x.col_iter_mut() {
+            column.iter_mut().zip(&self.scale).for_each(|(x, s)| *x *= s);
+        }
+    }
+}
+
+/// S by rows: one over the root of the largest entry of a row, to the next power of two below; 1 for a row of zeros.
+fn scale(lower: &SparseColMat<usize, f64>) -> Vec<f64> {
+    let mut largest = vec![0.0f64; lower.ncols()];
+    for at in lower.triplet_iter() {
+        let size = at.val.abs();
+        largest[at.row] = largest[at.row].max(size);
+        largest[at.col] = largest[at.col].max(size);
+    }
+    let power = |size: f64| (-0.5 * size.log2()).floor().exp2();
+    largest.into_iter().map(|size| if size > 0.0 { power(size) } else { 1.0 }).collect()
 }
 
 /// The pattern of L.
