@@ -252,3 +252,38 @@ fn symbolic(
     let parameters = CholeskySymbolicParams::default();
     factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::sparse::Triplet;
+
+    /// Two bodies of one spring and one pressure each, the second softer by `softness`, tied to each other by as
+    /// little as it bears.
+    fn pair(softness: f64) -> SparseColMat<usize, f64> {
+        let body =
+            |at: usize, e: f64| [(at, at, 4.0 * e), (at + 1, at, e), (at + 1, at + 1, -2.0 * e)];
+        let tie = [(2, 0, -0.5 * softness)];
+        let entries = body(0, 1.0).into_iter().chain(body(2, softness)).chain(tie);
+        let entries: Vec<_> = entries.map(|(i, j, v)| Triplet::new(i, j, v)).collect();
+        SparseColMat::try_new_from_triplets(4, 4, &entries).unwrap()
+    }
+
+    #[test]
+    fn soft_pivots_beside_stiff_ones_are_pivots() {
+        for softness in [1.0, 1e-9, 1e-18, 1e-27] {
+            let factor = SparseLdl::new(&pair(softness), &[1, -1, 1, -1], None).unwrap();
+            // K x for x of ones, the second body's in its own units.
+            let mut x = Mat::from_fn(4, 1, |i, _| match i {
+                0 => 5.0 - 0.5 * softness,
+                1 => -1.0,
+                2 => 4.5 * softness,
+                _ => -softness,
+            });
+            factor.solve_in_place(&mut x);
+            for i in 0..4 {
+                assert!((x[(i, 0)] - 1.0).abs() < 1e-14, "{softness}: {x:?}");
+            }
+        }
+    }
+}
