@@ -158,17 +158,22 @@ impl SparseLdl {
     /// # Panics
     /// If `signs` or `pattern` is of a matrix of another size.
     pub fn new(
-        lower: &SparseColMat<usize, f64>,
+        mut lower: SparseColMat<usize, f64>,
         signs: &[i8],
         pattern: Option<LdlPattern>,
     ) -> Option<Self> {
         let symbolic = match pattern {
             Some(LdlPattern(symbolic)) => symbolic,
-            None => symbolic(lower, None, 1)?,
+            None => symbolic(&lower, None, 1)?,
         };
-        let scale = scale(lower);
-        let entries = lower.triplet_iter().map(|at| scale[at.row] * at.val * scale[at.col]);
-        let lower = SparseColMat::new(lower.symbolic().to_owned().ok()?, entries.collect());
+        let scale = scale(&lower);
+        let (pattern_of_k, entries) = lower.parts_mut();
+        for (column, s) in scale.iter().enumerate() {
+            let rows = pattern_of_k.row_idx_of_col_raw(column);
+            for (entry, &row) in entries[pattern_of_k.col_range(column)].iter_mut().zip(rows) {
+                *entry = s * *entry * scale[row];
+            }
+        }
         let regular = LdltRegularization {
             dynamic_regularization_signs: Some(signs),
             dynamic_regularization_delta: LEAST_PIVOT,
@@ -272,7 +277,7 @@ mod tests {
     #[test]
     fn soft_pivots_beside_stiff_ones_are_pivots() {
         for softness in [1.0, 1e-9, 1e-18, 1e-27] {
-            let factor = SparseLdl::new(&pair(softness), &[1, -1, 1, -1], None).unwrap();
+            let factor = SparseLdl::new(pair(softness), &[1, -1, 1, -1], None).unwrap();
             // K x for x of ones, the second body's in its own units.
             let mut x = Mat::from_fn(4, 1, |i, _| match i {
                 0 => 5.0 - 0.5 * softness,
