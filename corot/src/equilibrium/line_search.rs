@@ -28,8 +28,6 @@ pub(crate) fn search(
     if !(start < 0.0 && start.is_finite()) {
         return 0.0;
     }
-    let unknown = problem.rounding(point.positions) * dot(direction, direction).sqrt();
-    let enough = (flat * -start).max(unknown);
     let base = point.positions.to_vec();
     let (mut low, mut high): ((f64, f64), Option<(f64, f64)>) = ((0.0, start), None);
     let mut length = 1.0;
@@ -39,7 +37,7 @@ pub(crate) fn search(
         let slope = -dot(&point.residual, direction);
         if !(slope.is_finite() && point.size.is_finite()) {
             high = Some((length, f64::INFINITY));
-        } else if point.is_solved() || slope.abs() <= enough {
+        } else if point.is_solved() || slope.abs() <= flat * -start {
             return length;
         } else if slope < 0.0 {
             low = (length, slope);

@@ -184,7 +184,10 @@ impl Problem<'_> {
             row[3..].iter().for_each(|pressure| squares += pressure.powi(2));
         }
         let norm = |a: &Field| a.iter().map(Vector3::norm_squared).sum::<f64>().sqrt();
-        let rounding = self.rounding(positions);
+        let inertial = self.inertia.map_or(0.0, Inertia::stiffness_scale);
+        let held = self.body.grip_scale();
+        let stiffness = self.forces.stiffness_scale(self.body) + inertial + held;
+        let rounding = f64::EPSILON * stiffness * norm(positions);
         let scale = norm(&external).max(elements).max(rounding / tolerance.residual);
         match squares.sqrt() {
             0.0 => 0.0,
@@ -192,14 +195,6 @@ impl Problem<'_> {
             _ if !scale.is_finite() => f64::NAN,
             size => size / scale,
         }
-    }
-
-    /// What a residual has of rounding, ε ‖K‖‖x‖, N.
-    pub(super) fn rounding(&self, positions: &Field) -> f64 {
-        let inertial = self.inertia.map_or(0.0, Inertia::stiffness_scale);
-        let held = self.body.grip_scale();
-        let stiffness = self.forces.stiffness_scale(self.body) + inertial + held;
-        f64::EPSILON * stiffness * positions.iter().map(Vector3::norm_squared).sum::<f64>().sqrt()
     }
 
     /// step = T C Tᵀ residual with T the vertices' rotations of the last evaluation: the warped
