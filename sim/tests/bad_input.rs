@@ -364,6 +364,8 @@ fn value_out_of_range() {
         ("refinement.split_above=0", "more than 0"),
         ("refinement.merge_fraction=1", "less than 1"),
         ("refinement.every_steps=0", "at least 1"),
+        ("refinement.ease_s=-0.1", "0 to 10"),
+        ("refinement.ease_s=nan", "0 to 10"),
         ("fixed.0.min=[0.5, 0, 0]", "fixed[0].min[0] is 0.5, want at most fixed[0].max[0], 0.0"),
         ("tools.0.path=[]", "tools[0].path"),
         ("tools.0.path.1.time_s=0", "tools[0].path[1].time_s"),

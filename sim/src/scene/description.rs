@@ -285,6 +285,9 @@ pub struct Refinement {
     pub max_splits_per_step: usize,
     /// Every how many steps what is wanted is measured, ≥ 1; above 1 the mesh changes in the steps between.
     pub every_steps: usize,
+    /// Over which time a body without inertia comes to feel a change of its mesh, s; in the next step where that is
+    /// less than one and a half.
+    pub ease_s: f64,
     /// A figure whose error is estimated too, and to which the indicator `goal` refines; for that the
     /// force of the first tool if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -449,6 +452,7 @@ impl Default for Refinement {
             dwell_steps: 2,
             max_splits_per_step: 200,
             every_steps: 1,
+            ease_s: 0.03,
             goal: None,
         }
     }

@@ -12,6 +12,7 @@ use yawara_mesh::{Lattice, VertexId};
 use super::contact::ContactState;
 use super::content::Content;
 use super::dynamics::{self, Motion};
+use super::easing::ease_steps;
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
 use super::holding::{Coming, Grips, hold_material};
@@ -204,6 +205,7 @@ impl<'a> SimulationBuilder<'a> {
                     refinement: scene.refinement.clone(),
                     max_vertices: scene.mesh.max_vertices,
                     indicator,
+                    is_eased: ease_steps(scene) > 0,
                 };
                 let state = content.state(&holds, empty);
                 let fixed = match scene.support.hold {

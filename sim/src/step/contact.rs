@@ -251,6 +251,16 @@ impl ContactState {
         }
     }
 
+    /// Has pushes go on at the same material after the mesh has changed.
+    pub fn follow(&mut self, tools: &[Box<dyn Tool>]) {
+        for push in &mut self.pushes {
+            let skin = tools[push.tool].surface_points();
+            if let Some(point) = skin.and_then(|skin| skin.point(push.number)) {
+                push.point = *point;
+            }
+        }
+    }
+
     /// Whether any probe pushes.
     pub fn is_pressed(&self) -> bool {
         !self.pushes.is_empty()

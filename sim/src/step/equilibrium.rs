@@ -11,12 +11,14 @@ use yawara_mesh::VertexId;
 
 use super::contact::{ContactState, Probing, Surroundings};
 use super::dynamics::Motion;
+use super::easing::{Easing, ease_steps};
 use super::grips::Grips;
 use super::held::Held;
 use super::indicator::Dual;
 use super::missed;
 use super::pace::Pace;
 use super::predictor::Predictor;
+use super::refinement::Exchange;
 use super::settling::Settling;
 use super::span::Span;
 use super::tool_loads::ToolLoads;
@@ -53,6 +55,8 @@ pub(crate) struct StepSolver {
     tool_loads: Vec<Vector3<f64>>,
     /// Forces of tools that have just let go; they fade to zero within the step of the release.
     fading: Vec<(VertexId, Vector3<f64>)>,
+    /// What splits and merges have left unbalanced.
+    easing: Easing,
     /// What tools hold of the material.
     pub grips: Grips,
     /// Time up to which the body has been followed, s: behind the clock after a failed step.
@@ -82,6 +86,7 @@ impl StepSolver {
             internal: Vec::new(),
             tool_loads: Vec::new(),
             fading: Vec::new(),
+            easing: Easing::new(ease_steps(scene)),
             grips: Grips::default(),
             reached_s: 0.0,
             deadline: None,
@@ -236,6 +241,7 @@ impl StepSolver {
             if span.to == step.to && self.is_unloaded(step.to, acting) {
                 // No way back from a pulled shape, which may be unstable now, leads anywhere else.
                 acting.state.rest();
+                self.easing.clear();
             }
             let mut outcome = self.attempt(step, span, acting, &mut total)?;
             let is_released = !self.fading.is_empty() && span.to == step.to;
@@ -284,6 +290,7 @@ impl StepSolver {
     /// Begins a step: of the law, and of a body with inertia.
     fn set_off(&mut self, step: Span, state: &mut BodyState) {
         state.body.begin_step(self.step_s);
+        self.easing.step();
         if self.motion.is_some() {
             self.evaluate_forces(state);
             let loads = self.weights(state, step.to);
@@ -457,6 +464,7 @@ impl StepSolver {
         for (v, force) in &self.fading {
             loads[v.index()] += step.left_at(t) * force;
         }
+        loads.iter_mut().zip(self.easing.loads()).for_each(|(load, eased)| *load += eased);
         if let Some(motion) = &self.motion {
             motion.ease_in(step, t, &mut loads);
         }
@@ -480,13 +488,53 @@ impl StepSolver {
         weights
     }
 
+    /// What holds vertices that are not free at the last equilibrium, N by vertex number; none where changes
+    /// of the mesh are felt at once.
+    pub fn holding(&self, state: &BodyState) -> Option<Vec<Vector3<f64>>> {
+        if !self.easing.is_wanted() {
+            return None;
+        }
+        let is_held = |v: &VertexId| state.holds[v.index()] != Hold::Free;
+        let held: Vec<VertexId> = state.vertices().filter(is_held).collect();
+        let mut holding = vec![Vector3::zeros(); state.positions.len()];
+        let reactions = self.reaction(state, &held, self.reached_s);
+        held.iter().zip(reactions).for_each(|(v, force)| holding[v.index()] = force);
+        Some(holding)
+    }
+
+    /// Keeps a body that stays where it is while its mesh changes in balance with what acts on it, and with what
+    /// holds it (N by vertex number): what is missing is taken away in the steps after. Cost: an evaluation of
+    /// internal forces.
+    pub fn ease(
+        &mut self,
+        mut holding: Vec<Vector3<f64>>,
+        exchanges: &[Exchange],
+        acting: &mut Acting<'_>,
+    ) {
+        let Acting { state, contact, tools, .. } = acting;
+        holding.resize(state.positions.len(), Vector3::zeros());
+        exchanges.iter().filter(|one| !one.is_split).for_each(|one| {
+            one.hand_on(&mut holding);
+        });
+        self.evaluate_forces(state);
+        let mut acts = self.weights(state, self.reached_s);
+        for tool in tools.iter().filter(|tool| tool.acts_at(self.reached_s)) {
+            tool.add_loads(state, self.reached_s, &mut acts);
+        }
+        contact.follow(tools);
+        contact.add_loads(&mut acts);
+        self.grips.add_means(state, &mut acts);
+        let missing = self.internal.iter().zip(&acts).zip(&holding);
+        self.easing.begin(missing.map(|((inside, acts), holds)| inside - acts - holds).collect());
+    }
+
     /// Internal minus external force on vertices at the last solve, at time `t`, N.
     pub fn reaction(&self, state: &BodyState, vertices: &[VertexId], t: f64) -> Vec<Vector3<f64>> {
         let weights = self.weights(state, t);
-        let load = |v: usize| self.tool_loads.get(v).copied().unwrap_or_default();
+        let of = |loads: &[Vector3<f64>], v: usize| loads.get(v).copied().unwrap_or_default();
         let force = |v: &VertexId| {
             let v = v.index();
-            self.internal[v] - weights[v] - load(v)
+            self.internal[v] - weights[v] - of(&self.tool_loads, v) - of(self.easing.loads(), v)
         };
         vertices.iter().map(force).collect()
     }

@@ -184,6 +184,13 @@ impl Grips {
         loads
     }
 
+    /// Adds the forces of tools that hold means to `forces`, N by vertex number.
+    pub fn add_means(&self, state: &BodyState, forces: &mut [Vector3<f64>]) {
+        let mut loads = Loads::default();
+        self.share(&self.forces, state, &mut loads);
+        forces.iter_mut().zip(loads.vertices()).for_each(|(force, more)| *force += more);
+    }
+
     /// Adds forces of constraints, by grip, to `loads`, shared among the points of each.
     fn share(&self, forces: &[Forces], state: &BodyState, loads: &mut Loads) {
         for ((number, _), forces) in self.held.iter().zip(forces) {

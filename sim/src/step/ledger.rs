@@ -221,7 +221,7 @@ impl Ledger {
 
 impl Exchange {
     /// The work of `loads` in the jump of the vertex, J; hands what acts on it on to the ends of its edge.
-    fn hand_on(&self, loads: &mut Loads) -> f64 {
+    pub(super) fn hand_on(&self, loads: &mut Loads) -> f64 {
         let Some(force) = loads.get_mut(self.vertex).map(std::mem::take) else { return 0.0 };
         self.edge.iter().for_each(|&end| loads[end] += 0.5 * force);
         force.dot(&self.jump)

@@ -13,6 +13,7 @@ mod builder;
 mod contact;
 mod content;
 mod dynamics;
+mod easing;
 mod equilibrium;
 mod figures;
 mod grips;

@@ -73,6 +73,8 @@ pub(crate) struct Rules {
     pub refinement: Refinement,
     pub max_vertices: usize,
     pub indicator: Box<dyn Indicator>,
+    /// Whether all material stays where it is while vertices come in, and loads keep it there at first.
+    pub is_eased: bool,
 }
 
 /// What splits and merges act on, and what they need to know besides.
@@ -450,7 +452,7 @@ impl Refiner {
             // The strain around a fixed vertex would put it elsewhere.
             Hold::Fixed => rest,
             // Held material stays where it is, and feels the same force.
-            _ if is_gripped => {
+            _ if is_gripped || self.rules.is_eased => {
                 let [a, b] = delta.edge.map(|v| state.positions[v.index()]);
                 0.5 * (a + b)
             }

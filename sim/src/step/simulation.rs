@@ -154,6 +154,7 @@ impl Simulation {
         let Self { body, tools, solver, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let mut remeshed = done;
+        let holding = solver.holding(state);
         if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes))
             && refiner.wants_changes()
         {
@@ -166,6 +167,12 @@ impl Simulation {
             let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
             inverse.watch(self.scene.seed.wrapping_add(step as u64), &elements)?;
             self.follow()?;
+            let Self { body, tools, contact, solver, .. } = self;
+            let SimulatedBody { state, inverse, .. } = body;
+            if let Some(holding) = holding {
+                let mut acting = Acting { state, contact, tools, inverse };
+                solver.ease(holding, &remeshed.exchanges, &mut acting);
+            }
         }
         let Self { body: SimulatedBody { state, .. }, tools, contact, solver, ledger, .. } = self;
         ledger.remeshed(&remeshed, solver, state, contact, tools);

@@ -17,13 +17,14 @@ const FARTHEST_MM: f64 = 1e4;
 const RADII_MM: std::ops::RangeInclusive<f64> = 0.5..=200.0;
 
 /// Keys that a page may change, or what they begin with.
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 11] = [
     "stages.",
     "refinement.split_above",
     "refinement.target",
     "refinement.merge_fraction",
     "refinement.max_splits_per_step",
     "refinement.every_steps",
+    "refinement.ease_s",
     "solver.residual",
     "mesh.max_vertices",
     "gravity_m_s2",

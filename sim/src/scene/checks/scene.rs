@@ -16,6 +16,9 @@ const MAX_STEPS: usize = 10_000_000;
 /// How far a block may be from a whole number of voxels, in voxels.
 const VOXEL_SLACK: f64 = 1e-6;
 
+/// The longest time over which a change of the mesh is felt, s.
+const EASE_S: f64 = 10.0;
+
 /// Velocities above it (m/s, rad/s) are mistakes.
 const FASTEST: f64 = 1e6;
 
@@ -218,6 +221,9 @@ impl Check<'_> {
         self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")?;
         let every = refinement.every_steps;
         self.that(every >= 1, "refinement.every_steps", every, "at least 1")?;
+        let ease_s = refinement.ease_s;
+        let in_range = (0.0..=EASE_S).contains(&ease_s);
+        self.that(in_range, "refinement.ease_s", ease_s, &format!("0 to {EASE_S}"))?;
         self.goal(scene)
     }
 
