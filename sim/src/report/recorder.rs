@@ -132,6 +132,8 @@ pub(crate) struct StepOutcome {
     pub report: StepReport,
     /// How often the step or a part of it was cut in two.
     pub halvings: usize,
+    /// Steps, 0 or 1, whose equilibrium was found from rest: no way led on from the last one.
+    pub from_rest: usize,
     /// The method of the solver that brought each attempt to its tolerance.
     pub converged_by: Vec<&'static str>,
     /// Time of each application of the inverse, ms.
@@ -184,6 +186,7 @@ impl RunStatistics {
         let Self { mesh, steps, estimate, force, .. } = self;
         steps.count += 1;
         steps.halvings += outcome.halvings;
+        steps.from_rest += outcome.from_rest;
         steps.converged += usize::from(report.converged);
         if steps.first_failure.is_none() {
             steps.first_failure.clone_from(&report.failure);

@@ -312,6 +312,8 @@ pub struct StepSummary {
     pub converged_by: BTreeMap<&'static str, usize>,
     /// How often a step or a part of one was cut in two.
     pub halvings: usize,
+    /// Steps that no way led to from the step before: their equilibrium was found from the body at rest.
+    pub from_rest: usize,
     /// The first step that did not converge.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_failure: Option<Failure>,

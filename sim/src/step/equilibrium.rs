@@ -29,6 +29,9 @@ use crate::report::{Momentum, StepOutcome, StepReport, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;
 
+/// The part of a step's iterations that is kept for an attempt from rest where none from the last equilibrium arrives.
+const LAST: f64 = 0.25;
+
 /// What a step moves, and what acts on it.
 pub(crate) struct Acting<'a> {
     pub state: &'a mut BodyState,
@@ -232,6 +235,10 @@ impl StepSolver {
         self.deadline = deadline;
         let mut total = StepOutcome::default();
         total.report.converged = true;
+        let mut kept = match self.motion {
+            None => (LAST * self.rules.step_iterations as f64) as usize,
+            Some(_) => 0,
+        };
         self.set_off(step, acting.state);
         self.predictor.begin(&acting.state.positions);
         acting.contact.begin();
@@ -243,15 +250,16 @@ impl StepSolver {
                 acting.state.rest();
                 self.easing.clear();
             }
-            let mut outcome = self.attempt(step, span, acting, &mut total)?;
+            let mut outcome = self.attempt(step, span, kept, acting, &mut total)?;
             let is_released = !self.fading.is_empty() && span.to == step.to;
-            if !outcome.converged && is_released && self.tolerance(&total).max_iterations > 0 {
+            let may_go_on = |total: &_, kept| self.tolerance(total, kept).max_iterations > 0;
+            if !outcome.converged && is_released && may_go_on(&total, kept) {
                 // Under a dead load the pulled shape may be unstable where the tool's hold made it
                 // stable: there is no path to follow, but the released shape may be near rest.
                 acting.state.rest();
-                outcome = self.attempt(step, span, acting, &mut total)?;
+                outcome = self.attempt(step, span, kept, acting, &mut total)?;
             }
-            let is_late = self.tolerance(&total).is_late();
+            let is_late = self.tolerance(&total, kept).is_late();
             if outcome.converged || is_late {
                 // Solved parts that the clock cuts off are no solved step.
                 let is_whole = span.to == step.to || !is_late;
@@ -266,10 +274,25 @@ impl StepSolver {
                 continue;
             }
             acting.state.put(before);
-            let may_go_on = self.tolerance(&total).max_iterations > 0;
+            let may_go_on = self.tolerance(&total, kept).max_iterations > 0;
             if self.pace.fail(span, step) && may_go_on {
                 total.halvings += 1;
                 continue;
+            }
+            if kept > 0 {
+                // No way leads on from here, or none that is short enough: another equilibrium may be near rest.
+                kept = 0;
+                let here = acting.state.standing();
+                acting.state.rest();
+                self.predictor.turn();
+                let whole = Span { from: self.reached_s, ..step };
+                if self.attempt(step, whole, kept, acting, &mut total)?.converged {
+                    total.report.substeps += 1;
+                    total.from_rest += 1;
+                    self.reached_s = step.to;
+                    break;
+                }
+                acting.state.put(here);
             }
             tracing::warn!(
                 "no equilibrium at {:.4} s (relative residual {:.1e}): the body stays as it was \
@@ -321,11 +344,13 @@ impl StepSolver {
         }
     }
 
-    /// Moves tools and loads to the end of `span` and solves; adds the work to `total`.
+    /// Moves tools and loads to the end of `span` and solves, with all iterations of the step that are left but `kept`;
+    /// adds the work to `total`.
     fn attempt(
         &mut self,
         step: Span,
         span: Span,
+        kept: usize,
         acting: &mut Acting<'_>,
         total: &mut StepOutcome,
     ) -> Result<Outcome, SimError> {
@@ -349,14 +374,13 @@ impl StepSolver {
         let begin = Instant::now();
         let applied = Applied::new(&held.constrained);
         state.put(moved);
-        let tolerance = self.tolerance(total);
+        let tolerance = self.tolerance(total, kept);
         let around =
             Surroundings { tools, probing: &probing, inverse, held: &held.vertices, share };
         let follows = self.equilibrium.takes_following() && self.forces.tangent().is_some();
         let tool_loads = ToolLoads::new(state, tools, span.to, follows);
         let mut pressed = tool_loads.lagging(state);
-        let left = self.rules.step_iterations.saturating_sub(total.report.iterations);
-        let mut settling = Settling::new(&tolerance, left);
+        let mut settling = Settling::new(&tolerance, self.iterations_left(total, kept));
         let inertia = self.motion.as_ref().and_then(Motion::inertia);
         let outcome = loop {
             let external: Vec<_> = own.iter().zip(&pressed).map(|(a, b)| a + b).collect();
@@ -421,10 +445,14 @@ impl StepSolver {
         }
     }
 
+    /// How many iterations a step that has come so far may still make, but for those `kept`.
+    fn iterations_left(&self, total: &StepOutcome, kept: usize) -> usize {
+        self.rules.step_iterations.saturating_sub(total.report.iterations + kept)
+    }
+
     /// When an attempt has converged, or has to end in a step that has come so far.
-    fn tolerance(&self, total: &StepOutcome) -> Tolerance {
-        let left = self.rules.step_iterations.saturating_sub(total.report.iterations);
-        let max_iterations = self.rules.max_iterations.min(left);
+    fn tolerance(&self, total: &StepOutcome, kept: usize) -> Tolerance {
+        let max_iterations = self.rules.max_iterations.min(self.iterations_left(total, kept));
         Tolerance { residual: self.rules.residual, max_iterations, deadline: self.deadline }
     }
 

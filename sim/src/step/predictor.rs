@@ -41,6 +41,11 @@ impl Predictor {
         if is_alike { share } else { 0.0 }
     }
 
+    /// The last step says nothing about this one.
+    pub fn turn(&mut self) {
+        self.last.clear();
+    }
+
     /// Begins a step at `positions`.
     pub fn begin(&mut self, positions: &[Vector3<f64>]) {
         self.from.clear();
