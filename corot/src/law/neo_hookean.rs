@@ -8,12 +8,16 @@ use super::constitutive_law::{ConstitutiveLaw, MaterialPoint};
 /// The stable neo-Hookean solid, which has the elasticity D at small strains.
 ///
 /// With the stretch S = I + ε and J = det S its energy is
-/// ½ ε·D ε + ½μ(S:S − 3) − μ(J − 1) + ½(κ + μ/3)(J − 1)² − μ dev ε : dev ε − ½κ (tr ε)², J/m³:
+/// ½μ(S:S − 3) − μ(J − 1) + ½(κ + μ/3)(J − 1)² + w (½ ε·D ε − μ dev ε : dev ε − ½κ (tr ε)²), J/m³:
 /// Smith's solid of the bulk modulus κ = 1/(mᵀD⁻¹m) and the shear modulus μ, and what D has beyond an isotropic
 /// material of these two as in linear elasticity. 2μ is a bound from below on the eigenvalues of D for changes of
 /// shape, the eigenvalue itself where D is isotropic: there the second part vanishes. The force of the isotropic part
 /// is a smooth function of the deformation gradient everywhere, where that of linear elasticity has a kink at
 /// σ₂ + σ₃ = 0, and a bar that is pulled to many times its length keeps its volume.
+///
+/// At that kink, where an element turns over, S jumps, and with it would the energy of a material that is not
+/// isotropic: going down it ends nowhere. So w goes to 0 there, t³(10 − 15t + 6t²) of t = d/2 where that is below 1, with
+/// d = (σ₁+σ₂)(σ₂+σ₃)(σ₃+σ₁) = I₁I₂ − I₃. Since d ≥ 8J, w is 1 wherever an element has a quarter of its volume.
 ///
 /// With pressures p takes the place of κ(J − 1), and p = κ(J − 1) is what they are found from.
 /// # Source
@@ -36,6 +40,9 @@ struct Point {
     growth: f64,
     cofactors: Strain,
     second: Matrix6<f64>,
+    /// What D has beyond the isotropic part, times the strain, and how it fades.
+    beyond: Strain,
+    fading: Option<Fading>,
 }
 
 /// diag(1, 1, 1, ½, ½, ½): S:S of engineering strains.
@@ -51,6 +58,46 @@ fn deviator() -> Matrix6<f64> {
 
 fn dilation() -> Strain {
     Strain::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+}
+
+/// d below which what is beyond the isotropic part fades; 8 at rest.
+const TURNING_OVER: f64 = 2.0;
+
+/// w with its first and second derivative by engineering strains.
+struct Fading {
+    value: f64,
+    first: Strain,
+    second: Matrix6<f64>,
+}
+
+impl Fading {
+    /// Of the stretch I + ε with its det S − 1, cofactors and their derivative; none where w is 1.
+    fn new(
+        strain: &Strain,
+        growth: f64,
+        cofactors: &Strain,
+        second: &Matrix6<f64>,
+    ) -> Option<Self> {
+        let m = dilation();
+        let stretch = product() * strain + m;
+        let (one, squares) = (3.0 + strain.dot(&m), stretch.dot(&(strain + m)));
+        let two = 0.5 * (one * one - squares);
+        let t = (one * two - (1.0 + growth)).max(0.0) / TURNING_OVER;
+        if t >= 1.0 {
+            return None;
+        }
+        let of_two = one * m - stretch;
+        let of_t = (two * m + one * of_two - cofactors) / TURNING_OVER;
+        let crossed = m * of_two.transpose();
+        let more = crossed + crossed.transpose() + one * (m * m.transpose() - product()) - second;
+        let (slope, curve) =
+            (30.0 * (t * (1.0 - t)).powi(2), 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t));
+        Some(Self {
+            value: t.powi(3) * (10.0 - 15.0 * t + 6.0 * t * t),
+            first: slope * of_t,
+            second: curve * of_t * of_t.transpose() + slope / TURNING_OVER * more,
+        })
+    }
 }
 
 impl Moduli {
@@ -79,7 +126,24 @@ impl Point {
         let [shear, bulk] = [0, 1].map(|i| point.moduli[i]);
         let (growth, cofactors, second) = volume(&point.strain);
         let pressure = point.pressure.unwrap_or(bulk * growth);
-        Self { moduli: Moduli { shear, bulk }, pressure, growth, cofactors, second }
+        let (strain, m) = (&point.strain, dilation());
+        let isotropic = 2.0 * shear * (deviator() * strain) + bulk * strain.dot(&m) * m;
+        let beyond = point.elasticity * strain - isotropic;
+        let fading = Fading::new(strain, growth, &cofactors, &second);
+        Self { moduli: Moduli { shear, bulk }, pressure, growth, cofactors, second, beyond, fading }
+    }
+
+    /// σ of what is beyond the isotropic part.
+    fn stress_beyond(&self, strain: &Strain) -> Strain {
+        let Self { beyond, fading, .. } = self;
+        fading.as_ref().map_or(*beyond, |w| w.value * beyond + 0.5 * strain.dot(beyond) * w.first)
+    }
+
+    /// ∂σ/∂ε of the same, of the elasticity A.
+    fn tangent_beyond(&self, strain: &Strain, elasticity: Matrix6<f64>) -> Matrix6<f64> {
+        let Self { beyond, fading: Some(w), .. } = self else { return elasticity };
+        let crossed = beyond * w.first.transpose();
+        w.value * elasticity + crossed + crossed.transpose() + 0.5 * strain.dot(beyond) * w.second
     }
 }
 
@@ -118,35 +182,33 @@ impl ConstitutiveLaw for NeoHookean {
     }
 
     fn stress(&self, point: &MaterialPoint<'_>, _: &mut [f64]) -> Strain {
-        let Point { moduli: Moduli { shear, bulk }, pressure, growth, cofactors, .. } =
-            Point::new(point);
-        let (strain, m) = (&point.strain, dilation());
-        let stretch = product() * strain + m;
-        let spherical = (pressure + shear / 3.0 * growth) * cofactors - bulk * strain.dot(&m) * m;
-        point.elasticity * strain
-            + shear * (stretch - cofactors - 2.0 * deviator() * strain)
-            + spherical
+        let at = Point::new(point);
+        let Point { moduli: Moduli { shear, .. }, pressure, growth, cofactors, .. } = &at;
+        let stretch = product() * point.strain + dilation();
+        let spherical = (pressure + shear / 3.0 * growth) * cofactors;
+        at.stress_beyond(&point.strain) + *shear * (stretch - cofactors) + spherical
     }
 
     fn tangent(&self, point: &MaterialPoint<'_>) -> Matrix6<f64> {
-        let Point { moduli: Moduli { shear, bulk }, pressure, growth, cofactors, second } =
-            Point::new(point);
+        let at = Point::new(point);
+        let Point { moduli: Moduli { shear, bulk }, pressure, growth, cofactors, second, .. } = &at;
         let m = dilation();
-        let stiff = if point.pressure.is_some() { 0.0 } else { bulk };
-        point.elasticity - bulk * m * m.transpose()
-            + shear * (product() - 2.0 * deviator())
+        let stiff = if point.pressure.is_some() { 0.0 } else { *bulk };
+        let elasticity = point.elasticity - *bulk * m * m.transpose() - 2.0 * *shear * deviator();
+        at.tangent_beyond(&point.strain, elasticity)
+            + *shear * product()
             + (pressure + shear / 3.0 * growth - shear) * second
             + (stiff + shear / 3.0) * cofactors * cofactors.transpose()
     }
 
     fn energy(&self, point: &MaterialPoint<'_>) -> Option<f64> {
-        let Point { moduli: Moduli { shear, bulk }, pressure, growth, .. } = Point::new(point);
+        let Point { moduli: Moduli { shear, .. }, pressure, growth, beyond, fading, .. } =
+            Point::new(point);
         let strain = &point.strain;
-        let squares = |form: &Matrix6<f64>| strain.dot(&(form * strain));
-        let dilation = strain.dot(&dilation());
-        let linear = 0.5 * (squares(point.elasticity) - bulk * dilation * dilation);
-        let of_shape = dilation + 0.5 * squares(&product()) - growth - squares(&deviator());
-        Some(linear + shear * of_shape + (shear / 6.0 * growth + 0.5 * pressure) * growth)
+        let faded = fading.map_or(1.0, |w| w.value);
+        let of_shape = strain.dot(&dilation()) + 0.5 * strain.dot(&(product() * strain)) - growth;
+        let volumetric = (shear / 6.0 * growth + 0.5 * pressure) * growth;
+        Some(0.5 * faded * strain.dot(&beyond) + shear * of_shape + volumetric)
     }
 
     fn stiffening(&self, _: f64) -> f64 {
@@ -212,5 +274,70 @@ mod tests {
         let own = 0.5e3 / 1.3;
         assert!(shear > 0.2 * own && shear <= own * (1.0 + 1e-12), "{shear} Pa of {own} Pa");
         assert!((Moduli::new(&base).shear - own).abs() < 1e-12 * own);
+    }
+
+    /// Stiffer along a fibre, which lies off the axes.
+    fn fibred() -> Matrix6<f64> {
+        let fibre = Strain::new(0.1, 0.8, 0.1, 0.3, 0.0, 0.2);
+        isotropic(1e3, 0.3) + 5e3 * fibre * fibre.transpose()
+    }
+
+    fn at<T>(elasticity: &Matrix6<f64>, strain: Strain, of: impl Fn(&MaterialPoint<'_>) -> T) -> T {
+        let mut moduli = [0.0; 2];
+        NeoHookean.set_moduli(elasticity, &[], &mut moduli);
+        let (moduli, state, step_s) = (&moduli[..], &[][..], f64::INFINITY);
+        let (pressure, prepared) = (None, &[][..]);
+        of(&MaterialPoint { elasticity, moduli, strain, pressure, state, step_s, prepared })
+    }
+
+    /// Singular values 1.2, .5 and just below or above −.5: the stretch of one is diag(1.2, .5, −.5), that of the
+    /// other diag(1.2, −.5, .5), where the linear energies of a fibred material differ by the half of them.
+    #[test]
+    fn energy_and_forces_go_on_where_an_element_turns_over() {
+        let (elasticity, off) = (fibred(), 1e-4);
+        let strains = [
+            Strain::new(0.2, -0.5, -1.5 + off, 0.0, 0.0, 0.0),
+            Strain::new(0.2, -1.5 - off, -0.5, 0.0, 0.0, 0.0),
+        ];
+        let [a, b] = strains.map(|e| at(&elasticity, e, |p| NeoHookean.energy(p)).unwrap());
+        let linear = strains.map(|e| 0.5 * e.dot(&(elasticity * e)));
+        assert!((linear[0] - linear[1]).abs() > 0.3 * linear[0], "{linear:?}");
+        assert!((a - b).abs() < 2.0 * off * a, "{a} and {b} J/m³");
+        // The same directions in space: what pulls along y and z.
+        let [a, b] = strains.map(|e| at(&elasticity, e, |p| NeoHookean.stress(p, &mut [])));
+        for (axis, turned) in [(0, 1.0), (1, -1.0), (2, -1.0)] {
+            let gap = (a[axis] - turned * b[axis]).abs();
+            assert!(gap < 10.0 * off * a.norm(), "{axis}: {a:?} and {b:?}");
+        }
+    }
+
+    #[test]
+    fn stress_is_the_derivative_of_energy_and_tangent_that_of_stress() {
+        let h = 1e-5;
+        let (mut faded, mut whole) = (0, 0);
+        for number in 0..200 {
+            let wave = |k: usize| (1.7 * (number * 6 + k) as f64).sin();
+            let strain = Strain::from_fn(|k, _| if k < 3 { wave(k) - 0.4 } else { wave(k) });
+            let (growth, cofactors, second) = volume(&strain);
+            match Fading::new(&strain, growth, &cofactors, &second) {
+                Some(w) if w.value > 0.0 => faded += 1,
+                Some(_) => continue,
+                None => whole += 1,
+            }
+            let elasticity = fibred();
+            let stress = at(&elasticity, strain, |p| NeoHookean.stress(p, &mut []));
+            let tangent = at(&elasticity, strain, |p| NeoHookean.tangent(p));
+            for k in 0..6 {
+                let moved = [h, -h].map(|h| strain + h * Strain::ith(k, 1.0));
+                let energies = moved.map(|e| at(&elasticity, e, |p| NeoHookean.energy(p)).unwrap());
+                let slope = (energies[0] - energies[1]) / (2.0 * h);
+                assert!((slope - stress[k]).abs() < 1e-6 * tangent.amax(), "{strain:?} {k}");
+                let stresses = moved.map(|e| at(&elasticity, e, |p| NeoHookean.stress(p, &mut [])));
+                let slopes = (stresses[0] - stresses[1]) / (2.0 * h);
+                let off = (slopes - tangent.column(k)).amax();
+                assert!(off < 1e-6 * tangent.amax(), "{strain:?} {k}: {off}");
+            }
+        }
+        assert!(faded > 10 && whole > 50, "{faded} faded, {whole} whole");
     }
 }
