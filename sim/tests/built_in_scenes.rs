@@ -118,6 +118,19 @@ fn a_pull_by_more_than_half_of_the_body_gets_the_law_for_it() {
 }
 
 #[test]
+fn a_ball_of_material_that_is_turned_far_gets_it_too() {
+    let law = |summary: &Summary| {
+        summary.plan.iter().find(|row| row.stage == "law").map(|row| row.choice.clone())
+    };
+    let set = ["image.voxel_mm=4", "tools.0.turn_axis=[0,0,1]", "time.steps=1"];
+    for (turn_deg, want) in [(14, "linear"), (20, "neo_hookean")] {
+        let path = format!("tools.0.path=[{{time_s=0}},{{time_s=0.5,turn_deg=-{turn_deg}}}]");
+        let (summary, _) = run("liver", &[&set[..], &[&path]].concat());
+        assert_eq!(law(&summary).as_deref(), Some(want), "{turn_deg} degrees");
+    }
+}
+
+#[test]
 fn a_body_at_rest_is_not_refined_by_what_rounding_leaves() {
     let set = ["tools=[]", "image.voxel_mm=4", "time.steps=3"];
     for element in ["stages.element=p1", "stages.element=p1p1"] {

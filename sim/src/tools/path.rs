@@ -70,6 +70,11 @@ impl ToolPath {
         self.keys.iter().map(length).fold(0.0, f64::max)
     }
 
+    /// How far it turns from its start, degrees.
+    pub(crate) fn turns_deg(&self) -> f64 {
+        self.keys.iter().map(|key| key.turn_deg.abs()).fold(0.0, f64::max)
+    }
+
     /// Displacement (solver axes, m) and turn (rad) at time `t`.
     pub fn motion(&self, t: f64) -> (Vector3<f64>, f64) {
         let Pose { move_m, turn_deg } = self.pose(t);
