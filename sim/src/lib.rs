@@ -40,6 +40,8 @@ mod error;
 pub mod haptic;
 pub mod inverse;
 pub mod output;
+#[cfg(feature = "view")]
+pub mod playback;
 pub mod preview;
 pub mod report;
 pub mod scene;
