@@ -38,7 +38,7 @@ pub enum Command {
     ///
     /// Prints rates and latencies. What is computed depends on how fast this machine is.
     Haptic(HapticArguments),
-    /// Shows a scene in the browser, with hands on it.
+    /// Shows a scene in the browser, with hands on it, or plays a run that is over.
     ///
     /// Prints the address, which has a token in it; ends with Ctrl-C.
     #[cfg(feature = "view")]
@@ -162,8 +162,8 @@ pub struct HapticArguments {
 #[cfg(feature = "view")]
 #[derive(Debug, Args)]
 pub struct ViewArguments {
-    /// A TOML file, or the name of a built-in scene.
-    #[arg(default_value = DEFAULT_SCENE)]
+    /// A TOML file, the name of a built-in scene, or the directory of a run that is over.
+    #[arg(value_name = "SCENE|RUN_DIR", default_value = DEFAULT_SCENE)]
     pub scene: String,
     /// The port; 0 takes any that is free.
     #[arg(long, value_name = "P", default_value_t = 0)]

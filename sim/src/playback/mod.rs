@@ -9,3 +9,4 @@ mod run;
 mod tool_place;
 
 pub use run::Run;
+pub(crate) use run::surfaces;

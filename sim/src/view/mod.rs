@@ -9,8 +9,10 @@
 
 mod access;
 mod hand;
+mod inbox;
 mod painter;
 mod picture;
+mod player;
 mod protocol;
 mod recording;
 mod server;

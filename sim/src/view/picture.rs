@@ -14,6 +14,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 /// Vertices of a surface that are sent together.
 pub(super) const PIECE: usize = 512;
 
@@ -100,6 +102,22 @@ impl Picture {
             self.values.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
         }
         out
+    }
+}
+
+impl Surface {
+    /// One that has just come, in picture `number`: points in mm.
+    pub fn at_rest(
+        points_mm: impl Iterator<Item = Vector3<f64>>,
+        triangles: &[[u32; 3]],
+        number: u64,
+    ) -> Self {
+        let points_mm: Vec<[f32; 3]> = points_mm.map(|x| x.map(|x| x as f32).into()).collect();
+        Self {
+            moved: vec![[0; 3]; points_mm.len()],
+            changed: vec![number; points_mm.len().div_ceil(PIECE)],
+            rest: Arc::new(SurfaceAtRest { points_mm, triangles: triangles.to_vec() }),
+        }
     }
 }
 
