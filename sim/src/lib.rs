@@ -37,6 +37,8 @@
 mod body;
 mod choice;
 mod error;
+#[cfg(feature = "view")]
+pub mod film;
 pub mod haptic;
 pub mod inverse;
 pub mod output;

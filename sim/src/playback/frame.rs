@@ -42,7 +42,7 @@ pub(super) fn list(folder: &Path) -> Result<Vec<FrameFiles>, SimError> {
         let wrong = |reason: &str| refusal(&collection, line, reason);
         match (named, frames.last_mut()) {
             (Named::Tets, last)
-                if last.as_ref().is_none_or(|last| last.step < step && last.time_s <= time_s) =>
+                if last.as_ref().is_none_or(|last| last.step < step && last.time_s < time_s) =>
             {
                 let (surfaces, outline) = (Vec::new(), None);
                 frames.push(FrameFiles { step, time_s, tets: path, surfaces, outline });

@@ -26,8 +26,15 @@ pub struct Run {
     frames: Vec<FrameFiles>,
     labels: Vec<i64>,
     displacement_max_mm: f64,
+    box_mm: [Vector3<f64>; 2],
     warnings: Vec<String>,
 }
+
+/// The box of nothing.
+const NOTHING: [Vector3<f64>; 2] = [
+    Vector3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
+    Vector3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
+];
 
 impl Run {
     /// Opens a run directory, as `yawara run` writes it. Cost: reads all of it.
@@ -61,6 +68,7 @@ impl Run {
             frames,
             labels: Vec::new(),
             displacement_max_mm: 0.0,
+            box_mm: NOTHING,
             warnings: Vec::new(),
         };
         run.look_through()?;
@@ -94,11 +102,12 @@ impl Run {
                 let moved = surface.displacement_mm.iter().map(|u| u.amax());
                 self.displacement_max_mm = moved.fold(self.displacement_max_mm, f64::max);
             }
+            self.box_mm = shown(&frame).fold(self.box_mm, |ends, (x, _)| with(ends, x));
         }
-        let ends = ends(&first);
+        let at_rest = shown(&first).fold(NOTHING, |ends, (x, u)| with(ends, x - u));
         for (i, tool) in self.description.tools.iter().enumerate() {
             let key = format!("tools[{i}]");
-            match ToolPlace::of(tool, &key, ends) {
+            match ToolPlace::of(tool, &key, at_rest) {
                 Ok(Some(place)) => {
                     for step in &mut self.steps {
                         if let Some(tool) = step.tools.get_mut(i) {
@@ -188,6 +197,11 @@ impl Run {
         found.map_or("", |one| &one.name[..])
     }
 
+    /// The box of all that any frame shows, scanner RAS, mm.
+    pub fn box_mm(&self) -> [Vector3<f64>; 2] {
+        self.box_mm
+    }
+
     /// The largest component of a displacement of any surface, mm.
     pub fn displacement_max_mm(&self) -> f64 {
         self.displacement_max_mm
@@ -199,21 +213,19 @@ pub(crate) fn surfaces(frame: &Frame) -> impl Iterator<Item = &SurfaceFrame> {
     frame.outline.iter().chain(&frame.surfaces)
 }
 
-/// The box of a body at rest: that of its outline, or of its tetrahedra.
-fn ends(first: &Frame) -> [Vector3<f64>; 2] {
-    let mut ends = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
-    let mut add = |x: Vector3<f64>| ends = [ends[0].inf(&x), ends[1].sup(&x)];
-    match &first.outline {
-        Some(outline) => {
-            let both = outline.points_mm.iter().zip(&outline.displacement_mm);
-            both.for_each(|(x, u)| add(x - u));
-        }
-        None => {
-            let both = first.points_mm.iter().zip(&first.displacement_mm);
-            both.for_each(|(x, u)| add(Vector3::from(*x) - Vector3::from(*u)));
-        }
-    }
-    ends
+/// What is seen of a frame, its surfaces or else its tetrahedra: points and displacements, mm.
+fn shown<'a>(frame: &'a Frame) -> impl Iterator<Item = (Vector3<f64>, Vector3<f64>)> + 'a {
+    let has_surfaces = surfaces(frame).next().is_some();
+    let of_surface = |one: &'a SurfaceFrame| {
+        one.points_mm.iter().zip(&one.displacement_mm).map(|(x, u)| (*x, *u))
+    };
+    let tets = frame.points_mm.iter().zip(&frame.displacement_mm);
+    let tets = tets.filter(move |_| !has_surfaces).map(|(x, u)| ((*x).into(), (*u).into()));
+    surfaces(frame).flat_map(of_surface).chain(tets)
+}
+
+fn with([low, high]: [Vector3<f64>; 2], x: Vector3<f64>) -> [Vector3<f64>; 2] {
+    [low.inf(&x), high.sup(&x)]
 }
 
 fn summary(path: &Path) -> Result<Value, SimError> {

@@ -18,7 +18,7 @@ pub struct Picture {
 
 impl Picture {
     /// A white one.
-    pub(super) fn new(width: usize, height: usize) -> Self {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
         Self { width, height, rgb: vec![255; 3 * width * height] }
     }
 
@@ -33,7 +33,7 @@ impl Picture {
     }
 
     /// Sets a pixel, unless it is beyond the edges.
-    pub(super) fn set(&mut self, x: i64, y: i64, colour: Colour) {
+    pub(crate) fn set(&mut self, x: i64, y: i64, colour: Colour) {
         let inside = |at: i64, size: usize| usize::try_from(at).ok().filter(|&at| at < size);
         if let (Some(x), Some(y)) = (inside(x, self.width), inside(y, self.height)) {
             let i = 3 * (y * self.width + x);
@@ -51,7 +51,7 @@ impl Picture {
     }
 
     /// Fills a disc.
-    pub(super) fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
+    pub(crate) fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let reach = radius.ceil() as i64;
         for dy in -reach..=reach {
             for dx in -reach..=reach {
@@ -63,7 +63,7 @@ impl Picture {
     }
 
     /// A line as thick as `2 half` pixels.
-    pub(super) fn line(&mut self, a: [f64; 2], b: [f64; 2], half: f64, colour: Colour) {
+    pub(crate) fn line(&mut self, a: [f64; 2], b: [f64; 2], half: f64, colour: Colour) {
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         // What is beyond the edges is not drawn, but would take long.
         let steps = (2.0 * length).ceil().clamp(1.0, 1e4) as usize;
@@ -86,7 +86,7 @@ impl Picture {
     }
 
     /// Writes from the left upper corner on, with dots of `size` pixels.
-    pub(super) fn text(&mut self, [x, y]: [i64; 2], text: &str, size: i64, colour: Colour) {
+    pub(crate) fn text(&mut self, [x, y]: [i64; 2], text: &str, size: i64, colour: Colour) {
         for (i, letter) in (0..).zip(text.chars()) {
             let left = x + i * (font::WIDTH + 1) * size;
             for (column, dots) in (0..).zip(font::columns(letter)) {

@@ -1,6 +1,6 @@
 //! The thread that makes pictures of what the simulation was a moment ago.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use nalgebra::Vector3;
@@ -11,7 +11,7 @@ use super::picture::{PIECE, Picture, Surface, Topology};
 use crate::SimError;
 use crate::body::ScannerAxes;
 use crate::playback::surfaces;
-use crate::report::{BodyOutline, Frame, SurfaceFrame, Surfaces};
+use crate::report::{BodyOutline, Frame, SurfaceFrame, Surfaces, outer_faces};
 
 /// What a picture is made of.
 pub(super) struct Snapshot {
@@ -247,24 +247,9 @@ impl Painter {
         let is_new = |pair: &[u32; 2]| !is_first && !self.edges.contains(&place(pair));
         let edges = pairs.iter().map(|pair| [pair[0], pair[1], u32::from(is_new(pair))]).collect();
         self.edges = pairs.iter().map(place).collect();
-        self.outer = faces(frame);
+        self.outer = outer_faces(frame);
         Topology { edges, faces: self.outer.iter().map(|(face, _)| *face).collect() }
     }
-}
-
-/// The faces of only one tetrahedron, counter-clockwise as seen from outside, with its number.
-fn faces(frame: &Frame) -> Vec<([u32; 3], usize)> {
-    let mut found: HashMap<[u32; 3], Option<([u32; 3], usize)>> = HashMap::new();
-    for (number, &[a, b, c, d]) in frame.tets.iter().enumerate() {
-        for face in [[a, c, b], [a, b, d], [a, d, c], [b, c, d]] {
-            let mut key = face;
-            key.sort_unstable();
-            found.entry(key).and_modify(|both| *both = None).or_insert(Some((face, number)));
-        }
-    }
-    let mut outer: Vec<_> = found.into_values().flatten().collect();
-    outer.sort_unstable();
-    outer
 }
 
 /// What the tetrahedron behind each face has.
@@ -297,7 +282,7 @@ mod tests {
     #[test]
     fn outer_faces_look_outwards_and_know_their_tetrahedron() {
         let frame = two_tets();
-        let found = faces(&frame);
+        let found = outer_faces(&frame);
         assert_eq!(found.len(), 6);
         let at = |i: u32| Vector3::from(frame.points_mm[i as usize]);
         for (face, _) in found.iter().filter(|(_, tet)| *tet == 0) {

@@ -21,6 +21,7 @@ use tokio::time::{Instant, interval, timeout};
 
 use super::access::{is_host, is_origin, is_same, token};
 use super::inbox::{Inbox, Notice, Voices};
+use super::page_files::{FILES, INDEX};
 use super::painter::{Easel, paint};
 use super::picture::{Picture, Seen};
 use super::player::Player;
@@ -46,20 +47,6 @@ const PATIENCE: Duration = Duration::from_secs(15);
 /// What scripts, pictures and connections the page may have: its own.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// The files of the page.
-const FILES: [(&str, &str, &[u8]); 10] = [
-    ("/page.css", "text/css", include_bytes!("page/page.css")),
-    ("/main.js", "text/javascript", include_bytes!("page/main.js")),
-    ("/body.js", "text/javascript", include_bytes!("page/body.js")),
-    ("/clock.js", "text/javascript", include_bytes!("page/clock.js")),
-    ("/colour.js", "text/javascript", include_bytes!("page/colour.js")),
-    ("/picture.js", "text/javascript", include_bytes!("page/picture.js")),
-    ("/plot.js", "text/javascript", include_bytes!("page/plot.js")),
-    ("/source.js", "text/javascript", include_bytes!("page/source.js")),
-    ("/three.js", "text/javascript", include_bytes!("page/three.js")),
-    ("/icon.svg", "image/svg+xml", include_bytes!("page/icon.svg")),
-];
 
 /// How a view is served.
 #[derive(Clone, Debug)]
@@ -179,11 +166,11 @@ pub fn serve(
     };
     ready(&Listening { url: format!("http://{host}/?token={}", shared.token) })?;
     let mut router = Router::new().route("/", get(page)).route("/ws", get(socket));
-    for (path, kind, bytes) in FILES {
+    for (path, kind, text) in FILES {
         let file = move |State(shared): State<Arc<Shared>>, headers: HeaderMap| async move {
             match refused_host(&shared, &headers) {
                 Some(refusal) => refusal,
-                None => plain(kind, Bytes::from_static(bytes)),
+                None => plain(kind, text),
             }
         };
         router = router.route(path, get(file));
@@ -252,7 +239,7 @@ async fn page(
 ) -> Response {
     match refused(&shared, &headers, query.as_deref()) {
         Some(refusal) => refusal,
-        None => plain("text/html; charset=utf-8", include_str!("page/index.html")),
+        None => plain("text/html; charset=utf-8", INDEX),
     }
 }
 

@@ -1,6 +1,7 @@
 //! The page of `yawara view`: who is let in, and in a real browser what a hand does.
 
 mod browser;
+mod export;
 mod playback;
 
 use std::fs;

@@ -1,8 +1,9 @@
 //! A run that is over, played in the page.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::PoisonError;
 
 use super::browser::Browser;
@@ -41,9 +42,14 @@ impl Finished {
         self.folder.path().join(name)
     }
 
-    pub fn yawara(&self, arguments: &[&str]) -> Output {
+    pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_yawara"));
-        command.args(arguments).current_dir(self.folder.path()).output().unwrap()
+        command.args(arguments).current_dir(self.folder.path());
+        command
+    }
+
+    pub fn yawara(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
     }
 
     /// The force on all tools in a step, as the table has it.
@@ -167,10 +173,19 @@ fn a_page_that_is_narrow_and_dark_plays_a_run_of_a_mesh_without_outlines() {
 fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
     let finished = Finished::new(&["beam", "--steps=2", "--set", "mesh.max_level=3"]);
     let refused = |arguments: &[&str]| {
-        let output = finished.yawara(&[&["view"], arguments].concat());
+        let mut command = finished.command(&[&["view"], arguments].concat());
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        // What is served prints an address, and would go on.
+        let mut served = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut served).unwrap();
+        if !served.is_empty() {
+            child.kill().unwrap();
+        }
+        let output = child.wait_with_output().unwrap();
+        assert!(served.is_empty(), "{arguments:?} is served");
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{message}");
-        assert!(output.stdout.is_empty() && message.matches('\n').count() == 1, "{message}");
+        assert_eq!(message.matches('\n').count(), 1, "{message}");
         message
     };
     let run = finished.run();
@@ -202,7 +217,7 @@ fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
         (frame, &|path| cut(path), "step_000002_outline.vtp"),
         (
             frame,
-            &|path| replace(path, "displacement_mm", "displacement_um"),
+            &|path| replace(path, "Name=\"displacement_mm\"", "Name=\"displacement_um\""),
             "no array displacement_mm",
         ),
     ];

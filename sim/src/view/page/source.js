@@ -34,7 +34,11 @@ function server({ told, seen, lost }) {
 
 /** A run that is in the page: what is told first, and a picture of each frame, the first with the surfaces at rest. */
 function recording({ state, pictures }, { told, seen }) {
-  const show = (frame) => seen(Uint8Array.from(atob(pictures[frame]), (c) => c.charCodeAt(0)).buffer);
+  const show = async (frame) => {
+    const packed = Uint8Array.from(atob(pictures[frame]), (c) => c.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
+    seen(await new Response(stream).arrayBuffer());
+  };
   queueMicrotask(() => { told(state); show(0); });
   return { say(request) { if (request.do === 'seek') show(request.frame); }, socket: null };
 }
