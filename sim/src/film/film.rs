@@ -157,7 +157,8 @@ fn words(run: &Run, camera: &Camera, report: &StepReport, picture: &mut Picture)
     let width = SIZE[0] as f64;
     let place = |i: usize| {
         let [left, right] = [14.0, width - 14.0];
-        [left + (right - left) * i as f64 / last, bottom - (bottom - top) * forces[i] / most]
+        let share = (forces[i] / most).min(1.0);
+        [left + (right - left) * i as f64 / last, bottom - (bottom - top) * share]
     };
     picture.line([14.0, bottom + 2.0], [width - 14.0, bottom + 2.0], 0.6, SOFT);
     for i in 1..forces.len() {

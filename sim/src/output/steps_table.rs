@@ -14,13 +14,19 @@ const MOST_STEPS: usize = 1_000_000;
 /// Tools have the names of `kinds`, in their order.
 ///
 /// # Errors
-/// [`SimError::Io`]; [`SimError::Syntax`] with the line: a missing column, a cell that is no such number,
-/// steps that do not count up from 1, times that do not ascend.
+/// [`SimError::Io`]; [`SimError::Syntax`] with the line: a column that is missing or there twice, a cell that
+/// is no such number, steps that do not count up from 1, times that do not ascend.
 pub(crate) fn read_steps(path: &Path, kinds: &[&'static str]) -> Result<Vec<StepReport>, SimError> {
     let text = std::fs::read_to_string(path).map_err(|source| SimError::Io(path.into(), source))?;
     let mut lines = (1..).zip(text.lines());
     let header = lines.next().map_or("", |(_, line)| line);
     let columns: HashMap<&str, usize> = header.split(',').zip(0..).collect();
+    let title = Row { path, line: 1, columns: &columns, cells: header.split(',').collect() };
+    if let Some(twice) = (0..).zip(&title.cells).find(|(at, name)| columns[*name] != *at) {
+        return Err(title.wrong(format!("two columns are {:?}", twice.1)));
+    }
+    // A table without rows says nothing of its columns otherwise.
+    title.has(&["step", "time_s"])?;
     let mut steps: Vec<StepReport> = Vec::new();
     for (line, text) in lines {
         let cells: Vec<&str> = text.split(',').collect();
@@ -42,8 +48,6 @@ pub(crate) fn read_steps(path: &Path, kinds: &[&'static str]) -> Result<Vec<Step
         }
         steps.push(step);
     }
-    // A header without rows says nothing of its columns.
-    Row { path, line: 1, columns: &columns, cells: Vec::new() }.has(&["step", "time_s"])?;
     Ok(steps)
 }
 
@@ -146,44 +150,21 @@ impl Row<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::steps_csv::tests::full_step;
     use super::super::steps_csv::{header, line};
     use super::*;
 
     fn step(number: usize) -> StepReport {
-        let felt = ToolReport {
-            kind: "probe",
-            force_n: [0.5, 0.0, 1.0 / 3.0],
-            force_error_n: Some(0.015625),
-            torque_n_m: [0.0, 0.0, -0.25],
-            contacts: 9,
-            penetration_m: 1e-8,
-            ..ToolReport::default()
-        };
-        StepReport {
+        let mut step = StepReport {
             step: number,
             time_s: 0.1 * number as f64,
-            vertices: 728,
-            tets: 3000,
-            splits: 4,
-            merges: 5,
-            waiting: 11,
-            iterations: 6,
-            substeps: 2,
-            fallbacks: 3,
-            residual: 1e-7,
             converged: number != 2,
             error_estimate: (number == 1).then_some(0.0625),
-            force_n: [-1.5, 0.0, 1e300],
-            tools: vec![ToolReport { kind: "grab", ..ToolReport::default() }, felt],
-            times: StageTimes {
-                tool_ms: 1.0,
-                solve_ms: 2.0,
-                indicator_ms: 3.0,
-                remesh_ms: 4.0,
-                inverse_ms: 5.0,
-            },
-            ..StepReport::default()
-        }
+            goal: None,
+            ..full_step()
+        };
+        (step.tools[0].kind, step.tools[1].kind) = ("grab", "probe");
+        step
     }
 
     fn read(text: &str) -> Result<Vec<StepReport>, String> {
@@ -211,8 +192,10 @@ mod tests {
         for (bad, want) in [
             (String::new(), "line 1: no column step"),
             ("GIF89a".into(), "line 1: no column step"),
-            (text[..text.len() - 40].into(), "line 3: 39 cells, want 41"),
-            (text.replace("time_s", "time_h"), "line 2: no column time_s"),
+            (text[..text.len() - 40].into(), "line 3: 33 cells, want 41"),
+            (text.replace("time_s", "time_h"), "line 1: no column time_s"),
+            (text.replace("residual", "residue"), "line 2: no column residual"),
+            ("step,step,time_s\n1,0.5".into(), "line 1: two columns are \"step\""),
             (text.replace("1e300", "1e999"), "force_z_n is inf, want a finite number"),
             (text.replace("3000", "-3000"), "line 2: tets is \"-3000\", want a number"),
             (text.replace("\n2,", "\n7,"), "line 3: step is 7, want 2"),

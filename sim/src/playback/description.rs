@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::wrong;
 use crate::SimError;
 use crate::scene::ToolEntry;
 
@@ -42,9 +43,6 @@ impl Description {
     /// [`SimError::Io`], [`SimError::Syntax`].
     pub fn read(path: &Path) -> Result<Self, SimError> {
         let text = fs::read_to_string(path).map_err(|source| SimError::Io(path.into(), source))?;
-        toml::from_str(&text).map_err(|error| {
-            let reason = error.message().replace('\n', "; ");
-            SimError::Syntax { place: path.display().to_string(), reason }
-        })
+        toml::from_str(&text).map_err(|error| wrong(path, &error.message().replace('\n', "; ")))
     }
 }

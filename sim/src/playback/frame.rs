@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use yawara_mesh::tet_file::{VtkFields, read_vtp_fields, read_vtu_fields};
 
+use super::wrong;
 use crate::SimError;
 use crate::report::{Frame, SurfaceFrame};
 
@@ -61,9 +62,9 @@ pub(super) fn list(folder: &Path) -> Result<Vec<FrameFiles>, SimError> {
     if outlines.exists() {
         for entry in entries(&outlines)? {
             let (line, _, path, step, named) = entry.resolve(&outlines, folder)?;
-            let frame = frames.iter_mut().find(|frame| frame.step == step);
-            match (named, frame) {
-                (Named::Outline, Some(frame)) => frame.outline = Some(path),
+            let at = frames.binary_search_by_key(&step, |frame| frame.step);
+            match (named, at) {
+                (Named::Outline, Ok(at)) => frames[at].outline = Some(path),
                 _ => return Err(refusal(&outlines, line, "no outline of a frame of frames.pvd")),
             }
         }
@@ -139,11 +140,11 @@ fn named(file: &str) -> Option<(usize, Named)> {
 }
 
 impl FrameFiles {
-    /// The frame as it was written.
+    /// The frame as it was written, without what is void.
     ///
     /// # Errors
     /// [`SimError::TetMesh`] with the file that can't be read; [`SimError::Syntax`] with the one that
-    /// lacks a field, or has a point farther away than any body is.
+    /// lacks cells or a field, or has a point farther away than any body is.
     pub fn read(&self) -> Result<Frame, SimError> {
         let grid = read_vtu_fields(&self.tets)?;
         let displacement_mm = displacement(&self.tets, &grid)?;
@@ -162,7 +163,7 @@ impl FrameFiles {
         };
         let outline = self.outline.as_deref().map(|path| surface(0, path)).transpose()?;
         let surfaces = self.surfaces.iter().map(|(label, path)| surface(*label, path));
-        Ok(Frame {
+        let frame = Frame {
             time_s: self.time_s,
             surfaces: surfaces.collect::<Result<_, _>>()?,
             outline,
@@ -176,7 +177,8 @@ impl FrameFiles {
             indicator: maybe("indicator"),
             points_mm: grid.points,
             tets: grid.cells,
-        })
+        };
+        Ok(frame.without_void())
     }
 
     /// The file of a surface: the outline first, then labels.
@@ -187,15 +189,17 @@ impl FrameFiles {
 }
 
 fn lacks(path: &Path, name: &str) -> SimError {
-    let reason = format!("has no array {name}, which runs write");
-    SimError::Syntax { place: path.display().to_string(), reason }
+    wrong(path, &format!("has no array {name}, which runs write"))
 }
 
-/// The displacements of points that are none too far away.
+/// The displacements of points that are none too far away, of at least one cell.
 fn displacement<const N: usize>(
     path: &Path,
     read: &VtkFields<N>,
 ) -> Result<Vec<[f64; 3]>, SimError> {
+    if read.cells.is_empty() {
+        return Err(wrong(path, "has no cells"));
+    }
     let name = "displacement_mm";
     let moved = read.of_points(name, 3).ok_or_else(|| lacks(path, name))?;
     let numbers = read.points.as_flattened().iter().chain(moved);
@@ -204,13 +208,15 @@ fn displacement<const N: usize>(
         Some((_, x)) => {
             let reason =
                 format!("has a point or displacement of {x} mm, want at most {FARTHEST_MM}");
-            Err(SimError::Syntax { place: path.display().to_string(), reason })
+            Err(wrong(path, &reason))
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use yawara_mesh::tet_file::{VtkArray, VtkValues, tetrahedra_xml};
+
     use super::*;
 
     fn listed(text: &str) -> Result<Vec<usize>, String> {
@@ -248,5 +254,33 @@ mod tests {
             let message = listed(&bad).unwrap_err();
             assert!(message.contains("frames.pvd") && message.contains(want), "{want}: {message}");
         }
+    }
+
+    /// The frame that a file of these labels has, of a tetrahedron each.
+    fn read(labels: &[i64]) -> Result<Frame, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let tets = folder.path().join("a.vtu");
+        let points: Vec<f64> = (0..12 * labels.len()).map(|i| i as f64).collect();
+        let cells: Vec<[u32; 4]> =
+            (0..labels.len() as u32).map(|i| [0, 1, 2, 3].map(|k| 4 * i + k)).collect();
+        let of = |name, components, values| VtkArray { name, components, values };
+        let moved = [of("displacement_mm", 3, VtkValues::Float64(&points))];
+        let levels = vec![2; labels.len()];
+        let fields = [
+            of("level", 1, VtkValues::UInt8(&levels)),
+            of("label", 1, VtkValues::Int64(labels)),
+            of("von_mises_pa", 1, VtkValues::Float64(&points[..labels.len()])),
+        ];
+        std::fs::write(&tets, tetrahedra_xml(&points, &cells, &moved, &fields)).unwrap();
+        let files = FrameFiles { step: 0, time_s: 0.0, tets, surfaces: Vec::new(), outline: None };
+        files.read().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_frame_is_of_what_is_not_void() {
+        let frame = read(&[0, 7]).unwrap();
+        assert_eq!((&frame.label[..], &frame.tets[..]), (&[7][..], &[[0, 1, 2, 3]][..]));
+        assert_eq!((frame.points_mm[0], frame.von_mises_pa[0]), ([12.0, 13.0, 14.0], 1.0));
+        assert!(read(&[]).unwrap_err().contains("a.vtu: has no cells"));
     }
 }

@@ -16,3 +16,12 @@ pub use run::Run;
 
 pub(crate) use colours::COLOURS;
 pub(crate) use run::surfaces;
+
+use std::path::Path;
+
+use crate::SimError;
+
+/// What is wrong with a file of a run.
+fn wrong(path: &Path, reason: &str) -> SimError {
+    SimError::Syntax { place: path.display().to_string(), reason: reason.into() }
+}

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::description::Description;
 use super::frame::{FrameFiles, list};
 use super::tool_place::ToolPlace;
+use super::wrong;
 use crate::SimError;
 use crate::output::read_steps;
 use crate::report::{Frame, StepReport, SurfaceFrame};
@@ -170,7 +171,7 @@ impl Run {
         (self.frames[frame].step, self.frames[frame].time_s)
     }
 
-    /// A frame as it was written. Cost: O(its files).
+    /// A frame as it was written, without what is void. Cost: O(its files).
     ///
     /// # Errors
     /// As [`Self::open`], if the file has changed since.
@@ -236,8 +237,4 @@ fn summary(path: &Path) -> Result<Value, SimError> {
         Some(SCHEMA) => Ok(summary),
         _ => Err(wrong(path, &format!("schema is {}, want {SCHEMA}", summary["schema"]))),
     }
-}
-
-fn wrong(path: &Path, reason: &str) -> SimError {
-    SimError::Syntax { place: path.display().to_string(), reason: reason.into() }
 }

@@ -56,7 +56,8 @@ impl Picture {
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 if (dx as f64).hypot(dy as f64) <= radius {
-                    self.set(x.round() as i64 + dx, y.round() as i64 + dy, colour);
+                    let at = |middle: f64, d: i64| (middle.round() as i64).saturating_add(d);
+                    self.set(at(x, dx), at(y, dy), colour);
                 }
             }
         }
@@ -101,4 +102,19 @@ impl Picture {
 /// Pixels that a text is wide.
 pub(super) fn width_of(text: &str, size: i64) -> i64 {
     text.chars().count() as i64 * (font::WIDTH + 1) * size - size
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_far_beyond_the_edges_is_not_drawn() {
+        let mut picture = Picture::new(5, 5);
+        picture.disc([f64::INFINITY, -1e300], 2.0, [0; 3]);
+        picture.line([1e300, 2.0], [-1e300, 1e300], 1.0, [0; 3]);
+        assert_eq!(picture.rgb, Picture::new(5, 5).rgb);
+        picture.disc([2.0, 2.0], 1.0, [0; 3]);
+        assert_eq!([picture.at(1, 2), picture.at(1, 1)], [[0; 3], [255; 3]]);
+    }
 }

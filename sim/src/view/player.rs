@@ -68,9 +68,8 @@ impl Player {
                 }
             }
             // Of all that were asked for meanwhile the last.
-            let has_moved = wanted.is_some_and(|frame| frame != self.at);
             self.at = wanted.unwrap_or(self.at);
-            if (has_moved || wants_picture)
+            if (wanted.is_some() || wants_picture)
                 && let Err(error) = self.show()
             {
                 self.voices.say(None, "error", &format!("no picture: {error}"));

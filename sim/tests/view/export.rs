@@ -9,7 +9,7 @@ use gltf::animation::util::ReadOutputs;
 use yawara_mesh::tet_file::{read_vtp_fields, read_vtu_fields};
 
 use super::browser::Browser;
-use super::playback::{Finished, shows_force};
+use super::playback::{Finished, replace, shows_force};
 use super::{ALONE, COLOURS, READY, number};
 
 fn exported(finished: &Finished, arguments: &[&str]) -> String {
@@ -23,6 +23,11 @@ fn a_page_alone_plays_the_run_without_server_and_network() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(page) = Browser::open(1100, 760) else { return };
     let finished = Finished::liver();
+    // Names that would be elements of the page.
+    let (scene, vessels) = ("</script><!--<script><b id='bad'>liver", "<i id='bad'>vessels");
+    let text = finished.run().join("scene.toml");
+    replace(&text, "name = \"liver\"", &format!("name = \"{scene}\""));
+    replace(&text, "name = \"vessels\"", &format!("name = \"{vessels}\""));
     let said = exported(&finished, &["--html", "alone.html"]);
     let file = finished.path("alone.html");
     assert!(fs::metadata(&file).unwrap().len() < 10_000_000, "{said}");
@@ -37,6 +42,11 @@ fn a_page_alone_plays_the_run_without_server_and_network() {
     page.go(&format!("file://{}", file.display()));
     page.wait(READY);
     page.wait("yawara.clock && yawara.body.surfaces.length === 2");
+    let words = page.run(
+        "return [document.getElementById('scene'), document.getElementById('legend').lastChild].map((one) => one.textContent)",
+    );
+    assert_eq!(words, serde_json::json!([scene, vessels]));
+    assert_eq!(page.run("return document.getElementById('bad')"), serde_json::Value::Null);
     // Nothing but the page itself, and modules that are in it.
     let loaded = page.run(
         "return performance.getEntriesByType('resource').map((one) => one.name).filter((name) => !name.startsWith('data:'))",

@@ -235,7 +235,7 @@ fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
     drop(View::start(&[run.to_str().unwrap()]));
 }
 
-fn replace(path: &Path, from: &str, to: &str) {
+pub fn replace(path: &Path, from: &str, to: &str) {
     let bytes = fs::read(path).unwrap();
     let at = bytes.windows(from.len()).position(|window| window == from.as_bytes());
     let at = at.unwrap_or_else(|| panic!("no {from} in {}", path.display()));

@@ -174,6 +174,7 @@ function describe() {
 
 function begin_playback({ frames, rows }) {
   clock = new Clock(frames, (frame) => say({ do: 'seek', frame }));
+  clock.speed = Number(get('speed').value);
   get('seek').max = clock.last;
   canvas.setAttribute('aria-label', 'The body as it was. With the keyboard: Space plays, N and B go to the next frame and back, Home and End to the first and last, arrows turn the view.');
   plots.forEach((one) => one.plot.show(rows.map(one.row)));

@@ -34,11 +34,14 @@ function server({ told, seen, lost }) {
 
 /** A run that is in the page: what is told first, and a picture of each frame, the first with the surfaces at rest. */
 function recording({ state, pictures }, { told, seen }) {
-  const show = async (frame) => {
+  const unpack = async (frame) => {
     const packed = Uint8Array.from(atob(pictures[frame]), (c) => c.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
     seen(await new Response(stream).arrayBuffer());
   };
+  // One after the other: the first has what the others are changes of.
+  let before = Promise.resolve();
+  const show = (frame) => { before = before.then(() => unpack(frame)); };
   queueMicrotask(() => { told(state); show(0); });
   return { say(request) { if (request.do === 'seek') show(request.frame); }, socket: null };
 }
