@@ -92,7 +92,7 @@ impl Scene {
     }
 
     fn vectors(&mut self, vectors: impl Iterator<Item = Vector3<f64>>) -> usize {
-        let flat: Vec<f32> = vectors.flat_map(|x| <[f64; 3]>::from(x)).map(|x| x as f32).collect();
+        let flat: Vec<f32> = vectors.flat_map(<[f64; 3]>::from).map(|x| x as f32).collect();
         self.accessor("VEC3", &flat, 3, Some(VERTICES), true)
     }
 

@@ -190,7 +190,7 @@ fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
     };
     let run = finished.run();
     let frame = "frames/step_000002_outline.vtp";
-    let spoil: [(&str, &dyn Fn(&Path), &str); 13] = [
+    let spoil: [Spoilt; 13] = [
         ("summary.json", &|path| fs::remove_file(path).unwrap(), "has finished"),
         ("summary.json", &|path| fs::write(path, "{").unwrap(), "EOF"),
         ("summary.json", &|path| replace(path, "\"schema\": 1", "\"schema\": 9"), "schema is 9"),
@@ -234,6 +234,9 @@ fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
     // Whole again.
     drop(View::start(&[run.to_str().unwrap()]));
 }
+
+/// A file of a run, what is done to it, and what is said of that.
+type Spoilt<'a> = (&'a str, &'a dyn Fn(&Path), &'a str);
 
 pub fn replace(path: &Path, from: &str, to: &str) {
     let bytes = fs::read(path).unwrap();
