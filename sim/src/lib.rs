@@ -37,9 +37,13 @@
 mod body;
 mod choice;
 mod error;
+#[cfg(feature = "view")]
+pub mod film;
 pub mod haptic;
 pub mod inverse;
 pub mod output;
+#[cfg(feature = "view")]
+pub mod playback;
 pub mod preview;
 pub mod report;
 pub mod scene;

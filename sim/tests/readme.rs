@@ -1,6 +1,6 @@
 //! Every command of the front page, in order, in one folder.
 
-#![cfg(all(feature = "nifti", feature = "vtu"))]
+#![cfg(all(feature = "nifti", feature = "view"))]
 
 mod workbench;
 

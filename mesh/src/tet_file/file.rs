@@ -43,7 +43,7 @@ fn check_unit(unit_m: f64) -> Result<(), TetMeshError> {
 }
 
 /// All bytes of a regular file.
-fn read(path: &Path) -> io::Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
     // A pipe or a device might never end.
     if !fs::metadata(path)?.is_file() {
         let kind = io::ErrorKind::InvalidInput;

@@ -22,5 +22,7 @@ pub(crate) use vtk_xml::triangles_xml;
 #[cfg(feature = "vtu")]
 pub(crate) use vtk_xml::{Array, Attributes, Document, Piece};
 #[cfg(feature = "vtu")]
-pub use vtk_xml::{MeshField, TAG_ARRAYS, read_vtu, write_vtu_plain};
+pub use vtk_xml::{
+    MeshField, TAG_ARRAYS, VtkFields, read_vtp_fields, read_vtu, read_vtu_fields, write_vtu_plain,
+};
 pub use vtk_xml::{VtkArray, VtkValues, tetrahedra_xml};

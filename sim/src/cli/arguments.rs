@@ -38,11 +38,14 @@ pub enum Command {
     ///
     /// Prints rates and latencies. What is computed depends on how fast this machine is.
     Haptic(HapticArguments),
-    /// Shows a scene in the browser, with hands on it.
+    /// Shows a scene in the browser, with hands on it, or plays a run that is over.
     ///
     /// Prints the address, which has a token in it; ends with Ctrl-C.
     #[cfg(feature = "view")]
     View(ViewArguments),
+    /// Writes a run that is over as a page that plays it by itself, or as a scene for other programs.
+    #[cfg(feature = "view")]
+    Export(ExportArguments),
     /// Removes what interrupted runs have left behind.
     Clean(CleanArguments),
     /// Lists the built-in scenes.
@@ -162,8 +165,8 @@ pub struct HapticArguments {
 #[cfg(feature = "view")]
 #[derive(Debug, Args)]
 pub struct ViewArguments {
-    /// A TOML file, or the name of a built-in scene.
-    #[arg(default_value = DEFAULT_SCENE)]
+    /// A TOML file, the name of a built-in scene, or the directory of a run that is over.
+    #[arg(value_name = "SCENE|RUN_DIR", default_value = DEFAULT_SCENE)]
     pub scene: String,
     /// The port; 0 takes any that is free.
     #[arg(long, value_name = "P", default_value_t = 0)]
@@ -183,6 +186,32 @@ pub struct ViewArguments {
     /// Replaces a value of the scene, as for run.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+#[cfg(feature = "view")]
+#[derive(Debug, Args)]
+pub struct ExportArguments {
+    /// The directory of a run that is over.
+    #[arg(value_name = "RUN_DIR")]
+    pub run: PathBuf,
+    /// A page that plays the run without a server and without a network.
+    #[arg(long, value_name = "FILE.html")]
+    pub html: Option<PathBuf>,
+    /// An animated scene in binary glTF 2.0.
+    #[arg(long, value_name = "FILE.glb")]
+    pub gltf: Option<PathBuf>,
+    /// An animated picture (PNG).
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
+    /// How long it lasts until it begins anew; no frame is shorter than .01 s.
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 10.0,
+        requires = "picture",
+        allow_negative_numbers = true
+    )]
+    pub seconds: f64,
 }
 
 /// An address with its port, or a port of this machine.

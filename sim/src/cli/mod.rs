@@ -5,6 +5,8 @@
 
 mod arguments;
 mod console;
+#[cfg(feature = "view")]
+mod export;
 mod haptic;
 mod init;
 mod input;
@@ -97,6 +99,8 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
         #[cfg(feature = "view")]
         Command::View(arguments) => view::run(&arguments, &mut out)?,
+        #[cfg(feature = "view")]
+        Command::Export(arguments) => export::run(&arguments, &mut out)?,
         Command::Clean(CleanArguments { folder }) => {
             for path in yawara::output::clean(&folder)? {
                 out.print(&format!("removed {}\n", path.display()))?;

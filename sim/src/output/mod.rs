@@ -8,6 +8,8 @@ mod partial;
 mod resolved;
 mod run_directory;
 mod steps_csv;
+#[cfg(feature = "view")]
+mod steps_table;
 mod vtu;
 
 pub(crate) use atomic_file::{write_file, write_json};
@@ -15,4 +17,6 @@ pub(crate) use atomic_file::{write_file, write_json};
 pub use msh::write_msh;
 pub use partial::clean;
 pub use run_directory::RunDirectory;
+#[cfg(feature = "view")]
+pub(crate) use steps_table::read_steps;
 pub use vtu::write_vtu;

@@ -70,12 +70,12 @@ fn columns(step: &StepReport) -> Vec<(String, String)> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::report::{GoalReport, StageTimes, ToolReport};
 
-    #[test]
-    fn a_line_has_the_columns_of_the_header() {
+    /// A step that has something to say in every column.
+    pub fn full_step() -> StepReport {
         let felt = ToolReport {
             force_n: [0.5, 0.0, 0.0],
             force_error_n: Some(0.015625),
@@ -84,7 +84,7 @@ mod tests {
             penetration_m: 1e-8,
             ..ToolReport::default()
         };
-        let step = StepReport {
+        StepReport {
             step: 7,
             time_s: 0.1 + 0.2,
             vertices: 728,
@@ -109,7 +109,12 @@ mod tests {
                 remesh_ms: 4.0,
                 inverse_ms: 5.0,
             },
-        };
+        }
+    }
+
+    #[test]
+    fn a_line_has_the_columns_of_the_header() {
+        let step = full_step();
         let tool = "toolN_force_x_n,toolN_force_y_n,toolN_force_z_n,toolN_torque_x_n_m,\
                     toolN_torque_y_n_m,toolN_torque_z_n_m,toolN_contacts,toolN_penetration_m,\
                     toolN_force_error_n";

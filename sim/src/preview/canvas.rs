@@ -18,7 +18,7 @@ pub struct Picture {
 
 impl Picture {
     /// A white one.
-    pub(super) fn new(width: usize, height: usize) -> Self {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
         Self { width, height, rgb: vec![255; 3 * width * height] }
     }
 
@@ -33,7 +33,7 @@ impl Picture {
     }
 
     /// Sets a pixel, unless it is beyond the edges.
-    pub(super) fn set(&mut self, x: i64, y: i64, colour: Colour) {
+    pub(crate) fn set(&mut self, x: i64, y: i64, colour: Colour) {
         let inside = |at: i64, size: usize| usize::try_from(at).ok().filter(|&at| at < size);
         if let (Some(x), Some(y)) = (inside(x, self.width), inside(y, self.height)) {
             let i = 3 * (y * self.width + x);
@@ -51,19 +51,20 @@ impl Picture {
     }
 
     /// Fills a disc.
-    pub(super) fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
+    pub(crate) fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let reach = radius.ceil() as i64;
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 if (dx as f64).hypot(dy as f64) <= radius {
-                    self.set(x.round() as i64 + dx, y.round() as i64 + dy, colour);
+                    let at = |middle: f64, d: i64| (middle.round() as i64).saturating_add(d);
+                    self.set(at(x, dx), at(y, dy), colour);
                 }
             }
         }
     }
 
     /// A line as thick as `2 half` pixels.
-    pub(super) fn line(&mut self, a: [f64; 2], b: [f64; 2], half: f64, colour: Colour) {
+    pub(crate) fn line(&mut self, a: [f64; 2], b: [f64; 2], half: f64, colour: Colour) {
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         // What is beyond the edges is not drawn, but would take long.
         let steps = (2.0 * length).ceil().clamp(1.0, 1e4) as usize;
@@ -86,7 +87,7 @@ impl Picture {
     }
 
     /// Writes from the left upper corner on, with dots of `size` pixels.
-    pub(super) fn text(&mut self, [x, y]: [i64; 2], text: &str, size: i64, colour: Colour) {
+    pub(crate) fn text(&mut self, [x, y]: [i64; 2], text: &str, size: i64, colour: Colour) {
         for (i, letter) in (0..).zip(text.chars()) {
             let left = x + i * (font::WIDTH + 1) * size;
             for (column, dots) in (0..).zip(font::columns(letter)) {
@@ -101,4 +102,19 @@ impl Picture {
 /// Pixels that a text is wide.
 pub(super) fn width_of(text: &str, size: i64) -> i64 {
     text.chars().count() as i64 * (font::WIDTH + 1) * size - size
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_far_beyond_the_edges_is_not_drawn() {
+        let mut picture = Picture::new(5, 5);
+        picture.disc([f64::INFINITY, -1e300], 2.0, [0; 3]);
+        picture.line([1e300, 2.0], [-1e300, 1e300], 1.0, [0; 3]);
+        assert_eq!(picture.rgb, Picture::new(5, 5).rgb);
+        picture.disc([2.0, 2.0], 1.0, [0; 3]);
+        assert_eq!([picture.at(1, 2), picture.at(1, 1)], [[0; 3], [255; 3]]);
+    }
 }

@@ -10,6 +10,8 @@ mod energy;
 mod failure;
 mod fields;
 mod made_by;
+#[cfg(feature = "view")]
+mod outer_faces;
 mod recorder;
 mod records;
 mod surfaces;
@@ -31,6 +33,8 @@ pub use records::{
 pub use tool::{ToolReport, ToolSummary};
 
 pub(crate) use failure::Missed;
+#[cfg(feature = "view")]
+pub(crate) use outer_faces::outer_faces;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::{WARNING, milliseconds};
 pub(crate) use surfaces::{BodyOutline, Surfaces};

@@ -1,16 +1,17 @@
 //! The thread that makes pictures of what the simulation was a moment ago.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use nalgebra::Vector3;
 use tokio::sync::watch;
 use yawara_mesh::BisectionForest;
 
-use super::picture::{PIECE, Picture, Surface, SurfaceAtRest, Topology};
+use super::picture::{PIECE, Picture, Surface, Topology};
 use crate::SimError;
 use crate::body::ScannerAxes;
-use crate::report::{BodyOutline, Frame, Surfaces};
+use crate::playback::surfaces;
+use crate::report::{BodyOutline, Frame, SurfaceFrame, Surfaces, outer_faces};
 
 /// What a picture is made of.
 pub(super) struct Snapshot {
@@ -25,6 +26,8 @@ pub(super) struct Snapshot {
     pub positions: Vec<Vector3<f64>>,
     /// Outlines of a simulation that has just begun.
     pub outlines: Option<Outlines>,
+    /// Unit of the displacements of surfaces, mm.
+    pub quantum_mm: f64,
 }
 
 /// The outlines of a simulation and how they are told.
@@ -34,8 +37,6 @@ pub(super) struct Outlines {
     /// Of the labels in it.
     pub inner: Option<Surfaces>,
     pub axes: ScannerAxes,
-    /// Unit of displacements, mm.
-    pub quantum_mm: f64,
 }
 
 /// Where the next snapshot waits; a newer one takes its place.
@@ -95,8 +96,9 @@ pub(super) fn paint(easel: &Easel, pictures: &watch::Sender<Arc<Picture>>) {
     }
 }
 
+/// Makes pictures of snapshots, one after the other.
 #[derive(Default)]
-struct Painter {
+pub(super) struct Painter {
     outlines: Vec<Surfaces>,
     axes: Option<ScannerAxes>,
     quantum_mm: f64,
@@ -109,10 +111,23 @@ struct Painter {
 }
 
 impl Painter {
-    fn paint(&mut self, snapshot: Snapshot) -> Result<Picture, SimError> {
+    /// The picture of a snapshot: its outlines are those that it begins with, carried along by its mesh, or
+    /// else the surfaces that its frame has.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if an outline can't be cut or carried.
+    pub fn paint(&mut self, snapshot: Snapshot) -> Result<Picture, SimError> {
         let number = self.last.number + 1;
-        if let Some(outlines) = snapshot.outlines {
-            self.begin(outlines, snapshot.forest.as_deref(), number)?;
+        if snapshot.outlines.is_some() || self.last.generation != snapshot.generation {
+            *self = Self {
+                last: Picture { number: number - 1, ..Picture::default() },
+                quantum_mm: snapshot.quantum_mm,
+                ..Self::default()
+            };
+            match snapshot.outlines {
+                Some(outlines) => self.begin(outlines, snapshot.forest.as_deref(), number)?,
+                None => self.begin_with(&snapshot.frame, number),
+            }
         }
         let frame = snapshot.frame.without_void();
         if snapshot.is_remeshed || self.last.generation != snapshot.generation {
@@ -122,7 +137,16 @@ impl Painter {
         }
         self.last.generation = snapshot.generation;
         self.last.text = snapshot.text;
-        self.carry(snapshot.forest.as_deref(), &snapshot.positions, number)?;
+        match self.axes {
+            Some(axes) => {
+                self.carry(snapshot.forest.as_deref(), &snapshot.positions, axes, number)?
+            }
+            None => {
+                for (at, one) in surfaces(&frame).enumerate() {
+                    self.place(at, one.displacement_mm.iter().copied(), number);
+                }
+            }
+        }
         let both = frame.points_mm.iter().zip(&frame.displacement_mm);
         let points: Vec<[f32; 6]> =
             both.map(|([x, y, z], [u, v, w])| [x, y, z, u, v, w].map(|x| *x as f32)).collect();
@@ -142,29 +166,28 @@ impl Painter {
         forest: Option<&BisectionForest>,
         number: u64,
     ) -> Result<(), SimError> {
-        let Outlines { skin, inner, axes, quantum_mm } = outlines;
-        *self = Self {
-            last: Picture { number: number - 1, ..Picture::default() },
-            axes: Some(axes),
-            quantum_mm,
-            ..Self::default()
-        };
+        let Outlines { skin, inner, axes } = outlines;
+        self.axes = Some(axes);
         if let (Some(skin), Some(forest)) = (skin, forest) {
             self.outlines.push(skin.into_surfaces(forest)?);
         }
         self.outlines.extend(inner);
         for surfaces in &self.outlines {
             for (triangles, rest) in surfaces.at_rest()? {
-                let points = rest.iter().map(|x| axes.to_ras_mm(x).map(|x| x as f32));
-                let points_mm: Vec<[f32; 3]> = points.map(Into::into).collect();
-                let moved = vec![[0; 3]; rest.len()];
-                let changed = vec![number; rest.len().div_ceil(PIECE)];
-                let at_rest = SurfaceAtRest { points_mm, triangles: triangles.to_vec() };
-                self.last.surfaces.push(Surface { rest: Arc::new(at_rest), moved, changed });
+                let points = rest.iter().map(|x| axes.to_ras_mm(x));
+                self.last.surfaces.push(Surface::at_rest(points, triangles, number));
                 self.rest.push(rest);
             }
         }
         Ok(())
+    }
+
+    /// Begins with the surfaces that frames of a run have.
+    fn begin_with(&mut self, frame: &Frame, number: u64) {
+        for SurfaceFrame { points_mm, displacement_mm, triangles, .. } in surfaces(frame) {
+            let points = points_mm.iter().zip(displacement_mm).map(|(x, u)| x - u);
+            self.last.surfaces.push(Surface::at_rest(points, triangles, number));
+        }
     }
 
     /// Moves the outlines along.
@@ -172,25 +195,34 @@ impl Painter {
         &mut self,
         forest: Option<&BisectionForest>,
         positions: &[Vector3<f64>],
+        axes: ScannerAxes,
         number: u64,
     ) -> Result<(), SimError> {
-        let (Some(forest), Some(axes)) = (forest, self.axes) else { return Ok(()) };
+        let Some(forest) = forest else { return Ok(()) };
         let mut now = Vec::new();
         for surfaces in &self.outlines {
             now.extend(surfaces.positions(forest, positions)?);
         }
-        for ((surface, rest), now) in self.last.surfaces.iter_mut().zip(&self.rest).zip(now) {
-            for (i, (rest, now)) in rest.iter().zip(&now).enumerate() {
-                let moved = axes.to_ras_direction(&((now - rest) * (1e3 / self.quantum_mm)));
-                // A cast saturates; NaN becomes 0.
-                let moved: [i16; 3] = moved.map(|x| x.round() as i16).into();
-                if surface.moved[i] != moved {
-                    surface.moved[i] = moved;
-                    surface.changed[i / PIECE] = number;
-                }
+        let rest = std::mem::take(&mut self.rest);
+        for (at, (rest, now)) in rest.iter().zip(&now).enumerate() {
+            let moved = rest.iter().zip(now).map(|(rest, now)| now - rest);
+            self.place(at, moved.map(|u| axes.to_ras_direction(&(u * 1e3))), number);
+        }
+        self.rest = rest;
+        Ok(())
+    }
+
+    /// Moves a surface by displacements from rest, mm.
+    fn place(&mut self, at: usize, moved_mm: impl Iterator<Item = Vector3<f64>>, number: u64) {
+        let surface = &mut self.last.surfaces[at];
+        for (i, u) in moved_mm.enumerate() {
+            // A cast saturates; NaN becomes 0.
+            let moved: [i16; 3] = (u / self.quantum_mm).map(|x| x.round() as i16).into();
+            if surface.moved[i] != moved {
+                surface.moved[i] = moved;
+                surface.changed[i / PIECE] = number;
             }
         }
-        Ok(())
     }
 
     /// Edges and outer faces, with the edges that were not there before.
@@ -215,24 +247,9 @@ impl Painter {
         let is_new = |pair: &[u32; 2]| !is_first && !self.edges.contains(&place(pair));
         let edges = pairs.iter().map(|pair| [pair[0], pair[1], u32::from(is_new(pair))]).collect();
         self.edges = pairs.iter().map(place).collect();
-        self.outer = faces(frame);
+        self.outer = outer_faces(frame);
         Topology { edges, faces: self.outer.iter().map(|(face, _)| *face).collect() }
     }
-}
-
-/// The faces of only one tetrahedron, counter-clockwise as seen from outside, with its number.
-fn faces(frame: &Frame) -> Vec<([u32; 3], usize)> {
-    let mut found: HashMap<[u32; 3], Option<([u32; 3], usize)>> = HashMap::new();
-    for (number, &[a, b, c, d]) in frame.tets.iter().enumerate() {
-        for face in [[a, c, b], [a, b, d], [a, d, c], [b, c, d]] {
-            let mut key = face;
-            key.sort_unstable();
-            found.entry(key).and_modify(|both| *both = None).or_insert(Some((face, number)));
-        }
-    }
-    let mut outer: Vec<_> = found.into_values().flatten().collect();
-    outer.sort_unstable();
-    outer
 }
 
 /// What the tetrahedron behind each face has.
@@ -265,7 +282,7 @@ mod tests {
     #[test]
     fn outer_faces_look_outwards_and_know_their_tetrahedron() {
         let frame = two_tets();
-        let found = faces(&frame);
+        let found = outer_faces(&frame);
         assert_eq!(found.len(), 6);
         let at = |i: u32| Vector3::from(frame.points_mm[i as usize]);
         for (face, _) in found.iter().filter(|(_, tet)| *tet == 0) {

@@ -14,6 +14,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 /// Vertices of a surface that are sent together.
 pub(super) const PIECE: usize = 512;
 
@@ -69,7 +71,15 @@ impl Picture {
     /// What a page that has `seen` so much lacks.
     pub fn encode(&self, seen: Seen) -> Vec<u8> {
         let is_new = seen.generation != self.generation || seen.number == 0;
-        let since = if is_new { 0 } else { seen.number };
+        self.encode_since(if is_new { 0 } else { seen.number }, is_new)
+    }
+
+    /// All of it, the surfaces at rest if `with_rest`.
+    pub fn encode_alone(&self, with_rest: bool) -> Vec<u8> {
+        self.encode_since(0, with_rest)
+    }
+
+    fn encode_since(&self, since: u64, with_rest: bool) -> Vec<u8> {
         let mut out = Vec::with_capacity(1 << 16);
         out.extend(b"YWP1");
         let padded = self.text.len().next_multiple_of(4);
@@ -77,7 +87,7 @@ impl Picture {
         out.extend(self.text.as_bytes());
         out.resize(8 + padded, b' ');
         for (number, surface) in self.surfaces.iter().enumerate() {
-            if is_new {
+            if with_rest {
                 surface.rest.encode(number, &mut out);
             }
             for (piece, moved) in surface.moved.chunks(PIECE).enumerate() {
@@ -100,6 +110,22 @@ impl Picture {
             self.values.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
         }
         out
+    }
+}
+
+impl Surface {
+    /// One that has just come, in picture `number`: points in mm.
+    pub fn at_rest(
+        points_mm: impl Iterator<Item = Vector3<f64>>,
+        triangles: &[[u32; 3]],
+        number: u64,
+    ) -> Self {
+        let points_mm: Vec<[f32; 3]> = points_mm.map(|x| x.map(|x| x as f32).into()).collect();
+        Self {
+            moved: vec![[0; 3]; points_mm.len()],
+            changed: vec![number; points_mm.len().div_ceil(PIECE)],
+            rest: Arc::new(SurfaceAtRest { points_mm, triangles: triangles.to_vec() }),
+        }
     }
 }
 
@@ -170,5 +196,7 @@ mod tests {
         assert_eq!(of(4, 1), [last, [3, 0, 1, 1], [4, 0, 3, 0], [5, 0, 1, 0]]);
         assert_eq!(of(6, 1), [last, [4, 0, 3, 0], [5, 0, 1, 0]]);
         assert_eq!(of(7, 1), [[0; 4]; 0]);
+        let alone = |with_rest| blocks(&picture.encode_alone(with_rest), size);
+        assert_eq!((&alone(true)[..], &alone(false)[..]), (&whole[..], &whole[1..]));
     }
 }

@@ -62,6 +62,8 @@ pub(super) enum Request {
     Set { changes: Vec<String> },
     /// Keeps what the hands did, and runs it again into a run directory.
     Save {},
+    /// Shows a frame of a run that is over, by its number.
+    Seek { frame: usize },
 }
 
 impl Request {
@@ -106,7 +108,8 @@ impl Request {
             | Self::Pause { .. }
             | Self::Step {}
             | Self::Reset {}
-            | Self::Save {} => Ok(()),
+            | Self::Save {}
+            | Self::Seek { .. } => Ok(()),
         }
     }
 }
@@ -191,6 +194,7 @@ mod tests {
             (r#"{"do":"press","hand":1,"centre_mm":[1,2,3],"radius_mm":0}"#, "radius_mm is 0"),
             (r#"{"do":"move","hand":1,"move_mm":[1,2,-1e5],"stamp":1}"#, "-100000 mm"),
             (r#"{"do":"move","hand":1,"move_mm":[1,2,1],"stamp":-1}"#, "`-1`, expected u32"),
+            (r#"{"do":"seek","frame":-1}"#, "`-1`, expected usize"),
             (r#"{"do":"set","changes":[]}"#, "0 changes"),
             (r#"{"do":"set","changes":["image.path=/etc/passwd"]}"#, "can't be changed"),
             (r#"{"do":"set","changes":["output.void=true"]}"#, "can't be changed"),

@@ -2,7 +2,7 @@
 
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -20,11 +20,14 @@ use tokio::sync::{broadcast, watch};
 use tokio::time::{Instant, interval, timeout};
 
 use super::access::{is_host, is_origin, is_same, token};
+use super::inbox::{Inbox, Notice, Voices};
+use super::page_files::{FILES, INDEX};
 use super::painter::{Easel, paint};
 use super::picture::{Picture, Seen};
+use super::player::Player;
 use super::protocol::{LONGEST_MESSAGE, Request};
-use super::session::{Inbox, Notice, Orders, Session, Voices};
-use crate::SimError;
+use super::session::{Orders, Session};
+use crate::{SimError, scene_file};
 
 /// The most pages at a time.
 const MOST_PAGES: usize = 8;
@@ -45,22 +48,10 @@ const PATIENCE: Duration = Duration::from_secs(15);
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// The files of the page.
-const FILES: [(&str, &str, &[u8]); 8] = [
-    ("/page.css", "text/css", include_bytes!("page/page.css")),
-    ("/main.js", "text/javascript", include_bytes!("page/main.js")),
-    ("/body.js", "text/javascript", include_bytes!("page/body.js")),
-    ("/colour.js", "text/javascript", include_bytes!("page/colour.js")),
-    ("/picture.js", "text/javascript", include_bytes!("page/picture.js")),
-    ("/plot.js", "text/javascript", include_bytes!("page/plot.js")),
-    ("/three.js", "text/javascript", include_bytes!("page/three.js")),
-    ("/icon.svg", "image/svg+xml", include_bytes!("page/icon.svg")),
-];
-
 /// How a view is served.
 #[derive(Clone, Debug)]
 pub struct ViewOptions {
-    /// A scene's name or file.
+    /// A scene's name or file, or the directory of a run that is over.
     pub scene: String,
     /// Replaces values of the scene, `KEY=VALUE`.
     pub set: Vec<String>,
@@ -100,7 +91,8 @@ struct Shared {
 /// Serves a view until `end` is over; calls `ready` when the simulation is built and the server listens.
 ///
 /// # Errors
-/// Those of the scene; [`SimError::Io`] if the address can't be listened at.
+/// Those of the scene, or of [`Run::open`](crate::playback::Run::open); [`SimError::Value`] for a run with
+/// settings; [`SimError::Io`] if the address can't be listened at.
 pub fn serve(
     options: ViewOptions,
     end: impl Future<Output = ()>,
@@ -109,6 +101,16 @@ pub fn serve(
     let ViewOptions { scene, set, listen, port, play, keep_going, out, program } = options;
     let place = PathBuf::from(SocketAddr::new(listen, port).to_string());
     let io = |source| SimError::Io(place.clone(), source);
+    let run = is_run(&scene).then(|| PathBuf::from(&scene));
+    if run.is_some() && (!set.is_empty() || play || keep_going) {
+        let want = "a scene: a run that is over goes by itself and can't be changed";
+        return Err(SimError::value(
+            "yawara view --set, --play, --keep-going",
+            "SCENE",
+            scene,
+            want,
+        ));
+    }
     let orders = Orders { scene, set, play, keep_going, out, program };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(io)?;
     // Before the work, so that a port that is taken is known at once.
@@ -127,15 +129,23 @@ pub fn serve(
     let (built, is_built) = std::sync::mpsc::channel();
     let working = {
         let (inbox, closed) = (Arc::clone(&inbox), Arc::clone(&easel));
-        std::thread::spawn(move || match Session::new(orders, inbox, easel, voices) {
-            Ok(session) => {
-                // Whoever asked waits for it.
-                let _ = built.send(Ok(()));
-                session.run();
-            }
-            Err(error) => {
-                closed.close();
-                let _ = built.send(Err(error));
+        std::thread::spawn(move || {
+            let work: Result<Box<dyn FnOnce()>, SimError> = match &run {
+                Some(folder) => Player::new(folder, inbox, easel, voices)
+                    .map(|player| Box::new(|| player.run()) as Box<dyn FnOnce()>),
+                None => Session::new(orders, inbox, easel, voices)
+                    .map(|session| Box::new(|| session.run()) as Box<dyn FnOnce()>),
+            };
+            match work {
+                Ok(work) => {
+                    // Whoever asked waits for it.
+                    let _ = built.send(Ok(()));
+                    work();
+                }
+                Err(error) => {
+                    closed.close();
+                    let _ = built.send(Err(error));
+                }
             }
         })
     };
@@ -156,11 +166,11 @@ pub fn serve(
     };
     ready(&Listening { url: format!("http://{host}/?token={}", shared.token) })?;
     let mut router = Router::new().route("/", get(page)).route("/ws", get(socket));
-    for (path, kind, bytes) in FILES {
+    for (path, kind, text) in FILES {
         let file = move |State(shared): State<Arc<Shared>>, headers: HeaderMap| async move {
             match refused_host(&shared, &headers) {
                 Some(refusal) => refusal,
-                None => plain(kind, Bytes::from_static(bytes)),
+                None => plain(kind, text),
             }
         };
         router = router.route(path, get(file));
@@ -174,6 +184,12 @@ pub fn serve(
     inbox.end();
     let _ = (working.join(), painting.join());
     outcome.map_err(io)
+}
+
+/// Whether a name is that of a run directory and of no built-in scene.
+fn is_run(scene: &str) -> bool {
+    let is_built_in = scene_file::built_in().iter().any(|(name, _)| *name == scene);
+    !is_built_in && Path::new(scene).is_dir()
 }
 
 fn plain(kind: &'static str, bytes: impl Into<axum::body::Body>) -> Response {
@@ -223,7 +239,7 @@ async fn page(
 ) -> Response {
     match refused(&shared, &headers, query.as_deref()) {
         Some(refusal) => refusal,
-        None => plain("text/html; charset=utf-8", include_str!("page/index.html")),
+        None => plain("text/html; charset=utf-8", INDEX),
     }
 }
 

@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use serde_json::json;
-use tokio::sync::{broadcast, watch};
 use yawara_mesh::BisectionForest;
 
 use super::hand::Hand;
+use super::inbox::{Inbox, News, Voices};
 use super::painter::{Easel, Outlines, Snapshot};
 use super::protocol::{Request, scene_with};
 use super::recording::Recording;
@@ -29,14 +29,8 @@ const MOST_STEPS: usize = 200_000;
 /// The most tools that hands may take in one simulation.
 const MOST_TOOLS: usize = 200;
 
-/// The most requests that wait; what is more is refused.
-const MOST_WAITING: usize = 64;
-
 /// After so many steps in which nothing moved a body without inertia is at rest.
 const STILL_STEPS: usize = 3;
-
-/// How long a thread that has nothing to do sleeps until it looks again.
-const NAP: Duration = Duration::from_millis(200);
 
 /// Steps that a rate is the mean of.
 const RATE_STEPS: usize = 30;
@@ -56,86 +50,6 @@ pub(super) struct Orders {
     pub out: PathBuf,
     /// The program whose `run` makes recordings again.
     pub program: PathBuf,
-}
-
-/// For one page, or for all.
-pub(super) type Notice = (Option<u64>, Arc<str>);
-
-/// Requests on their way to the session; bounded.
-#[derive(Default)]
-pub(super) struct Inbox {
-    waiting: Mutex<Waiting>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct Waiting {
-    requests: VecDeque<(u64, Request)>,
-    /// The last move of each hand that has not been made.
-    moves: BTreeMap<(u64, u8), (Vector3<f64>, u32)>,
-    left: Vec<u64>,
-    pages: usize,
-    wants_picture: bool,
-    ended: bool,
-}
-
-impl Inbox {
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Takes a request of a page.
-    ///
-    /// # Errors
-    /// In words, if too many wait.
-    pub fn send(&self, page: u64, request: Request) -> Result<(), String> {
-        let mut waiting = self.lock();
-        match request {
-            Request::Move { hand, move_mm, stamp } => {
-                waiting.moves.insert((page, hand), (Vector3::from(move_mm) * 1e-3, stamp));
-            }
-            _ if waiting.requests.len() >= MOST_WAITING => {
-                return Err(format!("busy: {MOST_WAITING} requests wait already"));
-            }
-            request => waiting.requests.push_back((page, request)),
-        }
-        self.changed.notify_one();
-        Ok(())
-    }
-
-    pub fn enter(&self) {
-        let mut waiting = self.lock();
-        waiting.pages += 1;
-        waiting.wants_picture = true;
-        self.changed.notify_one();
-    }
-
-    pub fn leave(&self, page: u64) {
-        let mut waiting = self.lock();
-        waiting.pages -= 1;
-        waiting.left.push(page);
-        waiting.moves.retain(|(of, _), _| *of != page);
-        self.changed.notify_one();
-    }
-
-    pub fn end(&self) {
-        self.lock().ended = true;
-        self.changed.notify_one();
-    }
-}
-
-/// What the session tells.
-pub(super) struct Voices {
-    pub state: watch::Sender<Arc<str>>,
-    pub notices: broadcast::Sender<Notice>,
-}
-
-impl Voices {
-    fn say(&self, page: Option<u64>, level: &str, text: &str) {
-        let notice = json!({ "kind": "notice", "level": level, "text": text }).to_string();
-        // Without a page nobody listens.
-        let _ = self.notices.send((page, notice.into()));
-    }
 }
 
 /// The simulation in the making or at work.
@@ -229,8 +143,7 @@ impl Session {
         });
         // Twice the longest side either way.
         self.quantum_mm = 2.0 * side.fold(1e-3, f64::max) / f64::from(i16::MAX);
-        let (axes, quantum_mm) = (self.simulation.axes(), self.quantum_mm);
-        self.outlines = Some(Outlines { skin, inner, axes, quantum_mm });
+        self.outlines = Some(Outlines { skin, inner, axes: self.simulation.axes() });
         self.show()?;
         self.tell();
         Ok(())
@@ -240,16 +153,10 @@ impl Session {
     pub fn run(mut self) {
         let mut due = Instant::now();
         loop {
-            let mut waiting = self.inbox.lock();
-            if waiting.ended {
+            let News { requests, moves, left, has_page, wants_picture, ended } = self.inbox.take();
+            if ended {
                 break;
             }
-            let requests = std::mem::take(&mut waiting.requests);
-            let moves = std::mem::take(&mut waiting.moves);
-            let left = std::mem::take(&mut waiting.left);
-            let has_page = waiting.pages > 0;
-            let wants_picture = std::mem::take(&mut waiting.wants_picture);
-            drop(waiting);
             for (page, request) in requests {
                 if let Err(error) = self.answer(page, request) {
                     self.voices.say(Some(page), "error", &error.to_string());
@@ -277,7 +184,7 @@ impl Session {
                 if has_page && self.painted != Some(self.report.step) {
                     self.paint();
                 }
-                self.nap();
+                self.inbox.nap();
             }
         }
         self.easel.close();
@@ -285,18 +192,6 @@ impl Session {
 
     fn wait_until(&self, due: Instant) {
         thread::sleep(due.saturating_duration_since(Instant::now()));
-    }
-
-    fn nap(&self) {
-        let waiting = self.inbox.lock();
-        let is_news = !waiting.requests.is_empty()
-            || !waiting.moves.is_empty()
-            || !waiting.left.is_empty()
-            || waiting.wants_picture
-            || waiting.ended;
-        if !is_news {
-            drop(self.inbox.changed.wait_timeout(waiting, NAP));
-        }
     }
 
     fn goes_on(&self, has_page: bool) -> bool {
@@ -373,6 +268,10 @@ impl Session {
                 self.begin()
             }
             Request::Save {} => self.save(),
+            Request::Seek { .. } => {
+                let want = "a run that is over: `yawara view RUN_DIR`";
+                Err(SimError::value(self.simulation.name(), "seek", "asked for", want))
+            }
         }
     }
 
@@ -487,6 +386,7 @@ impl Session {
             forest: self.forest.clone(),
             positions: self.simulation.body().positions().to_vec(),
             outlines: self.outlines.take(),
+            quantum_mm: self.quantum_mm,
         });
         self.painted = Some(self.report.step);
         Ok(())

@@ -106,6 +106,7 @@ pub(super) fn of_step(report: &StepReport, hands: &[(u64, u8, &Hand)], more: Val
     let tool = |(number, felt): (usize, &ToolReport)| {
         let hand = hands.iter().find(|(_, _, hand)| hand.tool == number);
         json!({
+            "tool": number,
             "kind": felt.kind,
             "force_n": felt.force_n,
             "force_error_n": felt.force_error_n,

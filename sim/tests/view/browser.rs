@@ -105,6 +105,20 @@ impl Browser {
         self.ask("POST", &format!("/session/{}/{path}", self.session), Some(body))
     }
 
+    /// Makes pages as narrow as this many CSS pixels, dark or not.
+    pub fn emulate(&self, width: u32, dark: bool) {
+        let scheme = if dark { "dark" } else { "light" };
+        let features = [json!({ "name": "prefers-color-scheme", "value": scheme })];
+        self.devtools("Emulation.setEmulatedMedia", &json!({ "features": features }));
+        let size = json!({ "width": width, "height": 700, "deviceScaleFactor": 1, "mobile": true });
+        self.devtools("Emulation.setDeviceMetricsOverride", &size);
+    }
+
+    /// A command of Chromium's own.
+    pub fn devtools(&self, command: &str, parameters: &Value) {
+        self.command("goog/cdp/execute", &json!({ "cmd": command, "params": parameters }));
+    }
+
     pub fn go(&self, url: &str) {
         self.command("url", &json!({ "url": url }));
     }

@@ -1,6 +1,8 @@
 //! The page of `yawara view`: who is let in, and in a real browser what a hand does.
 
 mod browser;
+mod export;
+mod playback;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};

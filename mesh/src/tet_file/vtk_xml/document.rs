@@ -44,9 +44,14 @@ impl Piece {
     }
 
     pub(crate) fn topology(&self, name: &str) -> Result<&Array, TetMeshError> {
-        self.find("Cells", name).ok_or_else(|| {
+        self.of("Cells", name)
+    }
+
+    /// An array of the connectivity, in the element `section`.
+    pub(crate) fn of(&self, section: &str, name: &str) -> Result<&Array, TetMeshError> {
+        self.find(section, name).ok_or_else(|| {
             let found = format!("no array {name:?}");
-            TetMeshError::syntax("Cells", found, "types, offsets, connectivity")
+            TetMeshError::syntax(section, found, "types, offsets, connectivity")
         })
     }
 

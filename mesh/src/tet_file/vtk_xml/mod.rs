@@ -4,7 +4,8 @@
 //! Open `writer` for writing: one writer for all files, arrays in base64 or appended raw. For
 //! reading, `document` finds the elements and `array` decodes their numbers (text, base64 or
 //! appended, plain or compressed with zlib); `reader` makes tetrahedra of them, [`crate::image`]
-//! images (all behind the feature `vtu`). `plain` writes a plain mesh with fields.
+//! images, `fields` cells with all that is on them (all behind the feature `vtu`). `plain` writes a
+//! plain mesh with fields.
 //!
 //! A reader of our own, since `vtkio` 0.6 takes no `Int64` cell types and a default header of
 //! eight bytes (so that it refuses what meshio writes), leaves out arrays it can't decode without
@@ -15,6 +16,8 @@ mod array;
 #[cfg(feature = "vtu")]
 mod document;
 #[cfg(feature = "vtu")]
+mod fields;
+#[cfg(feature = "vtu")]
 mod plain;
 #[cfg(feature = "vtu")]
 mod reader;
@@ -24,6 +27,8 @@ mod writer;
 pub(crate) use array::{Array, Attributes};
 #[cfg(feature = "vtu")]
 pub(crate) use document::{Document, Piece};
+#[cfg(feature = "vtu")]
+pub use fields::{VtkFields, read_vtp_fields, read_vtu_fields};
 #[cfg(feature = "vtu")]
 pub use plain::{MeshField, write_vtu_plain};
 #[cfg(feature = "vtu")]

@@ -296,6 +296,8 @@ export class Body {
     for (const one of this.tools) this.drop(one);
     this.tools = [];
     for (const tool of tools) {
+      // A run that is over may not know where a tool was.
+      if (tool.reference_mm.includes(null)) continue;
       const at = new THREE.Vector3(...tool.reference_mm);
       const force = new THREE.Vector3(...tool.force_n);
       const size = force.length();

@@ -1,9 +1,11 @@
-// The page: what comes from the server, what the pointer and the keys do, and what is said about it.
+// The page: what comes from a simulation or from a run that is over, what the pointer and the keys do, and what is said about it.
 
 import { Body, COLOURS } from './body.js';
 import { LABELS, short, viridis } from './colour.js';
 import { decode } from './picture.js';
 import { plot } from './plot.js';
+import { Clock } from './clock.js';
+import { open } from './source.js';
 import * as THREE from './three.js';
 
 const get = (id) => document.getElementById(id);
@@ -12,10 +14,11 @@ const body = new Body(canvas);
 
 let state = null;
 let last = null;
-let socket = null;
+let source = null;
 let page = null;
+/** Of a run that is over. */
+let clock = null;
 let generation = null;
-let wait_ms = 250;
 let stamp = 0;
 const sent_at = new Map();
 const hands = new Map();
@@ -25,31 +28,21 @@ const parked = new Set();
 
 // ---------------------------------------------------------------- the server
 
-function connect() {
-  const query = new URLSearchParams(location.search);
-  const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
-  socket = new WebSocket(`${scheme}://${location.host}/ws?token=${query.get('token') ?? ''}`);
-  socket.binaryType = 'arraybuffer';
-  socket.onopen = () => { wait_ms = 250; };
-  socket.onmessage = ({ data }) => (typeof data === 'string' ? told(JSON.parse(data)) : seen(data));
-  socket.onclose = () => {
-    hands.clear();
-    parked.clear();
-    undrawn = 0;
-    status('no connection: trying again', true);
-    setTimeout(connect, wait_ms);
-    wait_ms = Math.min(2 * wait_ms, 4000);
-  };
+function lost() {
+  hands.clear();
+  parked.clear();
+  undrawn = 0;
+  clock?.forget();
+  status('no connection: trying again', true);
 }
 
-function say(request) {
-  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
-}
+function say(request) { source.say(request); }
 
 function told(message) {
   if (message.kind === 'welcome') { page = message.page; generation = null; return; }
   if (message.kind === 'state') { state = message; describe(); return; }
   if (message.kind === 'kept') command(message.command);
+  clock?.forget();
   notice(message.text, message.level);
 }
 
@@ -60,7 +53,7 @@ function seen(buffer) {
     body.clear(text.quantum_mm);
     get('about').textContent =
       `Positions of outlines are rounded to ${short(text.quantum_mm / 2)} mm. 3D by three.js (MIT).`;
-    plots.forEach((one) => one.plot.clear());
+    if (!clock) plots.forEach((one) => one.plot.clear());
     hands.clear();
     parked.clear();
   }
@@ -70,7 +63,7 @@ function seen(buffer) {
   last = text;
   arrivals.push(performance.now());
   if (arrivals.length > 60) arrivals.shift();
-  if (is_new && text.step > 0) plots.forEach((one) => one.plot.add(one.row(text)));
+  if (is_new && text.step > 0 && !clock) plots.forEach((one) => one.plot.add(one.row(text)));
   for (const tool of text.tools) tool.is_mine = tool.page === page;
   body.hold(text.tools, new Map([...hands].map(([id, hand]) => [id, hand.point])));
   for (const tool of text.tools) {
@@ -78,6 +71,17 @@ function seen(buffer) {
     if (at) pending.push([tool.stamp, at]);
   }
   figures();
+  mark();
+}
+
+/** Says which frame of a run is shown. */
+function mark() {
+  if (!clock || !last) return;
+  clock.came(last.frame);
+  get('seek').value = last.frame;
+  get('seek').setAttribute('aria-valuetext', `${short(last.time_s)} s`);
+  get('seek_out').textContent = `${last.time_s.toFixed(3)} s`;
+  plots.forEach((one) => one.plot.mark(last.step - 1));
 }
 
 // ---------------------------------------------------------------- words and numbers
@@ -101,6 +105,8 @@ function command(line) { get('command').textContent = line; }
 function describe() {
   get('scene').textContent = state.scene;
   document.title = `${state.scene} – yawara`;
+  document.body.classList.toggle('over', Boolean(state.playback));
+  if (state.playback) begin_playback(state.playback);
   get('pause').setAttribute('aria-pressed', String(state.paused));
   get('pause').textContent = state.paused ? 'Go on' : 'Pause';
   command(state.command);
@@ -166,6 +172,15 @@ function describe() {
   }));
 }
 
+function begin_playback({ frames, rows }) {
+  clock = new Clock(frames, (frame) => say({ do: 'seek', frame }));
+  clock.speed = Number(get('speed').value);
+  get('seek').max = clock.last;
+  canvas.setAttribute('aria-label', 'The body as it was. With the keyboard: Space plays, N and B go to the next frame and back, Home and End to the first and last, arrows turn the view.');
+  plots.forEach((one) => one.plot.show(rows.map(one.row)));
+  mark();
+}
+
 function labelled(text, input) {
   const label = document.createElement('label');
   label.append(text, input);
@@ -193,7 +208,7 @@ const plots = [
   },
   { row: (r) => [r.iterations], title: 'iterations', unit: '', series: [{ name: 'iterations', colour: '#009e73' }] },
   { row: (r) => [r.residual], title: 'residual', unit: '', log: true, series: [{ name: 'residual', colour: '#56b4e9' }] },
-].map((one) => ({ ...one, plot: plot(get('plots'), one) }));
+].map((one) => ({ ...one, plot: plot(get('plots'), one, (row) => clock.go_to_step(row + 1)) }));
 
 function figures() {
   const force = Math.hypot(...last.force_n);
@@ -219,11 +234,12 @@ function figures() {
     const where = last.failure ? ` at ${last.failure.place_mm.map((x) => x.toFixed(0)).join(', ')} mm` : '';
     status(`step ${last.step} did not converge${where}`, true);
     warn(last.failure?.advice ?? []);
-  } else status(state?.paused ? 'paused' : last.at_rest ? 'at rest: take hold of it' : `${last.vertices} vertices, ${last.tets} tetrahedra`);
+  } else if (clock) status(`${short(last.time_s)} s: step ${last.step} of ${state.playback.rows.length}`);
+  else status(state?.paused ? 'paused' : last.at_rest ? 'at rest: take hold of it' : `${last.vertices} vertices, ${last.tets} tetrahedra`);
 }
 
 function overlay() {
-  const shown = (last?.tools ?? []).filter((tool) => Math.hypot(...tool.force_n) > 1e-4);
+  const shown = (last?.tools ?? []).filter((tool) => Math.hypot(...tool.force_n) > 1e-4 && !tool.reference_mm.includes(null));
   const labels = get('labels');
   while (labels.children.length < shown.length) labels.append(document.createElement('div'));
   while (labels.children.length > shown.length) labels.lastChild.remove();
@@ -252,7 +268,7 @@ function bar() {
 
 // ---------------------------------------------------------------- hands
 
-const tool_kind = () => document.querySelector('input[name=tool]:checked').value;
+const tool_kind = () => (clock ? 'look' : null) ?? document.querySelector('input[name=tool]:checked').value;
 
 function free_hand() {
   for (let id = 0; id < 10; id += 1) if (!hands.has(id)) return id;
@@ -343,7 +359,11 @@ canvas.addEventListener('wheel', (event) => {
 canvas.addEventListener('keydown', (event) => {
   const place = canvas.getBoundingClientRect();
   const key = event.key.toLowerCase();
-  if (key === 'g') {
+  const way_of = { n: 1, b: -1, home: -Infinity, end: Infinity }[key];
+  if (clock && key === ' ') get('play').click();
+  else if (clock && way_of) clock.go(clock.wanted + way_of);
+  else if (clock && 'g escape'.split(' ').includes(key)) return;
+  else if (key === 'g') {
     if (take(place.left + place.width / 2, place.top + place.height / 2, 'keys') === null) notice('nothing is in the middle of the view', 'error');
   } else if (key === ' ') get('pause').click();
   else if (key === 'n') get('step').click();
@@ -382,6 +402,11 @@ get('pause').onclick = () => say({ do: 'pause', on: !state?.paused });
 get('step').onclick = () => say({ do: 'step' });
 get('reset').onclick = () => say({ do: 'reset' });
 get('release').onclick = () => { [...hands.keys()].forEach(let_go); body.controls.enabled = true; };
+get('play').onclick = () => clock?.play(!clock.plays);
+get('back').onclick = () => clock?.go(clock.wanted - 1);
+get('next').onclick = () => clock?.go(clock.wanted + 1);
+get('seek').oninput = ({ target }) => clock?.go(Number(target.value));
+get('speed').onchange = ({ target }) => { if (clock) clock.speed = Number(target.value); };
 get('save').onclick = () => say({ do: 'save' });
 get('shot').onclick = () => {
   const link = document.createElement('a');
@@ -420,8 +445,18 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { bo
 const pending = [];
 let undrawn = 0;
 let plotted = 0;
+let drawn = 0;
+
+function tick(now) {
+  if (!clock) return;
+  clock.tick(Math.min(now - drawn, 250));
+  get('play').setAttribute('aria-pressed', String(clock.plays));
+  get('play').textContent = clock.plays ? 'Pause' : 'Play';
+}
 
 function draw(now) {
+  tick(now);
+  drawn = now;
   for (const id of waiting_moves) if (hands.has(id)) lead(id, hands.get(id));
   waiting_moves.clear();
   const is_drawn = body.draw();
@@ -447,9 +482,10 @@ window.yawara = {
   get last() { return last; },
   get state() { return state; },
   get latencies() { return [...latencies]; },
-  get socket() { return socket; },
+  get socket() { return source.socket; },
+  get clock() { return clock; },
   body,
 };
 
-connect();
+source = open({ told, seen, lost });
 requestAnimationFrame(draw);

@@ -1,11 +1,14 @@
-// Curves over the last steps.
+// Curves over the last steps, or over all steps of a run that is over.
 
 import { short } from './colour.js';
 
 const KEPT = 600;
 
-/** Adds a plot to an element: its series by name and colour, stacked or beside each other. */
-export function plot(parent, { title, unit, series, stacked = false, log = false }) {
+/**
+ * Adds a plot to an element: its series by name and colour, stacked or beside each other. `pick` is told the
+ * number of the row that is pressed, of a run that is over.
+ */
+export function plot(parent, { title, unit, series, stacked = false, log = false }, pick) {
   const figure = document.createElement('div');
   figure.className = 'plot';
   const head = document.createElement('div');
@@ -30,7 +33,24 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
   }
   parent.append(figure);
   let rows = [];
+  let is_whole = false;
+  let marked = -1;
+  const press = ({ clientX, buttons, type }) => {
+    if (!is_whole || (type === 'pointermove' && !(buttons & 1))) return;
+    const place = canvas.getBoundingClientRect();
+    pick(Math.round(((clientX - place.left) / place.width) * (rows.length - 1)));
+  };
+  canvas.addEventListener('pointerdown', press);
+  canvas.addEventListener('pointermove', press);
   return {
+    /** Shows all rows of a run that is over. */
+    show(all) {
+      rows = all;
+      is_whole = true;
+      figure.classList.add('whole');
+    },
+    /** Marks a row; -1 for none. */
+    mark(row) { marked = row; },
     add(row) {
       rows.push(row);
       if (rows.length > KEPT) rows = rows.slice(-KEPT);
@@ -54,11 +74,11 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
         high = Math.max(high, v);
       }
       if (!(high > low)) high = low + 1;
-      const last = rows.at(-1);
+      const last = is_whole ? rows[marked] : rows.at(-1);
       const shown = last ? (stacked ? total(last) : last[0]) : null;
       now.textContent = shown === null || shown === undefined ? '–' : `${short(shown)} ${unit}`;
       canvas.setAttribute('aria-label', `${title}: ${now.textContent}`);
-      const x = (i) => ((i + KEPT - rows.length) / (KEPT - 1)) * w;
+      const x = (i) => (is_whole ? i / Math.max(rows.length - 1, 1) : (i + KEPT - rows.length) / (KEPT - 1)) * w;
       const y = (v) => h - 1 - ((v - low) / (high - low)) * (h - 3 * ratio);
       if (stacked) {
         for (let s = series.length - 1; s >= 0; s -= 1) {
@@ -69,9 +89,7 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
           pen.lineTo(x(rows.length - 1), h);
           pen.fill();
         }
-        return;
-      }
-      series.forEach(({ colour }, s) => {
+      } else series.forEach(({ colour }, s) => {
         pen.strokeStyle = colour;
         pen.lineWidth = 1.5 * ratio;
         pen.lineJoin = 'round';
@@ -85,6 +103,10 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
         });
         pen.stroke();
       });
+      if (is_whole && marked >= 0) {
+        pen.fillStyle = getComputedStyle(canvas).color;
+        pen.fillRect(Math.min(x(marked), w - 2 * ratio), 0, 2 * ratio, h);
+      }
     },
   };
 }

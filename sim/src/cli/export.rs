@@ -1,0 +1,67 @@
+//! `yawara export`: a run that is over as a page, a scene or a picture.
+
+use std::path::Path;
+
+use yawara::SimError;
+use yawara::film::write_picture;
+use yawara::playback::{Run, write_gltf};
+use yawara::view::write_html;
+
+use super::arguments::ExportArguments;
+use super::printer::Printer;
+
+/// How long a picture may last, s.
+const LASTS_S: std::ops::RangeInclusive<f64> = 0.1..=60.0;
+
+/// Writes what is asked for, all names checked before any work.
+pub fn run(arguments: &ExportArguments, out: &mut Printer) -> Result<(), SimError> {
+    let ExportArguments { run, html, gltf, picture, seconds } = arguments;
+    if html.is_none() && gltf.is_none() && picture.is_none() {
+        let want = "one of --html, --gltf and --picture";
+        return Err(SimError::value("yawara export", "what to write", "not said", want));
+    }
+    for (option, file, end) in
+        [("--html", html, "html"), ("--gltf", gltf, "glb"), ("--picture", picture, "png")]
+    {
+        if let Some(file) = file {
+            check(option, file, end)?;
+        }
+    }
+    if !(LASTS_S.contains(seconds)) {
+        let want = format!("{} to {}", LASTS_S.start(), LASTS_S.end());
+        return Err(SimError::value("yawara export", "--seconds", seconds, want));
+    }
+    let run = Run::open(run)?;
+    if let Some(file) = html {
+        let off_mm = write_html(&run, file)?;
+        say(out, file, &format!("surfaces to {off_mm:.1e} mm"))?;
+    }
+    if let Some(file) = gltf {
+        write_gltf(&run, file)?;
+        say(out, file, "in 32-bit floats")?;
+    }
+    if let Some(file) = picture {
+        write_picture(&run, file, *seconds)?;
+        say(out, file, &format!("{} frames in {seconds} s", run.frame_count()))?;
+    }
+    Ok(())
+}
+
+/// Refuses a name that is no place for such a file.
+fn check(option: &str, file: &Path, end: &str) -> Result<(), SimError> {
+    let refused = |want: &str| SimError::value("yawara export", option, file.display(), want);
+    if file.extension().is_none_or(|extension| extension != end) {
+        return Err(refused(&format!("a file name that ends in .{end}")));
+    }
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if file.is_dir() || !folder.is_none_or(Path::is_dir) {
+        return Err(refused("a file in a folder that exists"));
+    }
+    Ok(())
+}
+
+fn say(out: &mut Printer, file: &Path, precision: &str) -> Result<(), SimError> {
+    let bytes = std::fs::metadata(file).map_err(|source| SimError::Io(file.into(), source))?.len();
+    let size = bytes as f64 * 1e-6;
+    out.print(&format!("written to {}: {size:.1} MB, {precision}\n", file.display()))
+}
