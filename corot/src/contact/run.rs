@@ -102,10 +102,8 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
     }
 
     pub(super) fn merit_with(&self, off: impl Iterator<Item = f64>) -> f64 {
-        // A NaN must stay one.
-        off.fold(self.outcome.residual / self.tolerance.residual, |merit, off| {
-            if off / self.contact.depth <= merit { merit } else { off / self.contact.depth }
-        })
+        let first = self.outcome.residual / self.tolerance.residual;
+        largest(first, off.map(|off| off / self.contact.depth))
     }
 
     /// Where it stands.
@@ -199,6 +197,28 @@ impl<'a, 'b, 'p> Run<'a, 'b, 'p> {
             normals: self.normals,
             compliance: self.compliance,
             shaped: self.shaped,
+        }
+    }
+}
+
+/// The largest of all; no number where one of them is none.
+fn largest(first: f64, others: impl Iterator<Item = f64>) -> f64 {
+    others.fold(first, |most, one| if most.is_nan() || one <= most { most } else { one })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body that has left all numbers, with gaps that still are some, has not converged.
+    #[test]
+    fn what_is_no_number_is_not_lost_among_others() {
+        let of = |all: [f64; 3]| largest(all[0], all[1..].iter().copied());
+        assert_eq!(of([0.5, 2.0, 1.0]), 2.0);
+        for place in 0..3 {
+            let mut all = [0.5, 0.2, 0.1];
+            all[place] = f64::NAN;
+            assert!(of(all).is_nan(), "{place}");
         }
     }
 }

@@ -286,7 +286,9 @@ impl StepSolver {
                 acting.state.rest();
                 self.predictor.turn();
                 let whole = Span { from: self.reached_s, ..step };
-                if self.attempt(step, whole, kept, acting, &mut total)?.converged {
+                let outcome = self.attempt(step, whole, kept, acting, &mut total)?;
+                if outcome.converged {
+                    total.report.residual = total.report.residual.max(outcome.residual);
                     total.report.substeps += 1;
                     total.from_rest += 1;
                     self.reached_s = step.to;
