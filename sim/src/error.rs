@@ -204,6 +204,9 @@ pub enum SimError {
     /// The compliance of held vertices is not positive definite: the inverse is damaged.
     #[error("the compliance of {0} held vertices is not positive definite")]
     ComplianceNotPositive(usize),
+    /// A checkpoint of another scene: the scene that was to go on from it.
+    #[error("{0}: the checkpoint is of another scene")]
+    OtherCheckpoint(String),
     /// An unknown name, and the known ones.
     #[error("no indicator `{0}`; there are {names}", names = .1.join(", "))]
     UnknownIndicator(String, &'static [&'static str]),

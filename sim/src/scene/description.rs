@@ -396,6 +396,9 @@ pub struct Output {
     pub surface_level: Option<u8>,
     /// Labels whose outlines every frame has.
     pub surfaces: Vec<SurfaceEntry>,
+    /// A checkpoint every so many steps, from which an interrupted run goes on; 0 for none.
+    #[serde(skip_serializing_if = "is_default_checkpoint")]
+    pub checkpoint_steps: usize,
 }
 
 /// The outline of a label.
@@ -407,6 +410,13 @@ pub struct SurfaceEntry {
     /// Width of the blur that rounds off the voxels' stairs; thin tubes (r < 1.18 σ) vanish.
     #[serde(default = "default_sigma")]
     pub sigma_voxels: f64,
+}
+
+/// A checkpoint every so many steps.
+const CHECKPOINT_STEPS: usize = 100;
+
+fn is_default_checkpoint(steps: &usize) -> bool {
+    *steps == CHECKPOINT_STEPS
 }
 
 fn default_seed() -> u64 {
@@ -470,6 +480,7 @@ impl Default for Output {
             field: false,
             surface_level: None,
             surfaces: Vec::new(),
+            checkpoint_steps: CHECKPOINT_STEPS,
         }
     }
 }

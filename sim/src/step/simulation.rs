@@ -12,6 +12,7 @@ use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
 use super::holding::Coming;
 use super::indicator::{Dual, Sight};
+use super::keeping::Beginning;
 use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
@@ -37,6 +38,8 @@ pub struct Simulation {
     pub(super) goal: Option<Figure>,
     /// What tools that begin later are going to hold.
     pub(super) coming: Coming,
+    /// What the state was made from; none unless the scene asks for checkpoints.
+    pub(super) beginning: Option<Beginning>,
     /// The body at rest, read again when the first tool is added.
     pub(super) rest: Option<Box<Start>>,
     pub(super) recorder: Recorder,
