@@ -179,7 +179,7 @@ impl Pressures {
             }
         }
         let lower = SparseColMat::try_new_from_triplets(n, n, &triplets).ok()?;
-        SparseLdl::new(&lower, &vec![1; n], None)
+        SparseLdl::new(lower, &vec![1; n], None)
     }
 
     /// Takes P q − G u of all vertices, times the law's `stiffening`.

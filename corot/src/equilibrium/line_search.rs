@@ -11,8 +11,9 @@ const TRIALS: usize = 12;
 const LONGEST: f64 = 8.0;
 
 /// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is no more than `flat` of
-/// φ'(0), in either direction: the strong curvature condition. Returns α; 0 with `point` where it was if
-/// `direction` does not lead downhill or no length is found.
+/// φ'(0), in either direction: the strong curvature condition. Returns α; where the slope jumps from below zero to
+/// above, as where an element turns over, the end of the bracket that lies below; 0 with `point` where it was if
+/// `direction` does not lead downhill at all.
 ///
 /// There need not be an energy, nor one that is known to more digits than the solution asks for:
 /// from φ'(0) < 0 on, the first bracket in which the slope changes its sign is halved by secants.
@@ -50,8 +51,8 @@ pub(crate) fn search(
         };
     }
     point.positions.copy_from_slice(&base);
-    point.evaluate(problem);
-    0.0
+    point.advance(problem, direction, low.0);
+    low.0
 }
 
 /// Where the chord of the slope is zero, kept away from the ends.

@@ -122,7 +122,7 @@ impl<'a> TangentSystem<'a> {
                     Some(Factor::Convex(factor)) => Some(factor.into_pattern()),
                     _ => None,
                 };
-                Factor::Convex(SparseLdl::new(&matrix, &self.unknowns.signs, pattern)?)
+                Factor::Convex(SparseLdl::new(matrix, &self.unknowns.signs, pattern)?)
             }
         });
         Some(())

@@ -133,15 +133,19 @@ impl SparseCholesky {
 
 /// P K Pᵀ = L D Lᵀ of a quasi-definite K, [A Bᵀ; B −C] with A and C positive definite in any order of rows, by
 /// faer, in one thread. Source: Vanderbei, Symmetric quasidefinite matrices, SIAM J. Optim. 5(1), 1995.
+///
+/// Factored is S K S, whose largest entry of each row is about 1: pivots are judged apart from how stiff one part of a
+/// body is beside another. S has powers of two, which change no digit.
 pub struct SparseLdl {
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
+    scale: Vec<f64>,
 }
 
 /// Where a [`SparseLdl`] has entries.
 pub struct LdlPattern(SymbolicCholesky<usize>);
 
-/// A pivot below this part of the largest entry, or of the wrong sign, is made that large.
+/// A pivot of S K S below this, or of the wrong sign, is made that large.
 const LEAST_PIVOT: f64 = 1e-14;
 
 impl SparseLdl {
@@ -154,19 +158,26 @@ impl SparseLdl {
     /// # Panics
     /// If `signs` or `pattern` is of a matrix of another size.
     pub fn new(
-        lower: &SparseColMat<usize, f64>,
+        mut lower: SparseColMat<usize, f64>,
         signs: &[i8],
         pattern: Option<LdlPattern>,
     ) -> Option<Self> {
         let symbolic = match pattern {
             Some(LdlPattern(symbolic)) => symbolic,
-            None => symbolic(lower, None, 1)?,
+            None => symbolic(&lower, None, 1)?,
         };
-        let largest = lower.val().iter().fold(0.0f64, |largest, v| largest.max(v.abs()));
+        let scale = scale(&lower);
+        let (pattern_of_k, entries) = lower.parts_mut();
+        for (column, s) in scale.iter().enumerate() {
+            let rows = pattern_of_k.row_idx_of_col_raw(column);
+            for (entry, &row) in entries[pattern_of_k.col_range(column)].iter_mut().zip(rows) {
+                *entry = s * *entry * scale[row];
+            }
+        }
         let regular = LdltRegularization {
             dynamic_regularization_signs: Some(signs),
-            dynamic_regularization_delta: LEAST_PIVOT * largest,
-            dynamic_regularization_epsilon: LEAST_PIVOT * largest,
+            dynamic_regularization_delta: LEAST_PIVOT,
+            dynamic_regularization_epsilon: LEAST_PIVOT,
         };
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
@@ -181,7 +192,7 @@ impl SparseLdl {
                 Default::default(),
             )
             .ok()?;
-        Some(Self { symbolic, values })
+        Some(Self { symbolic, values, scale })
     }
 
     /// The pattern of L, for another matrix with the same entries.
@@ -195,13 +206,34 @@ impl SparseLdl {
     /// If X has not as many rows as K.
     pub fn solve_in_place(&self, x: &mut Mat<f64>) {
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq);
+        self.multiply(x);
         LdltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
             x.as_mut(),
             Par::Seq,
             MemStack::new(&mut MemBuffer::new(scratch)),
         );
+        self.multiply(x);
     }
+
+    /// X ← S X.
+    fn multiply(&self, x: &mut Mat<f64>) {
+        for column in x.col_iter_mut() {
+            column.iter_mut().zip(&self.scale).for_each(|(x, s)| *x *= s);
+        }
+    }
+}
+
+/// S by rows: one over the root of the largest entry of a row, to the next power of two below; 1 for a row of zeros.
+fn scale(lower: &SparseColMat<usize, f64>) -> Vec<f64> {
+    let mut largest = vec![0.0f64; lower.ncols()];
+    for at in lower.triplet_iter() {
+        let size = at.val.abs();
+        largest[at.row] = largest[at.row].max(size);
+        largest[at.col] = largest[at.col].max(size);
+    }
+    let power = |size: f64| (-0.5 * size.log2()).floor().exp2();
+    largest.into_iter().map(|size| if size > 0.0 { power(size) } else { 1.0 }).collect()
 }
 
 /// The pattern of L.
@@ -224,4 +256,39 @@ fn symbolic(
     };
     let parameters = CholeskySymbolicParams::default();
     factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::sparse::Triplet;
+
+    /// Two bodies of one spring and one pressure each, the second softer by `softness`, tied to each other by as
+    /// little as it bears.
+    fn pair(softness: f64) -> SparseColMat<usize, f64> {
+        let body =
+            |at: usize, e: f64| [(at, at, 4.0 * e), (at + 1, at, e), (at + 1, at + 1, -2.0 * e)];
+        let tie = [(2, 0, -0.5 * softness)];
+        let entries = body(0, 1.0).into_iter().chain(body(2, softness)).chain(tie);
+        let entries: Vec<_> = entries.map(|(i, j, v)| Triplet::new(i, j, v)).collect();
+        SparseColMat::try_new_from_triplets(4, 4, &entries).unwrap()
+    }
+
+    #[test]
+    fn soft_pivots_beside_stiff_ones_are_pivots() {
+        for softness in [1.0, 1e-9, 1e-18, 1e-27] {
+            let factor = SparseLdl::new(pair(softness), &[1, -1, 1, -1], None).unwrap();
+            // K x for x of ones, the second body's in its own units.
+            let mut x = Mat::from_fn(4, 1, |i, _| match i {
+                0 => 5.0 - 0.5 * softness,
+                1 => -1.0,
+                2 => 4.5 * softness,
+                _ => -softness,
+            });
+            factor.solve_in_place(&mut x);
+            for i in 0..4 {
+                assert!((x[(i, 0)] - 1.0).abs() < 1e-14, "{softness}: {x:?}");
+            }
+        }
+    }
 }

@@ -222,3 +222,32 @@ impl Reference {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hardest_materials_and_meshes_converge_by_default() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::open(&root.path().join("robust"), &json!({}), false).unwrap();
+        let hardest = ["modulus ratio 1e9", "slivers of 1e-6"];
+        let all = settings(false);
+        let of_these: Vec<&Setting> =
+            all.iter().filter(|one| hardest.contains(&&*one.name)).collect();
+        assert_eq!(of_these.len(), hardest.len());
+        for one in of_these {
+            for element in FORMULATIONS {
+                let scene = one.scene(element, "fallback", &folder).unwrap();
+                let mut simulation = Simulation::builder(&scene).build().unwrap();
+                for step in 0..scene.time.steps {
+                    assert!(
+                        simulation.step().unwrap().converged,
+                        "{}, {element}: {step}",
+                        one.name
+                    );
+                }
+            }
+        }
+    }
+}
