@@ -397,7 +397,7 @@ pub struct Output {
     /// Labels whose outlines every frame has.
     pub surfaces: Vec<SurfaceEntry>,
     /// A checkpoint every so many steps, from which an interrupted run goes on; 0 for none.
-    #[serde(skip_serializing_if = "is_default_checkpoint")]
+    #[serde(skip_serializing_if = "is_none")]
     pub checkpoint_steps: usize,
 }
 
@@ -412,11 +412,8 @@ pub struct SurfaceEntry {
     pub sigma_voxels: f64,
 }
 
-/// A checkpoint every so many steps.
-const CHECKPOINT_STEPS: usize = 100;
-
-fn is_default_checkpoint(steps: &usize) -> bool {
-    *steps == CHECKPOINT_STEPS
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 fn default_seed() -> u64 {
@@ -480,7 +477,7 @@ impl Default for Output {
             field: false,
             surface_level: None,
             surfaces: Vec::new(),
-            checkpoint_steps: CHECKPOINT_STEPS,
+            checkpoint_steps: 0,
         }
     }
 }
