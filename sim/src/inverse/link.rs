@@ -227,7 +227,8 @@ impl InverseLink {
 
     /// Counts and times so far.
     pub(crate) fn kept(&self) -> KeptInverse {
-        let Counts { rebuilds, drift_rebuilds, failed_pivots, refinement_steps, .. } = self.counts();
+        let Counts { rebuilds, drift_rebuilds, failed_pivots, refinement_steps, .. } =
+            self.counts();
         KeptInverse {
             updates: self.updates,
             watched: self.watched,

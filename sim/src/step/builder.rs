@@ -217,8 +217,7 @@ impl<'a> SimulationBuilder<'a> {
                     SupportHold::Elastic => &[],
                 };
                 let regions = Regions::new(fixed, organ, labels, &holds);
-                let forest =
-                    is_kept.then(|| StartMesh::Forest(Box::new(content.forest.clone())));
+                let forest = is_kept.then(|| StartMesh::Forest(Box::new(content.forest.clone())));
                 (state, Some(Refiner::new(content, rules, regions)), forest)
             }
         };

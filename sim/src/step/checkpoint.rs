@@ -18,6 +18,8 @@ use crate::report::{EnergySummary, KeptStatistics};
 pub struct Checkpoint {
     /// How many tools there are.
     pub(super) tools: usize,
+    /// Stages of the plan, and what was chosen for them.
+    pub(super) plan: Vec<(String, String)>,
     pub(super) splits: Vec<Point>,
     /// Tools that began later, in the order in which they came.
     pub(super) came: Vec<usize>,
@@ -38,6 +40,29 @@ impl Checkpoint {
     /// The steps that had been made.
     pub fn steps(&self) -> usize {
         self.statistics.steps()
+    }
+
+    /// Whether all that is told by vertex, tetrahedron, grip and tool is told of this many, vertices numbered below
+    /// `capacity`.
+    pub(super) fn is_of(&self, [vertices, capacity, tets, grips]: [usize; 4]) -> bool {
+        let KeptVertices { holds, positions, velocities, accelerations, pressures } =
+            &self.vertices;
+        let lengths = [holds.len(), positions.len(), velocities.len(), accelerations.len()];
+        let KeptTets { rotations, law } = &self.tets;
+        let KeptSolver { tool_loads, fading, grips: held, .. } = &self.solver;
+        let mut forces = [tool_loads, fading].into_iter().chain(&held.forces).flatten();
+        let leaving = self.refiner.as_ref().map_or(&[][..], |refiner| &refiner.leaving);
+        let mut numbers = held.held.iter().map(|(number, _)| number).chain(&held.free);
+        lengths.iter().all(|length| *length == vertices)
+            && pressures.len() == vertices
+            && rotations.len() == tets
+            && (law.is_empty() || law.len() == tets)
+            && self.poses.len() == grips
+            && forces.all(|(v, _)| *v < capacity)
+            && leaving.iter().all(|v| *v < capacity)
+            && numbers.all(|number| *number < grips)
+            && self.contact.pushes.iter().all(|push| push.tool < self.tools)
+            && self.ledger.hands.len() == self.tools
     }
 }
 

@@ -106,6 +106,9 @@ impl Simulation {
     /// simulation that [resumes](Self::resume) the checkpoint, to the last bit, and others, by rounding,
     /// than without.
     ///
+    /// What a stage or tool of one's own remembers from step to step besides what its trait tells of is not in it:
+    /// only one that remembers nothing can be gone on with.
+    ///
     /// Cost: about that of assembling and inverting K, and of binding tools to the mesh.
     /// # Errors
     /// [`SimError::Value`] if the scene has no `output.checkpoint_steps`; those of an inverse, after which the
@@ -119,9 +122,17 @@ impl Simulation {
     /// Goes on where a simulation of the same scene was when it made `checkpoint`.
     ///
     /// # Errors
-    /// [`SimError::OtherCheckpoint`] for one of another scene, as far as that is seen; as
-    /// [`checkpoint`](Self::checkpoint).
+    /// [`SimError::OtherStage`] if the plans differ, [`SimError::OtherCheckpoint`] for one of another scene, as far as
+    /// that is seen; as [`checkpoint`](Self::checkpoint).
     pub fn resume(&mut self, checkpoint: &Checkpoint) -> Result<(), SimError> {
+        let rows = self.recorder.plan.iter().zip(&checkpoint.plan);
+        if let Some((row, (_, made))) =
+            rows.into_iter().find(|(row, kept)| (&row.stage, &row.choice) != (&kept.0, &kept.1))
+        {
+            let [scene, stage, made, has] =
+                [&self.scene.name, &row.stage, made, &row.choice].map(Clone::clone);
+            return Err(SimError::OtherStage { scene, stage, made, has });
+        }
         // Cut beside the start mesh, as it was for the first frame.
         if let (Some(outline), Some(refiner)) = (&self.recorder.outline, &self.body.refiner) {
             outline.cut(&refiner.content.forest)?;
@@ -159,6 +170,12 @@ impl Simulation {
         });
         Ok(Checkpoint {
             tools: self.tools.len(),
+            plan: self
+                .recorder
+                .plan
+                .iter()
+                .map(|row| (row.stage.clone(), row.choice.clone()))
+                .collect(),
             splits,
             came: beginning.came.clone(),
             vertices: KeptVertices {
@@ -262,11 +279,10 @@ impl Simulation {
             }
             _ => return Err(other()),
         };
-        let is_same = kept.tools == tools.len()
-            && holds.len() == state.vertex_count()
-            && kept.tets.rotations.len() == state.tet_count();
         hold_material(beginning.grips.clone(), &scene.name, &mut state)?;
-        if !is_same || kept.poses.len() != state.body.grips().len() {
+        let [vertices, tets] = [state.vertex_count(), state.tet_count()];
+        let counts = [vertices, state.positions.len(), tets, state.body.grips().len()];
+        if kept.tools != tools.len() || !kept.is_of(counts) {
             return Err(other());
         }
         state.is_dynamic = body.state.is_dynamic;
