@@ -107,7 +107,7 @@ impl Case {
 fn on_file(mesh: &Path) -> String {
     let material = "[[materials]]\nlabel = N\nyoung_modulus_pa = 5e3\npoisson_ratio = 0.3\n\
         law = { kind = 'prony', terms = [{ fraction = 0.4, time_s = 0.1 }] }\n";
-    let materials: String = (1..=4).map(|n| material.replace('N', &n.to_string())).collect();
+    let materials: String = (0..=4).map(|n| material.replace('N', &n.to_string())).collect();
     format!(
         "name = 'file'\n[mesh]\npath = {mesh:?}\n{materials}\
          [[fixed]]\nshape = 'box'\nmin = [0.55, 0.0, 0.0]\nmax = [1.0, 0.35, 1.0]\n\
@@ -139,7 +139,8 @@ fn rest(simulation: &mut Simulation, every: usize) -> (Vec<String>, Vec<Checkpoi
 
 /// A simulation that resumes any checkpoint of another one makes the rest of its steps to the last bit.
 fn goes_on(case: &Case) -> Vec<String> {
-    let scene = case.scene(&Workbench::new());
+    let bench = Workbench::new();
+    let scene = case.scene(&bench);
     let every = scene.output.checkpoint_steps;
     let mut whole = Simulation::builder(&scene).build().unwrap();
     let (want, checkpoints) = rest(&mut whole, every);

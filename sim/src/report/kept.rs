@@ -1,9 +1,6 @@
 //! The sums of a run as they are kept on disk, to be gone on with.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
-use yawara_corot::EQUILIBRIA;
 
 use super::records::{EstimateSummary, ForceSummary, GoalReport, MeshSummary, StepSummary};
 use super::tool::ToolSummary;
@@ -15,7 +12,6 @@ pub(crate) struct KeptStatistics {
     /// 3 r/R and circumradius over shortest edge.
     pub worst: [f64; 2],
     pub steps: StepSummary,
-    pub converged_by: BTreeMap<String, usize>,
     pub step_ms: Vec<f64>,
     pub solve_ms: Vec<f64>,
     pub estimate: EstimateSummary,
@@ -39,12 +35,6 @@ pub(crate) struct Names<'a> {
 }
 
 impl Names<'_> {
-    /// Counts by method; those of methods that are not built in are left out.
-    pub fn converged_by(&self, kept: &BTreeMap<String, usize>) -> BTreeMap<&'static str, usize> {
-        let known = EQUILIBRIA.iter().filter_map(|name| Some((*name, *kept.get(*name)?)));
-        known.collect()
-    }
-
     pub fn estimate(&self, kept: EstimateSummary) -> EstimateSummary {
         let named = |goal| GoalReport { name: self.goal.unwrap_or_default(), ..goal };
         EstimateSummary { goal_end: kept.goal_end.map(named), ..kept }

@@ -189,12 +189,10 @@ impl RunStatistics {
     /// All so far.
     pub fn kept(&self) -> KeptStatistics {
         let Self { mesh, worst, steps, step_ms, solve_ms, estimate, force, tools, .. } = self;
-        let by = steps.converged_by.iter().map(|(name, count)| ((*name).to_owned(), *count));
         KeptStatistics {
             mesh: *mesh,
             worst: [worst.radius_ratio, worst.circumradius_over_shortest_edge],
             steps: steps.clone(),
-            converged_by: by.collect(),
             step_ms: step_ms.clone(),
             solve_ms: solve_ms.clone(),
             estimate: *estimate,
@@ -212,7 +210,6 @@ impl RunStatistics {
         self.worst = Quality { radius_ratio, circumradius_over_shortest_edge };
         (self.mesh, self.steps, self.force) = (*mesh, steps.clone(), *force);
         (self.step_ms, self.solve_ms) = (step_ms.clone(), solve_ms.clone());
-        self.steps.converged_by = names.converged_by(&kept.converged_by);
         self.estimate = names.estimate(*estimate);
         self.tools = names.tools(&kept.tools, &kept.error_shares);
         self.earlier_s += wall_s;
@@ -233,7 +230,7 @@ impl RunStatistics {
             steps.residual_max = report.residual;
         }
         for method in &outcome.converged_by {
-            *steps.converged_by.entry(method).or_default() += 1;
+            *steps.converged_by.entry((*method).to_owned()).or_default() += 1;
         }
         self.solve_ms.extend_from_slice(&outcome.solve_ms);
         self.step_ms.push(step_ms);

@@ -310,8 +310,7 @@ pub struct StepSummary {
     pub converged: usize,
     /// Attempts that each method of the solver brought to its tolerance, methods after the first
     /// by falling back.
-    #[serde(skip_deserializing)]
-    pub converged_by: BTreeMap<&'static str, usize>,
+    pub converged_by: BTreeMap<String, usize>,
     /// How often a step or a part of one was cut in two.
     pub halvings: usize,
     /// The first step that did not converge.

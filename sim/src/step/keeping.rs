@@ -125,6 +125,7 @@ impl Simulation {
     /// [`SimError::OtherStage`] if the plans differ, [`SimError::OtherCheckpoint`] for one of another scene, as far as
     /// that is seen; as [`checkpoint`](Self::checkpoint).
     pub fn resume(&mut self, checkpoint: &Checkpoint) -> Result<(), SimError> {
+        self.beginning()?;
         let rows = self.recorder.plan.iter().zip(&checkpoint.plan);
         if let Some((row, (_, made))) =
             rows.into_iter().find(|(row, kept)| (&row.stage, &row.choice) != (&kept.0, &kept.1))
