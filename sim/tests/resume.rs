@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use workbench::{BAR, Nifti, Workbench};
+use yawara::output::{Interrupted, ResumeError, RunDirectory};
 use yawara::report::{StageTimes, StepReport};
 use yawara::scene::Scene;
 use yawara::{Checkpoint, SimError, Simulation, scene_file};
@@ -472,6 +473,36 @@ fn what_can_not_be_gone_on_with_is_refused() {
     bench.refused(&resume, &["cut: the run is complete"]);
     bench.succeed(&run_to("whole"));
     assert_same(&bench, "cut", "whole");
+}
+
+#[test]
+fn a_run_that_ends_early_stays_if_it_has_a_checkpoint() {
+    let bench = bar();
+    let file = bench.path("bar.toml");
+    let scene = scene_file::load(file.to_str().unwrap(), &[]).unwrap().0;
+    let target = bench.path("run");
+    let mut simulation = Simulation::builder(&scene).build().unwrap();
+    let mut directory = RunDirectory::create(&target, false).unwrap();
+    let checkpoint = simulation.checkpoint().unwrap();
+    let error = directory.write_checkpoint(&checkpoint).unwrap_err().to_string();
+    assert!(error.contains("output.checkpoint_steps is 0"), "{error}");
+    directory.write_scene(&scene, simulation.plan()).unwrap();
+    assert_eq!(directory.resumable(), None);
+    drop(directory);
+    assert!(bench.files().iter().all(|file| !file.starts_with(".run")), "{:?}", bench.files());
+
+    let mut directory = RunDirectory::create(&target, false).unwrap();
+    directory.write_scene(&scene, simulation.plan()).unwrap();
+    directory.write_step(&simulation.step().unwrap()).unwrap();
+    directory.write_checkpoint(&simulation.checkpoint().unwrap()).unwrap();
+    let Err(SimError::Resume(error)) = Interrupted::take(&target) else { panic!("taken twice") };
+    assert!(matches!(error, ResumeError::BeingWritten(_)), "{error}");
+    drop(directory);
+    for _ in 0..2 {
+        let Interrupted { directory, checkpoint, .. } = Interrupted::take(&target).unwrap();
+        assert_eq!(checkpoint.steps(), 1);
+        assert!(directory.resumable().is_some_and(Path::exists));
+    }
 }
 
 #[test]
