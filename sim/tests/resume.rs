@@ -138,6 +138,42 @@ fn rest(simulation: &mut Simulation, every: usize) -> (Vec<String>, Vec<Checkpoi
     (all, kept)
 }
 
+/// Without checkpoints the steps are the same but for what a solver leaves: nothing that a step follows from is lost.
+fn is_as_without(case: &Case) {
+    let bench = Workbench::new();
+    let scene = case.scene(&bench);
+    let mut plain = scene.clone();
+    plain.output.checkpoint_steps = 0;
+    let reports = |scene: &Scene| -> Vec<StepReport> {
+        let mut simulation = Simulation::builder(scene).build().unwrap();
+        let every = scene.output.checkpoint_steps;
+        let mut all = Vec::new();
+        while simulation.steps_left() > 0 {
+            all.push(simulation.step().unwrap());
+            if every > 0 && all.len().is_multiple_of(every) {
+                simulation.checkpoint().unwrap();
+            }
+        }
+        all
+    };
+    let [with, without] = [&scene, &plain].map(reports);
+    let forces = |report: &StepReport| -> Vec<f64> {
+        report.tools.iter().flat_map(|tool| tool.force_n).collect()
+    };
+    let most = without.iter().flat_map(forces).fold(0.0, |most: f64, force| most.max(force.abs()));
+    let mut worst = 0.0_f64;
+    for (with, without) in with.iter().zip(&without) {
+        let counts = |report: &StepReport| (report.vertices, report.splits, report.merges);
+        assert_eq!(counts(with), counts(without), "step {}", with.step);
+        let pairs = forces(with).into_iter().zip(forces(without));
+        worst =
+            pairs.fold(worst, |worst, (with, without)| worst.max((with - without).abs() / most));
+    }
+    println!("{}: forces differ by {worst:e} of {most} N", case.scene);
+    // Each has solved to its relative residual.
+    assert!(worst < 10.0 * scene.solver.residual, "{worst:e} of {most} N");
+}
+
 /// A simulation that resumes any checkpoint of another one makes the rest of its steps to the last bit.
 fn goes_on(case: &Case) -> Vec<String> {
     let bench = Workbench::new();
@@ -299,6 +335,31 @@ fn tools_that_come_later_go_on() {
 #[test]
 fn a_mesh_from_a_file_goes_on() {
     goes_on(&MESH_FILE);
+}
+
+#[test]
+fn checkpoints_lose_nothing_of_a_mesh_that_refines() {
+    is_as_without(&REFINED);
+}
+
+#[test]
+fn checkpoints_lose_nothing_of_a_contact() {
+    is_as_without(&CONTACT);
+}
+
+#[test]
+fn checkpoints_lose_nothing_of_motion_and_memory() {
+    is_as_without(&DYNAMIC);
+}
+
+#[test]
+fn checkpoints_lose_nothing_of_tools_that_come_later() {
+    is_as_without(&TWO_TOOLS);
+}
+
+#[test]
+fn checkpoints_lose_nothing_of_a_mesh_file() {
+    is_as_without(&MESH_FILE);
 }
 
 #[test]
