@@ -158,7 +158,7 @@ impl<'a> SimulationBuilder<'a> {
         let (mut state, refiner, start_mesh) = match origin {
             Origin::MeshFile(mesh) => {
                 let state = mesh.state(&holds, empty, memory.as_ref());
-                (state, None, is_kept.then(|| StartMesh::File(mesh, memory)))
+                (state, None, is_kept.then_some(StartMesh::File(mesh, memory)))
             }
             Origin::Image(mut setup) => {
                 let rule = match scene.void.beside_tissue {
