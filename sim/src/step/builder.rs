@@ -9,13 +9,13 @@ use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
 
+use super::beginning::{Beginning, StartMesh};
 use super::contact::ContactState;
 use super::content::Content;
 use super::dynamics::{self, Motion};
 use super::equilibrium::StepSolver;
 use super::figures::Figure;
 use super::holding::{Coming, Grips, hold_material};
-use super::keeping::{Beginning, StartMesh};
 use super::ledger::Ledger;
 use super::refinement::{Refiner, Rules};
 use super::simulation::{SimulatedBody, Simulation};

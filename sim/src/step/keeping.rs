@@ -7,40 +7,16 @@ use yawara_corot::LawState;
 use yawara_embed::Strain;
 use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Point, TetId, VertexId};
 
+use super::beginning::{Beginning, StartMesh};
 use super::checkpoint::{Checkpoint, KeptTets, KeptVertices, Numbers};
 use super::contact::ContactState;
-use super::holding::{Grips, hold_material};
+use super::holding::hold_material;
 use super::ledger::Ledger;
 use super::simulation::{SimulatedBody, Simulation};
-use crate::body::{BodyState, FileMesh, Hold, Memory, OrganBox};
+use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::Elements;
 use crate::report::Names;
-use crate::tools::MaterialHold;
-
-/// What the state of a simulation was made from.
-pub(super) struct Beginning {
-    /// The start mesh of an image, or a mesh file with what its material remembers.
-    pub mesh: StartMesh,
-    pub organ: OrganBox,
-    /// What is held of the material, in the order of the body's grips.
-    pub grips: Grips,
-    /// Tools that began later, in the order in which they came.
-    pub came: Vec<usize>,
-}
-
-pub(super) enum StartMesh {
-    Forest(Box<BisectionForest>),
-    File(Box<FileMesh>, Option<Memory>),
-}
-
-impl Beginning {
-    /// A tool has come that holds this.
-    pub fn take(&mut self, tool: usize, hold: Option<&MaterialHold>) {
-        self.came.push(tool);
-        self.grips.extend(hold.map(|hold| (Some(tool), hold.clone())));
-    }
-}
 
 /// How the numbers of a mesh are those of the same mesh made again from the start.
 struct Again {

@@ -8,8 +8,9 @@
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
 //! energy, with what `slips` from under tools when the mesh changes. `hands` has tools come, go where they are led and
 //! let go while the simulation runs; `holding` puts what they hold into the body. `keeping` takes all of the state out as
-//! a `checkpoint` and makes it again.
+//! a `checkpoint` and makes it again from its `beginning`.
 
+mod beginning;
 mod builder;
 mod checkpoint;
 mod contact;

@@ -7,12 +7,12 @@ use nalgebra::Vector3;
 use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
+use super::beginning::Beginning;
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
 use super::holding::Coming;
 use super::indicator::{Dual, Sight};
-use super::keeping::Beginning;
 use super::ledger::Ledger;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
