@@ -9,6 +9,7 @@ use yawara_inverse_update::InverseError;
 use yawara_mesh::{BisectionError, ImageError, SurfaceError, TetMeshError};
 
 use crate::body::LabelVoxels;
+use crate::output::ResumeError;
 
 /// Why a scene was refused or a run ended.
 #[derive(Debug, thiserror::Error)]
@@ -204,6 +205,24 @@ pub enum SimError {
     /// The compliance of held vertices is not positive definite: the inverse is damaged.
     #[error("the compliance of {0} held vertices is not positive definite")]
     ComplianceNotPositive(usize),
+    /// A run that can't be gone on with.
+    #[error(transparent)]
+    Resume(#[from] ResumeError),
+    /// A checkpoint of another scene: the scene that was to go on from it.
+    #[error("{0}: the checkpoint is of another scene")]
+    OtherCheckpoint(String),
+    /// A checkpoint by other stages.
+    #[error("{scene}: the checkpoint is by {stage} `{made}`, the simulation has `{has}`")]
+    OtherStage {
+        /// The scene that was to go on from it.
+        scene: String,
+        /// The first stage of the plan that differs.
+        stage: String,
+        /// What it was.
+        made: String,
+        /// What it is.
+        has: String,
+    },
     /// An unknown name, and the known ones.
     #[error("no indicator `{0}`; there are {names}", names = .1.join(", "))]
     UnknownIndicator(String, &'static [&'static str]),

@@ -59,5 +59,5 @@ pub use haptic::{ForceModel, VirtualCoupling};
 pub use inverse::{Elements, InverseFactory, InverseLink};
 pub use report::{Fields, Probe};
 pub use scene::file as scene_file;
-pub use step::{Simulation, SimulationBuilder, indicator};
+pub use step::{Checkpoint, Simulation, SimulationBuilder, indicator};
 pub use tools::{BodyAtRest, Holding, Pose, SurfacePoints, Tool, ToolPath};

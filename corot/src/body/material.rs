@@ -86,6 +86,15 @@ impl Body {
         })
     }
 
+    /// Gives an element what it, or the same one of another body, handed on. Nothing under a law without states.
+    ///
+    /// # Panics
+    /// If `handed` is of a law with states of another length.
+    pub fn set_law_state(&mut self, tet: TetId, handed: &LawState) {
+        let Some(number) = self.number(tet).filter(|_| self.states.len() > 0) else { return };
+        self.states.set((number, &self.elements[number]), &handed.state, handed.beyond);
+    }
+
     /// Gives a half of a tetrahedron that has split what its parent handed on.
     pub fn split_law_state(&mut self, half: TetId, parent: &LawState) {
         let Some(number) = self.number(half).filter(|_| self.states.len() > 0) else { return };

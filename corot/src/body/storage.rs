@@ -63,6 +63,13 @@ impl Body {
         Self { pressures: Some(Pressures::new(element)), ..Self::default() }
     }
 
+    /// A body without elements or grips, of the same kind of element and under the same law.
+    #[must_use]
+    pub fn emptied(&self) -> Self {
+        let pressures = self.pressures.as_ref().map(Pressures::without_elements);
+        Self { pressures, states: self.states.emptied(), ..Self::default() }
+    }
+
     /// Whether its elements carry pressures.
     pub fn is_mixed(&self) -> bool {
         self.pressures.is_some()

@@ -166,6 +166,11 @@ impl States {
         states
     }
 
+    /// Those of no elements under the same law.
+    pub fn emptied(&self) -> Self {
+        Self::new(Arc::clone(&self.law))
+    }
+
     pub fn law(&self) -> &dyn ConstitutiveLaw {
         self.law.as_ref()
     }

@@ -78,6 +78,12 @@ impl ClosureQueue {
         self.target = None;
     }
 
+    /// All requests with their priorities, in the order of the points: pushed to an empty queue they make this one
+    /// again.
+    pub fn requests(&self) -> impl Iterator<Item = (Point, f64)> + '_ {
+        self.known.iter().map(|r| (r.point, r.priority))
+    }
+
     /// The request that is served next and its priority.
     pub fn best(&self) -> Option<(Point, f64)> {
         self.ranked.last().map(|r| (r.point, r.priority))
@@ -210,6 +216,19 @@ mod tests {
         assert_eq!(queue.len(), 4);
         assert_eq!(order(&mut queue), [[9, 9, 9], [1, 0, 0], [0, 1, 0], [5, 5, 5]]);
         assert!(queue.is_empty() && !queue.remove([9, 9, 9]));
+    }
+
+    #[test]
+    fn requests_make_the_same_queue_again() {
+        let mut queue = ClosureQueue::new();
+        for (p, priority) in [([1, 0, 0], 1.0), ([0, 1, 0], 1.0), ([5, 5, 5], -2.0)] {
+            queue.push(p, priority).unwrap();
+        }
+        let mut again = ClosureQueue::new();
+        for (p, priority) in queue.requests() {
+            again.push(p, priority).unwrap();
+        }
+        assert_eq!(order(&mut again), order(&mut queue));
     }
 
     #[test]

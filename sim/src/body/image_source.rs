@@ -1,10 +1,7 @@
 //! From an image or a phantom to labels, one material for each.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
-use sha2::{Digest, Sha256};
 use yawara_embed::{EmbedError, Material};
 use yawara_mesh::image::{
     ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
@@ -14,7 +11,7 @@ use yawara_mesh::volume::{Grid, IntensityVolume, LabelVolume};
 
 use super::summary::{INTENSITIES, ImageSummary, LABELS, LabelVoxels, MaterialVoxels};
 use crate::error::SimError;
-use crate::scene::{Image, MaterialEntry, Phantom, Scene};
+use crate::scene::{Image, MaterialEntry, Phantom, Scene, sha256};
 
 /// The most labels without a material that a label map may have: others hold intensities.
 const MOST_LABELS: usize = 256;
@@ -135,29 +132,14 @@ fn summary_of_file(
 ) -> Result<ImageSummary, SimError> {
     let mut summary = summary(path.display().to_string(), content, grid);
     summary.format = report.format.into();
-    summary.sha256 = sha256(path)?;
+    if !path.is_dir() {
+        summary.sha256 = Some(sha256(path).map_err(|source| SimError::Io(path.into(), source))?);
+    }
     if let Some(made) = &report.resampling {
         (summary.stored_dims, summary.resampled) = (made.from_dims, true);
         summary.stored_voxel_mm = made.from_mm.map(|mm| mm * unit);
     }
     Ok(summary)
-}
-
-/// The hash of a file as hexadecimal digits, none of a directory.
-fn sha256(path: &Path) -> Result<Option<String>, SimError> {
-    let io = |source| SimError::Io(path.into(), source);
-    if path.is_dir() {
-        return Ok(None);
-    }
-    let (mut file, mut hash) = (File::open(path).map_err(io)?, Sha256::new());
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut buffer).map_err(io)? {
-            0 => break,
-            read => hash.update(&buffer[..read]),
-        }
-    }
-    Ok(Some(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()))
 }
 
 /// What each material took of the final labels; returns the material of each.

@@ -1,11 +1,12 @@
 //! The body while the simulation moves it: vertices, elements, positions.
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 use yawara_corot::{Body, Element};
 use yawara_mesh::{TetId, VertexId};
 
 /// What a vertex is held by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Hold {
     Free,
     Fixed,

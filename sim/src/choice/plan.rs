@@ -48,7 +48,15 @@ pub(crate) fn rows(
         compliance(scene),
         surface(scene, start),
     ]);
+    rows.extend(checkpoints(scene));
     rows
+}
+
+/// None unless asked for.
+fn checkpoints(scene: &Scene) -> Option<PlanRow> {
+    let every = scene.output.checkpoint_steps;
+    let why = "asked for: there the mesh is numbered and the inverse computed afresh";
+    (every > 0).then(|| row("checkpoints", &format!("every {every} steps"), true, why))
 }
 
 /// The rows of a mesh that is what it is.

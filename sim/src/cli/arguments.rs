@@ -22,6 +22,8 @@ pub enum Command {
     Init(InitArguments),
     /// Runs a scene and writes frames, a table of steps and a summary.
     ///
+    /// With --resume goes on with a run that was interrupted, from its last checkpoint.
+    ///
     /// Exits 0 if every step converged, 1 if some did not (all is written), 2 if it was refused.
     Run(RunArguments),
     /// Says which stages a scene needs, and why.
@@ -46,7 +48,7 @@ pub enum Command {
     /// Writes a run that is over as a page that plays it by itself, or as a scene for other programs.
     #[cfg(feature = "view")]
     Export(ExportArguments),
-    /// Removes what interrupted runs have left behind.
+    /// Removes what interrupted runs have left behind, and says which can be gone on with.
     Clean(CleanArguments),
     /// Lists the built-in scenes.
     Scenes,
@@ -74,6 +76,10 @@ pub struct RunArguments {
     /// Replaces the results of an earlier run in DIR; other files there stay.
     #[arg(long)]
     pub force: bool,
+    /// Goes on with the interrupted run of DIR, or of its .NAME.PID.partial folder, from its last checkpoint
+    /// (output.checkpoint_steps of its scene).
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "out", "set", "steps", "force"])]
+    pub resume: Option<PathBuf>,
 }
 
 /// The scene of a command that names none.
@@ -96,6 +102,9 @@ pub struct CleanArguments {
     /// The folder of the runs.
     #[arg(default_value = "runs")]
     pub folder: PathBuf,
+    /// Those too that can be gone on with (run --resume).
+    #[arg(long)]
+    pub all: bool,
 }
 
 #[derive(Debug, Args)]
@@ -277,7 +286,10 @@ pub fn meant(words: &[String]) -> Option<String> {
     let rest = words.join(" ");
     let is_scene =
         first.ends_with(".toml") || scene_file::built_in().iter().any(|(name, _)| name == first);
-    if is_scene || ["--out", "--set", "--steps", "--force"].iter().any(|one| first.starts_with(one))
+    if is_scene
+        || ["--out", "--set", "--steps", "--force", "--resume"]
+            .iter()
+            .any(|one| first.starts_with(one))
     {
         return Some(format!("did you mean `yawara run {rest}`?"));
     }

@@ -24,6 +24,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
+use yawara::output::Cleaned;
 use yawara::scene::library;
 use yawara::{SimError, Simulation, scene_file};
 
@@ -101,11 +102,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::View(arguments) => view::run(&arguments, &mut out)?,
         #[cfg(feature = "view")]
         Command::Export(arguments) => export::run(&arguments, &mut out)?,
-        Command::Clean(CleanArguments { folder }) => {
-            for path in yawara::output::clean(&folder)? {
-                out.print(&format!("removed {}\n", path.display()))?;
-            }
-        }
+        Command::Clean(arguments) => clean(&arguments, &mut out)?,
         Command::Scenes => scenes(&mut out)?,
         Command::Materials => out.print(&console::materials(library()))?,
         Command::Devices => devices(&mut out)?,
@@ -122,6 +119,19 @@ fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {
     let json = serde_json::to_string_pretty(simulation.plan())
         .map_err(|error| SimError::Io("<stdout>".into(), error.into()))?;
     out.print(&format!("{json}\n"))
+}
+
+fn clean(arguments: &CleanArguments, out: &mut Printer) -> Result<(), SimError> {
+    let Cleaned { removed, kept } = yawara::output::clean(&arguments.folder, arguments.all)?;
+    for path in removed {
+        out.print(&format!("removed {}\n", path.display()))?;
+    }
+    for (path, steps) in kept {
+        let path = path.display();
+        let how = format!("`yawara run --resume {path}` goes on after step {steps}");
+        out.print(&format!("kept {path}: {how}, clean --all removes it\n"))?;
+    }
+    Ok(())
 }
 
 fn scenes(out: &mut Printer) -> Result<(), SimError> {

@@ -36,6 +36,21 @@ impl Layout {
         Self { element, anchor, slots, fixed, order_keys }
     }
 
+    /// Numbers the slots of `vertices`, all there are.
+    pub fn number(
+        &mut self,
+        vertices: impl Iterator<Item = VertexId>,
+        is_fixed: impl Fn(usize) -> bool,
+        order_key: impl Fn(VertexId) -> u64,
+    ) {
+        self.slots = SlotMap::default();
+        for v in vertices {
+            if self.note(v, is_fixed(v.index()), order_key(v)) {
+                self.slots.push(v);
+            }
+        }
+    }
+
     /// Notes a vertex that comes in, or goes. Returns whether it has unknowns.
     pub fn note(&mut self, vertex: VertexId, is_fixed: bool, order_key: u64) -> bool {
         let at = vertex.index();

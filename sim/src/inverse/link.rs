@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use faer::Mat;
 use nalgebra::Matrix4;
+use serde::{Deserialize, Serialize};
 use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
 use yawara_inverse_update::{Counts, InverseError, InverseMaintainer, SparseStiffness, Update};
 use yawara_mesh::{Change, VertexId};
@@ -56,6 +57,20 @@ pub struct InverseLink {
     earlier: Counts,
 }
 
+/// Counts and times of an inverse so far.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct KeptInverse {
+    updates: usize,
+    watched: usize,
+    batches: usize,
+    reassemblies: usize,
+    drift_max: f64,
+    /// Rebuilds, those by drift, failed pivots, steps of refinement.
+    counts: [usize; 4],
+    update_ms: Vec<f64>,
+    total_ms: f64,
+}
+
 impl InverseLink {
     /// Assembles the stiffness of `elements` in the unknowns of `element` on `vertices` and inverts it.
     ///
@@ -72,11 +87,7 @@ impl InverseLink {
         factory: InverseFactory,
     ) -> Result<Self, SimError> {
         let mut layout = Layout::new(element, elements.body.stiffness_scale());
-        for v in vertices {
-            if layout.note(v, is_fixed(v.index()), order_key(v)) {
-                layout.slots.push(v);
-            }
-        }
+        layout.number(vertices, is_fixed, order_key);
         Ok(Self {
             maintainer: factory(layout.assemble(elements)?)?,
             factory,
@@ -211,6 +222,50 @@ impl InverseLink {
         if self.maintainer.counts().rebuilds > rebuilds {
             self.forget_held();
         }
+        Ok(())
+    }
+
+    /// Counts and times so far.
+    pub(crate) fn kept(&self) -> KeptInverse {
+        let Counts { rebuilds, drift_rebuilds, failed_pivots, refinement_steps, .. } =
+            self.counts();
+        KeptInverse {
+            updates: self.updates,
+            watched: self.watched,
+            batches: self.batches,
+            reassemblies: self.reassemblies,
+            drift_max: self.drift_max,
+            counts: [rebuilds, drift_rebuilds, failed_pivots, refinement_steps],
+            update_ms: self.update_ms.clone(),
+            total_ms: self.total_ms,
+        }
+    }
+
+    /// Numbers the slots of `vertices` anew and inverts the stiffness of `elements` afresh, with the anchor that
+    /// it has; goes on from counts that were kept. Arguments are those of [`new`](Self::new).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn renew(
+        &mut self,
+        kept: &KeptInverse,
+        elements: &Elements<'_>,
+        vertices: impl Iterator<Item = VertexId>,
+        is_fixed: impl Fn(usize) -> bool,
+        order_key: impl Fn(VertexId) -> u64,
+    ) -> Result<(), SimError> {
+        self.layout.number(vertices, is_fixed, order_key);
+        self.maintainer = (self.factory)(self.layout.assemble(elements)?)?;
+        self.forget_held();
+        let KeptInverse { updates, watched, batches, reassemblies, drift_max, .. } = *kept;
+        (self.updates, self.watched, self.batches) = (updates, watched, batches);
+        (self.reassemblies, self.drift_max) = (reassemblies, drift_max);
+        (self.update_ms, self.total_ms) = (kept.update_ms.clone(), kept.total_ms);
+        self.earlier = Counts::default();
+        let [rebuilds, drift_rebuilds, failed_pivots, refinement_steps] = kept.counts;
+        (self.earlier.rebuilds, self.earlier.drift_rebuilds) = (rebuilds, drift_rebuilds);
+        (self.earlier.failed_pivots, self.earlier.refinement_steps) =
+            (failed_pivots, refinement_steps);
         Ok(())
     }
 

@@ -22,6 +22,7 @@ pub use assembly::Assembly;
 pub use hand_over::hold;
 pub(crate) use held::Constrained;
 pub use layout::Elements;
+pub(crate) use link::KeptInverse;
 pub use link::{InverseFactory, InverseLink};
 pub use slots::SlotMap;
 

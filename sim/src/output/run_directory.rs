@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use yawara_mesh::isosurface::{SurfaceData, write_vtp};
 
+use super::checkpoint::{self, Origin, Written};
 use super::partial;
 use super::resolved::resolved;
 use crate::SimError;
@@ -14,21 +15,23 @@ use crate::output::write_msh;
 use crate::output::{fields, steps_csv, write_file, write_json, write_vtu};
 use crate::report::{Fields, Frame, PlanRow, StepReport, Summary, SurfaceFrame};
 use crate::scene::Scene;
+use crate::step::Checkpoint;
 
-const SCENE: &str = "scene.toml";
-const STEPS: &str = "steps.csv";
+pub(super) const SCENE: &str = "scene.toml";
+pub(super) const STEPS: &str = "steps.csv";
 const COLLECTION: &str = "frames.pvd";
 const OUTLINES: &str = "outline.pvd";
-const SUMMARY: &str = "summary.json";
-const FRAMES: &str = "frames";
+pub(super) const SUMMARY: &str = "summary.json";
+pub(super) const FRAMES: &str = "frames";
 
 /// A run's output in the making: `scene.toml`, `steps.csv`, `frames.pvd`,
 /// `frames/step_000000.vtu`…, `outline.pvd` with `frames/step_000000_outline.vtp`… and
 /// `summary.json`.
 ///
 /// Until [`finish`](Self::finish) everything lies in a hidden directory aside; dropped before
-/// that, it removes all it made. After each frame that directory is whole up to there: what a
-/// process leaves that is killed opens in ParaView.
+/// that, it removes all it made, unless it has a [checkpoint](Self::write_checkpoint). After each frame that
+/// directory is whole up to there: what a process leaves that is killed opens in ParaView, and with a checkpoint is
+/// an [`Interrupted`](super::Interrupted) run.
 #[derive(Debug)]
 pub struct RunDirectory {
     target: PathBuf,
@@ -39,6 +42,8 @@ pub struct RunDirectory {
     frames: Vec<(f64, Vec<String>)>,
     outlines: Vec<(f64, Vec<String>)>,
     others: Vec<String>,
+    /// What checkpoints are of; none in a run without.
+    origin: Option<Origin>,
     made: Made,
 }
 
@@ -63,28 +68,86 @@ impl RunDirectory {
         let path = aside.join(FRAMES);
         fs::create_dir(&path).map_err(at(&path))?;
         let path = aside.join(STEPS);
-        let steps = BufWriter::new(File::create(&path).map_err(at(&path))?);
+        let steps = File::create(&path).map_err(at(&path))?;
+        lock(&steps);
         Ok(Self {
             target: target.into(),
             aside,
-            steps,
+            steps: BufWriter::new(steps),
             has_header: false,
             frames: Vec::new(),
             outlines: Vec::new(),
             others: Vec::new(),
+            origin: None,
             made,
         })
     }
 
+    /// Goes on with one that was cut back to a checkpoint: `aside` has what was `written`, `steps` is its table.
+    /// # Errors
+    /// [`SimError::Io`].
+    pub(super) fn resumed(
+        target: PathBuf,
+        aside: PathBuf,
+        steps: BufWriter<File>,
+        origin: Origin,
+        written: Written,
+    ) -> Result<Self, SimError> {
+        lock(steps.get_ref());
+        let Written { steps_bytes, frames, outlines, others, .. } = written;
+        let (has_header, origin, made) = (steps_bytes > 0, Some(origin), Made(Vec::new()));
+        let mut directory =
+            Self { target, aside, steps, has_header, frames, outlines, others, origin, made };
+        directory.write_lists()?;
+        Ok(directory)
+    }
+
     /// Writes the scene with all defaults and overrides filled in, and the names of stages that are
-    /// not built in as its run's `plan` has them: such a scene is refused where they are missing.
+    /// not built in as its run's `plan` has them: such a scene is refused where they are missing. Reads all files
+    /// that the scene names if it asks for checkpoints.
     /// # Errors
     /// [`SimError::Io`].
     pub fn write_scene(&mut self, scene: &Scene, plan: &[PlanRow]) -> Result<(), SimError> {
         let path = self.aside.join(SCENE);
         let text = toml::to_string(&resolved(scene, plan))
             .map_err(|error| at(&path)(io::Error::other(error)))?;
+        if scene.output.checkpoint_steps > 0 {
+            self.origin = Some(Origin::of(scene, &text)?);
+        }
         write_file(&path, text)
+    }
+
+    /// Writes `checkpoint`, of the simulation whose steps and frames have been written, in the place of the one
+    /// before. From then on the partial directory stays if the run ends before [`finish`](Self::finish).
+    /// # Errors
+    /// [`SimError::Value`] before [`write_scene`](Self::write_scene), or if that scene asked for no checkpoints;
+    /// [`SimError::Io`]. The checkpoint before is there then.
+    pub fn write_checkpoint(&mut self, checkpoint: &Checkpoint) -> Result<(), SimError> {
+        self.write_lists()?;
+        let path = self.aside.join(STEPS);
+        let steps = self.steps.get_ref();
+        steps.sync_data().map_err(at(&path))?;
+        let written = Written {
+            name: self.target.file_name().unwrap_or_default().into(),
+            is_inside: self.aside.parent() == Some(&self.target),
+            steps_bytes: steps.metadata().map_err(at(&path))?.len(),
+            frames: self.frames.clone(),
+            outlines: self.outlines.clone(),
+            others: self.others.clone(),
+        };
+        let Some(origin) = &self.origin else {
+            let (place, want) = (self.aside.join(SCENE), "at least 1 for a checkpoint");
+            let place = place.to_string_lossy();
+            return Err(SimError::value(&place, "output.checkpoint_steps", 0, want));
+        };
+        checkpoint::write(&self.aside, origin, &written, checkpoint)?;
+        self.made.0.clear();
+        Ok(())
+    }
+
+    /// The partial directory, if a checkpoint is in it.
+    pub fn resumable(&self) -> Option<&Path> {
+        self.aside.join(checkpoint::FILE).exists().then_some(&self.aside)
     }
 
     /// Appends a row to `steps.csv`, below a line of names if it is the first.
@@ -194,6 +257,7 @@ impl RunDirectory {
         } else if inspect(&self.target, false)? {
             return Err(SimError::NotEmpty(self.target.clone()));
         } else {
+            remove_if_there(&self.aside.join(checkpoint::FILE))?;
             fs::rename(&self.aside, &self.target).map_err(at(&self.target))?;
         }
         self.made.0.clear();
@@ -234,6 +298,7 @@ impl RunDirectory {
                 fs::rename(&from, &to).map_err(at(&to))?;
             }
         }
+        remove_if_there(&self.aside.join(checkpoint::FILE))?;
         for left in [FRAMES, fields::FOLDER].map(|folder| self.aside.join(folder)) {
             if left.is_dir() {
                 fs::remove_dir(&left).map_err(at(&left))?;
@@ -275,7 +340,13 @@ impl Drop for Made {
     }
 }
 
-fn at(path: &Path) -> impl FnOnce(io::Error) -> SimError {
+/// Says, as long as this process is there, that it writes this file. Where the system locks no files, the process's
+/// number says it.
+fn lock(steps: &File) {
+    let _ = steps.try_lock();
+}
+
+pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> SimError {
     let path = path.to_owned();
     move |source| SimError::Io(path, source)
 }
@@ -310,7 +381,7 @@ fn remove_if_there(path: &Path) -> Result<(), SimError> {
 
 /// True for `step_<digits>.vtu`, `.msh`, `step_<digits>_outline.vtp` and
 /// `step_<digits>_label_<number>.vtp`, the names that this module gives.
-fn is_frame(path: &Path) -> bool {
+pub(super) fn is_frame(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let Some((stem, extension)) = name.rsplit_once('.') else { return false };
     let Some(rest) = stem.strip_prefix("step_") else { return false };

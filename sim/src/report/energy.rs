@@ -1,10 +1,10 @@
 //! Where the energy of a body came from and where it went.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What changes of one kind did to an energy; each sign by itself, since what one adds is no excuse for
 /// what another takes away.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnergyChange {
     /// Σ of those above zero, J.
     pub added_j: f64,
@@ -32,7 +32,7 @@ impl EnergyChange {
 /// Work is the trapezoidal rule of forces at the ends of steps times motion between them, torques times
 /// turns too: its error is of second order in the step's length. Energies are those of the co-rotations
 /// `element` and `none`, whose forces derive from one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnergySummary {
     /// Work of all tools on the body, J.
     pub tools_work_j: f64,

@@ -2,13 +2,14 @@
 //!
 //! `records` is the file to open first: the types that leave the simulation. `capture`, `fields`,
 //! `surfaces` and `comparison_points` take them from a body, `recorder` keeps what these need and
-//! adds up a run.
+//! adds up a run, `kept` is what it has so far on disk.
 
 mod capture;
 mod comparison_points;
 mod energy;
 mod failure;
 mod fields;
+mod kept;
 mod made_by;
 #[cfg(feature = "view")]
 mod outer_faces;
@@ -33,6 +34,7 @@ pub use records::{
 pub use tool::{ToolReport, ToolSummary};
 
 pub(crate) use failure::Missed;
+pub(crate) use kept::{KeptStatistics, Names};
 #[cfg(feature = "view")]
 pub(crate) use outer_faces::outer_faces;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};

@@ -8,6 +8,7 @@ use yawara_mesh::{BisectionForest, Quality, TetId};
 
 use super::capture::capture;
 use super::failure::Missed;
+use super::kept::{KeptStatistics, Names};
 use super::records::{
     EstimateSummary, ForceSummary, Frame, InverseSummary, MeshSummary, Percentiles, PlanRow, Range,
     StepReport, StepSummary, Summary,
@@ -105,7 +106,7 @@ impl Recorder {
             },
             warnings: self.warnings(),
             setup_s: self.statistics.setup_s,
-            wall_s: self.statistics.begin.elapsed().as_secs_f64(),
+            wall_s: self.statistics.wall_s(),
         })
     }
 }
@@ -145,6 +146,8 @@ pub(crate) struct StepOutcome {
 /// Sums, extremes and times over the steps of a run.
 pub(crate) struct RunStatistics {
     begin: Instant,
+    /// Before that, in the runs that this one goes on with.
+    earlier_s: f64,
     setup_s: f64,
     mesh: MeshSummary,
     worst: Quality,
@@ -164,6 +167,7 @@ impl RunStatistics {
         let (vertices, tets) = (count(state.vertex_count()), count(state.tet_count()));
         Self {
             begin,
+            earlier_s: 0.0,
             setup_s: begin.elapsed().as_secs_f64(),
             mesh: MeshSummary { vertices, tets, ..MeshSummary::default() },
             worst: worst_quality(state),
@@ -178,6 +182,39 @@ impl RunStatistics {
 
     pub fn steps(&self) -> usize {
         self.steps.count
+    }
+
+    fn wall_s(&self) -> f64 {
+        self.earlier_s + self.begin.elapsed().as_secs_f64()
+    }
+
+    /// All so far.
+    pub fn kept(&self) -> KeptStatistics {
+        let Self { mesh, worst, steps, step_ms, solve_ms, estimate, force, tools, .. } = self;
+        KeptStatistics {
+            mesh: *mesh,
+            worst: [worst.radius_ratio, worst.circumradius_over_shortest_edge],
+            steps: steps.clone(),
+            step_ms: step_ms.clone(),
+            solve_ms: solve_ms.clone(),
+            estimate: *estimate,
+            force: *force,
+            tools: tools.clone(),
+            error_shares: tools.iter().map(|tool| tool.error_share).collect(),
+            wall_s: self.wall_s(),
+        }
+    }
+
+    /// Goes on from what was kept, which does not have all `names`.
+    pub fn resume(&mut self, kept: &KeptStatistics, names: &Names<'_>) {
+        let KeptStatistics { mesh, steps, step_ms, solve_ms, estimate, force, wall_s, .. } = kept;
+        let [radius_ratio, circumradius_over_shortest_edge] = kept.worst;
+        self.worst = Quality { radius_ratio, circumradius_over_shortest_edge };
+        (self.mesh, self.steps, self.force) = (*mesh, steps.clone(), *force);
+        (self.step_ms, self.solve_ms) = (step_ms.clone(), solve_ms.clone());
+        self.estimate = names.estimate(*estimate);
+        self.tools = names.tools(&kept.tools, &kept.error_shares);
+        self.earlier_s += wall_s;
     }
 
     /// Adds a step, its report filled in, that took `step_ms` in all.
@@ -196,7 +233,7 @@ impl RunStatistics {
             steps.residual_max = report.residual;
         }
         for method in &outcome.converged_by {
-            *steps.converged_by.entry(method).or_default() += 1;
+            *steps.converged_by.entry((*method).to_owned()).or_default() += 1;
         }
         self.solve_ms.extend_from_slice(&outcome.solve_ms);
         self.step_ms.push(step_ms);

@@ -5,7 +5,7 @@ use std::fmt;
 use std::time::Instant;
 
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::energy::EnergySummary;
 use super::made_by::MadeBy;
@@ -99,9 +99,10 @@ pub struct StepReport {
 }
 
 /// The figure that a scene is about.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GoalReport {
     /// What it is, with its unit: `force_n`, `displacement_m` or `volume_m3`.
+    #[serde(skip_deserializing)]
     pub name: &'static str,
     /// Its value.
     pub value: f64,
@@ -110,7 +111,7 @@ pub struct GoalReport {
 }
 
 /// A step that did not converge.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Failure {
     /// Number of the step, from 1.
     pub step: usize,
@@ -235,7 +236,7 @@ pub struct SurfaceSummary {
 }
 
 /// Mean, typical and largest of a series of times.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// Mean.
     pub mean: f64,
@@ -263,7 +264,7 @@ impl Percentiles {
 }
 
 /// A count over the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Range {
     /// At the start.
     pub start: usize,
@@ -280,7 +281,7 @@ impl fmt::Display for Range {
 }
 
 /// The mesh over the run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeshSummary {
     /// Active vertices.
     pub vertices: Range,
@@ -301,7 +302,7 @@ pub struct MeshSummary {
 }
 
 /// The steps.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepSummary {
     /// How many were made.
     pub count: usize,
@@ -309,7 +310,7 @@ pub struct StepSummary {
     pub converged: usize,
     /// Attempts that each method of the solver brought to its tolerance, methods after the first
     /// by falling back.
-    pub converged_by: BTreeMap<&'static str, usize>,
+    pub converged_by: BTreeMap<String, usize>,
     /// How often a step or a part of one was cut in two.
     pub halvings: usize,
     /// Steps that no way led to from the step before: their equilibrium was found from the body at rest.
@@ -351,7 +352,7 @@ pub struct InverseSummary {
 }
 
 /// The estimates of error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EstimateSummary {
     /// Of the energy, relative, in the last step in which it was measured.
     pub energy_end: Option<f64>,
@@ -362,7 +363,7 @@ pub struct EstimateSummary {
 }
 
 /// The force on the tools.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ForceSummary {
     /// Largest magnitude, N.
     pub max_n: f64,

@@ -190,6 +190,18 @@ impl BodyOutline {
         }
     }
 
+    /// Cuts the outline beside `forest`, unless that is done.
+    ///
+    /// # Errors
+    /// [`SimError::Surface`] if it can't be cut.
+    pub fn cut(&self, forest: &BisectionForest) -> Result<(), SimError> {
+        let mut stage = self.0.borrow_mut();
+        if let Stage::Asked(labels) = &*stage {
+            *stage = Stage::Cut(Box::new(Surfaces::of_body(forest, labels)?));
+        }
+        Ok(())
+    }
+
     /// The outline as the active mesh carries it, scanner RAS; its label is 0.
     pub fn frame(
         &self,
@@ -197,11 +209,8 @@ impl BodyOutline {
         positions: &[Vector3<f64>],
         axes: &ScannerAxes,
     ) -> Result<Option<SurfaceFrame>, SimError> {
-        let mut stage = self.0.borrow_mut();
-        if let Stage::Asked(labels) = &*stage {
-            *stage = Stage::Cut(Box::new(Surfaces::of_body(forest, labels)?));
-        }
-        match &*stage {
+        self.cut(forest)?;
+        match &*self.0.borrow() {
             Stage::Cut(surfaces) => Ok(surfaces.frames(forest, positions, axes)?.pop()),
             Stage::Asked(_) => Ok(None),
         }

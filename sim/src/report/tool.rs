@@ -1,6 +1,6 @@
 //! Forces on tools.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A tool after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,9 +31,10 @@ pub struct ToolReport {
 }
 
 /// A tool over the run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolSummary {
     /// Its kind, as in the scene.
+    #[serde(skip_deserializing)]
     pub kind: &'static str,
     /// Largest magnitude of its force, N.
     pub force_max_n: f64,

@@ -399,6 +399,9 @@ pub struct Output {
     pub surface_level: Option<u8>,
     /// Labels whose outlines every frame has.
     pub surfaces: Vec<SurfaceEntry>,
+    /// A checkpoint every so many steps, from which an interrupted run goes on; 0 for none.
+    #[serde(skip_serializing_if = "is_none")]
+    pub checkpoint_steps: usize,
 }
 
 /// The outline of a label.
@@ -410,6 +413,10 @@ pub struct SurfaceEntry {
     /// Width of the blur that rounds off the voxels' stairs; thin tubes (r < 1.18 σ) vanish.
     #[serde(default = "default_sigma")]
     pub sigma_voxels: f64,
+}
+
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 fn default_seed() -> u64 {
@@ -474,6 +481,7 @@ impl Default for Output {
             field: false,
             surface_level: None,
             surfaces: Vec::new(),
+            checkpoint_steps: 0,
         }
     }
 }

@@ -3,11 +3,12 @@
 //! `description` is the file to open first: [`Scene`] and its tables, data only; `stage_names`,
 //! `region`, `law` and `tool` hold the larger of them. [`file`](mod@file) reads TOML with overrides,
 //! `schema` refuses unknown and missing keys with the line they stand in, `checks` refuses values
-//! out of range. `library` has materials by name, with their sources.
+//! out of range. `library` has materials by name, with their sources; `input_files` are the files that a scene names.
 
 pub(crate) mod checks;
 mod description;
 pub mod file;
+mod input_files;
 mod key_path;
 mod law;
 mod library;
@@ -31,6 +32,7 @@ pub use tool::{
     ToolEntry,
 };
 
+pub(crate) use input_files::{input_files, sha256, sha256_of};
 pub(crate) use law::MaterialLaw;
 pub(crate) use region::{Shape, Way};
 pub(crate) use stage_names::{AUTO, ON_DEVICE};

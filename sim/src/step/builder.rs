@@ -9,6 +9,7 @@ use yawara_embed::{ElementFormulation, Embedding, Materials, VoidRule};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Lattice, VertexId};
 
+use super::beginning::{Beginning, StartMesh};
 use super::contact::ContactState;
 use super::content::Content;
 use super::dynamics::{self, Motion};
@@ -153,8 +154,13 @@ impl<'a> SimulationBuilder<'a> {
         } = stages;
         let Start { places: Places { name, axes, organ, .. }, fixed, origin, .. } = start;
         let (mut body_summary, mut volume, mut surfaces, mut outline) = (None, None, None, None);
-        let (mut state, refiner) = match origin {
-            Origin::MeshFile(mesh) => (mesh.state(&holds, empty, memory.as_ref()), None),
+        let is_kept = scene.output.checkpoint_steps > 0;
+        let mut held_grips = if is_kept { grips.clone() } else { Grips::new() };
+        let (mut state, refiner, start_mesh) = match origin {
+            Origin::MeshFile(mesh) => {
+                let state = mesh.state(&holds, empty, memory.as_ref());
+                (state, None, is_kept.then_some(StartMesh::File(mesh, memory)))
+            }
             Origin::Image(mut setup) => {
                 let rule = match scene.void.beside_tissue {
                     BesideTissue::Material => VoidRule::Material,
@@ -213,12 +219,16 @@ impl<'a> SimulationBuilder<'a> {
                     SupportHold::Elastic => &[],
                 };
                 let regions = Regions::new(fixed, organ, labels, &holds);
-                (state, Some(Refiner::new(content, rules, regions)))
+                let forest = is_kept.then(|| StartMesh::Forest(Box::new(content.forest.clone())));
+                (state, Some(Refiner::new(content, rules, regions)), forest)
             }
         };
         hold_material(grips, &name, &mut state)?;
         let goal = goal.map(|goal| {
             let points = goal_points.unwrap_or_default();
+            if goal.region().is_some() && is_kept {
+                held_grips.push((None, MaterialHold { points: points.clone(), stiffness: None }));
+            }
             Figure::new(goal, points, scene, &axes, &mut state, &tools)
         });
         let goal = goal.transpose()?;
@@ -232,6 +242,10 @@ impl<'a> SimulationBuilder<'a> {
         there.try_for_each(|(_, tool)| tool.follow(&state))?;
         let gravity = axes.to_solver_direction(&Vector3::from(scene.gravity_m_s2));
         let statistics = RunStatistics::new(begin, &state);
+        let beginning = start_mesh.map(|mesh| {
+            let came = Vec::new();
+            Beginning { mesh, organ, grips: held_grips, came }
+        });
         Ok(Simulation {
             scene: scene.clone(),
             ledger: Ledger::new(tools.len()),
@@ -241,6 +255,7 @@ impl<'a> SimulationBuilder<'a> {
             body: SimulatedBody { state, inverse: link, refiner },
             goal,
             coming,
+            beginning,
             rest: None,
             recorder: Recorder {
                 axes,

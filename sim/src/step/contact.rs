@@ -6,6 +6,7 @@ use yawara_corot::{
     Problem, Sphere, Tolerance, solve_with_contact,
 };
 
+use super::checkpoint::{KeptContact, KeptPush};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::tools::Tool;
@@ -95,6 +96,34 @@ fn points(pairs: &[Push], around: &Surroundings<'_>) -> Vec<(ElementPoint, usize
 }
 
 impl ContactState {
+    /// The contacts, without what is known of others.
+    pub fn kept(&self) -> KeptContact {
+        let kept = |push: &Push| {
+            let Push { tool, number, force, growth, .. } = *push;
+            KeptPush { tool, number, normal: push.normal.into(), force, growth }
+        };
+        KeptContact {
+            pushes: self.pushes.iter().map(kept).collect(),
+            compliance: self.compliance.clone(),
+            penetration: self.penetration,
+        }
+    }
+
+    /// Of what was kept, on the points that tools have now.
+    pub fn resumed(kept: &KeptContact, tools: &[Box<dyn Tool>]) -> Self {
+        let push = |kept: &KeptPush| {
+            let KeptPush { tool, number, normal, force, growth } = *kept;
+            let point = *tools[tool].surface_points()?.point(number)?;
+            Some(Push { tool, number, point, normal: normal.into(), force, growth })
+        };
+        Self {
+            pushes: kept.pushes.iter().filter_map(push).collect(),
+            compliance: kept.compliance.clone(),
+            penetration: kept.penetration,
+            ..Self::default()
+        }
+    }
+
     /// Moves the free vertices into equilibrium with the probes where they are.
     ///
     /// Starts with the points near a probe; those found too deep in the solution join for another

@@ -37,7 +37,17 @@ impl Easing {
 
     /// Begins with `loads`, N by vertex number, in place of what was left.
     pub fn begin(&mut self, loads: Vec<Vector3<f64>>) {
-        (self.left, self.loads) = (self.over, loads);
+        self.resume(self.over, loads);
+    }
+
+    /// Goes on with `loads`, which are gone after `left` steps.
+    pub fn resume(&mut self, left: usize, loads: Vec<Vector3<f64>>) {
+        (self.left, self.loads) = (left, loads);
+    }
+
+    /// In how many steps all is gone.
+    pub fn left(&self) -> usize {
+        self.left
     }
 
     /// A step begins.

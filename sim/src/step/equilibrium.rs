@@ -9,6 +9,7 @@ use yawara_corot::{
 use yawara_inverse_update::InverseError;
 use yawara_mesh::VertexId;
 
+use super::checkpoint::{KeptSolver, Numbers};
 use super::contact::{ContactState, Probing, Surroundings};
 use super::dynamics::Motion;
 use super::easing::{Easing, ease_steps};
@@ -95,6 +96,45 @@ impl StepSolver {
             deadline: None,
             pace: Pace::new(if scene.time.adaptive { scene.solver.max_halvings } else { 0 }),
         }
+    }
+
+    /// What the next step starts from besides the body.
+    pub fn kept(&self, numbers: &Numbers) -> KeptSolver {
+        let moves = self.predictor.last().iter().map(|(tool, moved)| (*tool, (*moved).into()));
+        let fading = self.fading.iter().map(|(v, force)| (v.index(), force));
+        KeptSolver {
+            moves: moves.collect(),
+            tool_loads: numbers.forces(self.tool_loads.iter().enumerate()),
+            fading: numbers.forces(fading),
+            easing: (self.easing.left(), numbers.forces(self.easing.loads().iter().enumerate())),
+            grips: self.grips.kept(numbers),
+            reached_s: self.reached_s,
+            pace: self.pace.kept(),
+        }
+    }
+
+    /// Goes on from what was kept, with the rotations and forces of `state`.
+    pub fn resume(&mut self, kept: &KeptSolver, state: &mut BodyState) {
+        let moves = kept.moves.iter().map(|(tool, moved)| (*tool, Vector3::from(*moved)));
+        self.predictor = Predictor::after(moves.collect());
+        self.tool_loads = vec![Vector3::zeros(); state.positions.len()];
+        kept.tool_loads.iter().for_each(|(v, load)| self.tool_loads[*v] = Vector3::from(*load));
+        let fading = kept.fading.iter().map(|(v, f)| (VertexId(*v as u32), Vector3::from(*f)));
+        self.fading = fading.collect();
+        let (left, eased) = &kept.easing;
+        let mut loads = vec![Vector3::zeros(); state.positions.len()];
+        eased.iter().for_each(|(v, load)| loads[*v] = Vector3::from(*load));
+        self.easing.resume(*left, loads);
+        self.grips = Grips::resumed(&kept.grips, state);
+        self.reached_s = kept.reached_s;
+        self.pace.resume(kept.pace);
+        self.internal.clear();
+        self.evaluate_forces(state);
+    }
+
+    /// The length of a step, s.
+    pub fn step_s(&self) -> f64 {
+        self.step_s
     }
 
     /// Time up to which the body has been followed, s.

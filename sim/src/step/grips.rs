@@ -6,6 +6,7 @@ use nalgebra::{DVector, Matrix3, Point3, Vector3};
 use yawara_corot::{Constraints, Loads, Responses};
 use yawara_mesh::VertexId;
 
+use super::checkpoint::{KeptForces, KeptGrips, Numbers};
 use crate::body::BodyState;
 use crate::error::SimError;
 use crate::inverse::{Constrained, Elements, InverseLink};
@@ -36,6 +37,29 @@ struct Answer {
 }
 
 impl Grips {
+    /// What is held and what has let go.
+    pub fn kept(&self, numbers: &Numbers) -> KeptGrips {
+        let kept = |forces: &Forces| numbers.forces(forces.iter().map(|(v, f)| (v.index(), f)));
+        let forces = self.forces.iter().map(kept).collect();
+        KeptGrips { held: self.held.clone(), forces, free: self.free.clone() }
+    }
+
+    /// Of what was kept; answers and constraints come with the next equilibrium. What has let go lets go of `state`.
+    pub fn resumed(kept: &KeptGrips, state: &mut BodyState) -> Self {
+        let forces = |kept: &KeptForces| {
+            kept.iter().map(|(v, f)| (VertexId(*v as u32), Vector3::from(*f))).collect()
+        };
+        for &number in &kept.free {
+            state.body.grips_mut()[number].release();
+        }
+        Self {
+            held: kept.held.clone(),
+            free: kept.free.clone(),
+            forces: kept.forces.iter().map(forces).collect(),
+            ..Self::default()
+        }
+    }
+
     /// Leads all grips to where their tools have them at time `t`; the constraints of those that
     /// hold a mean.
     ///

@@ -47,8 +47,11 @@ impl Simulation {
         self.rest = Some(rest);
         let (mut tool, hold) = made?;
         tool.follow(&self.body.state)?;
-        if let Some(hold) = hold {
+        if let Some(hold) = hold.clone() {
             hold_material(vec![(Some(number), hold)], &self.scene.name, &mut self.body.state)?;
+        }
+        if let Some(beginning) = &mut self.beginning {
+            beginning.take(number, hold.as_ref());
         }
         self.tools.push(tool);
         self.scene.tools.push(entry);
@@ -152,6 +155,8 @@ impl Simulation {
     pub fn scene_as_led(&self) -> Scene {
         let mut scene = self.scene.clone();
         scene.time.steps = self.recorder.statistics.steps().max(1);
+        // These steps were made without.
+        scene.output.checkpoint_steps = 0;
         // By how far its tools were led `auto` might choose another law.
         let law = self.body.state.body.law().name();
         if scene.stages.law == AUTO && yawara_corot::LAWS.contains(&law) {
@@ -206,6 +211,9 @@ impl Simulation {
         self.coming = later;
         for (number, hold) in begin {
             self.tools[number].follow(&self.body.state)?;
+            if let Some(beginning) = &mut self.beginning {
+                beginning.take(number, hold.as_ref());
+            }
             if let Some(hold) = hold {
                 hold_material(vec![(Some(number), hold)], &self.scene.name, &mut self.body.state)?;
             }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 
+use super::checkpoint::KeptLedger;
 use super::contact::ContactState;
 use super::equilibrium::StepSolver;
 use super::refinement::{Exchange, Remeshed};
@@ -70,6 +71,39 @@ impl Ledger {
             stored: 0.0,
             given: 0.0,
             is_current: true,
+        }
+    }
+
+    /// The account so far.
+    pub fn kept(&self) -> KeptLedger {
+        let (points, means) = self.slips.kept();
+        let hands = self.hands.iter().map(|hand| [hand.force.into(), hand.torque.into()]);
+        KeptLedger {
+            hands: hands.collect(),
+            points,
+            means,
+            sums: self.sums,
+            stored: self.stored,
+            given: self.given,
+            is_current: self.is_current,
+        }
+    }
+
+    /// Of what was kept. Where tools are, and their loads, comes when the next step begins.
+    pub fn resumed(kept: &KeptLedger) -> Self {
+        let hand = |[force, torque]: &[[f64; 3]; 2]| Hand {
+            force: (*force).into(),
+            torque: (*torque).into(),
+            ..Hand::default()
+        };
+        Self {
+            hands: kept.hands.iter().map(hand).collect(),
+            slips: Slips::resumed(&kept.points, &kept.means),
+            sums: kept.sums,
+            stored: kept.stored,
+            given: kept.given,
+            is_current: kept.is_current,
+            ..Self::new(0)
         }
     }
 

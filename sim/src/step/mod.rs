@@ -7,9 +7,12 @@
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
 //! energy, with what `slips` from under tools when the mesh changes. `hands` has tools come, go where they are led and
-//! let go while the simulation runs; `holding` puts what they hold into the body.
+//! let go while the simulation runs; `holding` puts what they hold into the body. `keeping` takes all of the state out as
+//! a `checkpoint` and makes it again from its `beginning`.
 
+mod beginning;
 mod builder;
+mod checkpoint;
 mod contact;
 mod content;
 mod dynamics;
@@ -21,6 +24,7 @@ mod hands;
 mod held;
 mod holding;
 pub mod indicator;
+mod keeping;
 mod ledger;
 mod marking;
 mod missed;
@@ -35,4 +39,5 @@ mod tool_forces;
 mod tool_loads;
 
 pub use builder::SimulationBuilder;
+pub use checkpoint::Checkpoint;
 pub use simulation::Simulation;

@@ -21,6 +21,16 @@ impl Pace {
         Self { length: f64::INFINITY, proven: 0, shortest: 0.5f64.powi(halvings as i32) }
     }
 
+    /// How long parts are, s, and how many in a row have converged.
+    pub fn kept(&self) -> (f64, usize) {
+        (self.length, self.proven)
+    }
+
+    /// Goes on from what was kept.
+    pub fn resume(&mut self, (length, proven): (f64, usize)) {
+        (self.length, self.proven) = (length, proven);
+    }
+
     /// The next part of `step`, from where the body is now. What would be left of the step after it is
     /// never shorter than half a part.
     pub fn next(&self, from: f64, step: Span) -> Span {

@@ -46,6 +46,16 @@ impl Predictor {
         self.last.clear();
     }
 
+    /// The move of each probe in the last step, m; empty if it does not count.
+    pub fn last(&self) -> &[(usize, Vector3<f64>)] {
+        &self.last
+    }
+
+    /// After a step with these moves.
+    pub fn after(last: Vec<(usize, Vector3<f64>)>) -> Self {
+        Self { last, ..Self::default() }
+    }
+
     /// Begins a step at `positions`.
     pub fn begin(&mut self, positions: &[Vector3<f64>]) {
         self.from.clear();

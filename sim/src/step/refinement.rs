@@ -6,6 +6,7 @@ use std::time::Instant;
 use nalgebra::{Matrix3, Vector3};
 use yawara_mesh::{Change, ClosureQueue, Lattice, MeshDelta, Point, Tet, TetId, VertexId};
 
+use super::checkpoint::{KeptRefiner, Numbers};
 use super::content::Content;
 use super::indicator::{Indicator, Measured, RingMember, Sight};
 use super::marking::{Limits, Wish};
@@ -184,6 +185,39 @@ impl Refiner {
             waiting: ClosureQueue::new(),
             leaving: Vec::new(),
         }
+    }
+
+    /// What the mesh wants, and since when it has what it has: of its vertices `old`, in the order of the mesh made
+    /// again, and of its tetrahedra `tets`.
+    pub fn kept(&self, old: &[usize], tets: &[TetId], numbers: &Numbers) -> KeptRefiner {
+        KeptRefiner {
+            born: old.iter().map(|&v| self.born[v]).collect(),
+            measured: tets.iter().map(|&tet| self.measured(tet)).collect(),
+            most_energy: self.most_energy,
+            most_goal: self.most_goal,
+            waiting: self.waiting.requests().collect(),
+            leaving: self.leaving.iter().filter_map(|v| numbers.of(v.index())).collect(),
+        }
+    }
+
+    /// Goes on from what was kept, on the mesh made again that it has been given.
+    ///
+    /// # Errors
+    /// [`SimError::Bisection`] for a priority that is not finite.
+    pub fn resume(&mut self, kept: &KeptRefiner) -> Result<(), SimError> {
+        let forest = &self.content.forest;
+        self.born = vec![0; forest.vertex_capacity()];
+        forest.vertices().zip(&kept.born).for_each(|(v, born)| self.born[v.index()] = *born);
+        self.measured = vec![0.0; forest.tet_capacity()];
+        let measured = forest.leaves().zip(&kept.measured);
+        measured.for_each(|(tet, value)| self.measured[tet.id.index()] = *value);
+        (self.most_energy, self.most_goal) = (kept.most_energy, kept.most_goal);
+        self.waiting = ClosureQueue::new();
+        for (point, priority) in &kept.waiting {
+            self.waiting.push(*point, *priority)?;
+        }
+        self.leaving = kept.leaving.iter().map(|&v| VertexId(v as u32)).collect();
+        Ok(())
     }
 
     /// Last measured indicator of a leaf's ring; 0 if never measured.

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
 
+use super::beginning::Beginning;
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
 use super::figures::{self, Figure};
@@ -37,6 +38,8 @@ pub struct Simulation {
     pub(super) goal: Option<Figure>,
     /// What tools that begin later are going to hold.
     pub(super) coming: Coming,
+    /// What the state was made from; none unless the scene asks for checkpoints.
+    pub(super) beginning: Option<Beginning>,
     /// The body at rest, read again when the first tool is added.
     pub(super) rest: Option<Box<Start>>,
     pub(super) recorder: Recorder,

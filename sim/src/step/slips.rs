@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use yawara_corot::Sphere;
 
+use super::checkpoint::{KeptMean, KeptPoint};
 use super::contact::ContactState;
 use crate::body::BodyState;
 use crate::tools::Tool;
@@ -89,6 +90,24 @@ impl Places {
 }
 
 impl Slips {
+    /// All of them: points and means.
+    pub fn kept(&self) -> (Vec<KeptPoint>, Vec<KeptMean>) {
+        let points = self.points.iter().map(|(key, (a, b))| (*key, [(*a).into(), (*b).into()]));
+        let mean = |(tool, pair, at): &(usize, Pair, Vector3<f64>)| {
+            (*tool, [pair.along.into(), pair.about.into()], (*at).into())
+        };
+        (points.collect(), self.means.iter().map(mean).collect())
+    }
+
+    /// Of what was kept.
+    pub fn resumed(points: &[KeptPoint], means: &[KeptMean]) -> Self {
+        let points = points.iter().map(|(key, [a, b])| (*key, ((*a).into(), (*b).into())));
+        let mean = |(tool, [along, about], at): &KeptMean| {
+            (*tool, Pair { along: (*along).into(), about: (*about).into() }, (*at).into())
+        };
+        Self { points: points.collect(), means: means.iter().map(mean).collect() }
+    }
+
     /// −½ (f₀ + f₁)·δ and −½ (τ₀ + τ₁)·θ of each, J: the work of what has brought it back in a step that
     /// has come to `contact`. `forces` gives the forces of a tool when the step began and now, with torques
     /// about a point.

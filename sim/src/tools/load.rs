@@ -118,6 +118,10 @@ impl Tool for Load {
         Ok(())
     }
 
+    fn unbind(&mut self) {
+        self.points.unbind();
+    }
+
     fn add_loads(&self, _: &BodyState, t: f64, loads: &mut [Vector3<f64>]) {
         let Spread { weight, flexibility, shares, .. } = &self.spread;
         let even = self.at(t, |key| key.force_n) / *weight + self.at(t, |key| key.traction_pa);

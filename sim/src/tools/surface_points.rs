@@ -83,6 +83,11 @@ impl SurfacePoints {
         }
     }
 
+    /// Has [`bind`](Self::bind) bind all points afresh.
+    pub fn unbind(&mut self) {
+        self.bound.fill(None);
+    }
+
     /// Binds the points `lost`, each to the tetrahedron in which its least weight is largest.
     fn find(&mut self, lost: &[usize], state: &BodyState) {
         let places: Vec<Vector3<f64>> = lost.iter().map(|&i| self.rest[i]).collect();

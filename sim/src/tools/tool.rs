@@ -11,6 +11,7 @@ use crate::body::BodyState;
 use crate::error::SimError;
 
 /// Material that a tool holds.
+#[derive(Clone)]
 pub struct MaterialHold {
     /// Its points; only ratios of their weights matter for a mean.
     pub points: Vec<WeightedPoint>,
@@ -172,6 +173,15 @@ pub trait Tool {
             points.bind(body);
         }
         Ok(())
+    }
+
+    /// Forgets which tetrahedra carry what it acts on: before [`follow`](Self::follow) on a body that has been made
+    /// again with other numbers. By default [unbinds](SurfacePoints::unbind) the
+    /// [`surface_points`](Self::surface_points).
+    fn unbind(&mut self) {
+        if let Some(points) = self.surface_points_mut() {
+            points.unbind();
+        }
     }
 
     /// Adds its forces on vertices at time `t` to `loads`, by vertex number, N; `body` is where the
