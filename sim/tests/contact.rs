@@ -282,14 +282,14 @@ fn a_ball_that_stays_leaves_the_mesh_alone() {
             {time_s=0.1,move_m=[0.0239,0.0694,0.0266]}]";
         let indicator = format!("stages.indicator={indicator}");
         let often = ["refinement.every_steps=1", "refinement.max_splits_per_step=200"];
-        let set = [&often[..], &[path, &indicator, "time.steps=45"]].concat();
+        let set = [&often[..], &[path, &indicator, "time.steps=60"]].concat();
         let mut simulation = simulation("palpate", &set);
         let reports = run(&mut simulation);
         assert!(reports.iter().all(|r| r.converged));
-        assert!(reports[30..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");
-        assert!(reports[..30].iter().map(|r| r.splits).sum::<usize>() > 20, "{indicator}");
+        assert!(reports[45..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");
+        assert!(reports[..45].iter().map(|r| r.splits).sum::<usize>() > 20, "{indicator}");
         let force = |r: &StepReport| r.tools[0].force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
-        let last = force(&reports[44]);
-        assert!(reports[33..].iter().all(|r| (force(r) - last).abs() < 2e-3 * last), "{indicator}");
+        let last = force(&reports[59]);
+        assert!(reports[48..].iter().all(|r| (force(r) - last).abs() < 2e-3 * last), "{indicator}");
     }
 }

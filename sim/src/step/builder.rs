@@ -211,7 +211,7 @@ impl<'a> SimulationBuilder<'a> {
                     refinement: scene.refinement.clone(),
                     max_vertices: scene.mesh.max_vertices,
                     indicator,
-                    is_eased: ease_steps(scene) > 0,
+                    ease_steps: ease_steps(scene),
                 };
                 let state = content.state(&holds, empty);
                 let fixed = match scene.support.hold {

@@ -74,8 +74,9 @@ pub(crate) struct Rules {
     pub refinement: Refinement,
     pub max_vertices: usize,
     pub indicator: Box<dyn Indicator>,
-    /// Whether all material stays where it is while vertices come in, and loads keep it there at first.
-    pub is_eased: bool,
+    /// Over how many steps changes are felt. Above 0 all material stays where it is while vertices come in, loads
+    /// keep it there at first, and what a vertex is worth shows only when they are gone.
+    pub ease_steps: usize,
 }
 
 /// What splits and merges act on, and what they need to know besides.
@@ -406,7 +407,7 @@ impl Refiner {
     /// The vertices that are to go out; where these are more than may go at a time, those first that are
     /// worth least.
     fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {
-        let dwell_steps = self.rules.refinement.dwell_steps;
+        let dwell_steps = self.rules.refinement.dwell_steps.max(self.rules.ease_steps);
         let settled: Vec<VertexId> = self
             .content
             .forest
@@ -486,7 +487,7 @@ impl Refiner {
             // The strain around a fixed vertex would put it elsewhere.
             Hold::Fixed => rest,
             // Held material stays where it is, and feels the same force.
-            _ if is_gripped || self.rules.is_eased => {
+            _ if is_gripped || self.rules.ease_steps > 0 => {
                 let [a, b] = delta.edge.map(|v| state.positions[v.index()]);
                 0.5 * (a + b)
             }
