@@ -130,6 +130,27 @@ fn a_ball_of_material_that_is_turned_far_gets_it_too() {
     }
 }
 
+/// Under the linear law a bar that is turned inside out collapses where σ₂ + σ₃ = 0, and no way leads on.
+#[test]
+fn where_no_way_leads_on_an_equilibrium_is_looked_for_from_rest() {
+    let set = [
+        "stages.law=linear",
+        "stages.element=p1p1",
+        "materials.0.poisson_ratio=0.49",
+        "mesh.start_level=3",
+        "mesh.max_level=3",
+    ];
+    let overrides = set.map(str::to_owned);
+    let (scene, _) = scene_file::load("extreme", &overrides).unwrap();
+    let mut simulation = Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+    let converged: Vec<bool> = (0..14).map(|_| simulation.step().unwrap().converged).collect();
+    let summary = simulation.summary().unwrap();
+    let lost = converged.iter().position(|converged| !converged).unwrap();
+    let found = converged[lost..].iter().any(|converged| *converged);
+    assert!(found && summary.steps.from_rest >= 1, "{converged:?}, {:?}", summary.steps);
+    assert!(converged.iter().filter(|converged| **converged).count() >= 9, "{converged:?}");
+}
+
 #[test]
 fn a_body_at_rest_is_not_refined_by_what_rounding_leaves() {
     let set = ["tools=[]", "image.voxel_mm=4", "time.steps=3"];
