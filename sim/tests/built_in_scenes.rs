@@ -101,12 +101,13 @@ fn neo_hookean_takes_a_pull_of_three_lengths() {
     }
 }
 
+fn law(summary: &Summary) -> Option<String> {
+    summary.plan.iter().find(|row| row.stage == "law").map(|row| row.choice.clone())
+}
+
 /// Under the linear law, which shorter pulls get, six of these steps are lost.
 #[test]
 fn a_pull_by_more_than_half_of_the_body_gets_the_law_for_it() {
-    let law = |summary: &Summary| {
-        summary.plan.iter().find(|row| row.stage == "law").map(|row| row.choice.clone())
-    };
     let pull = "tools.0.path=[{time_s=0},{time_s=0.5,move_m=[-0.04,0.1,0.1]}]";
     let (summary, largest_mm) = run("liver", &[pull, "image.voxel_mm=4"]);
     assert_eq!(law(&summary).as_deref(), Some("neo_hookean"));
@@ -119,9 +120,6 @@ fn a_pull_by_more_than_half_of_the_body_gets_the_law_for_it() {
 
 #[test]
 fn a_ball_of_material_that_is_turned_far_gets_it_too() {
-    let law = |summary: &Summary| {
-        summary.plan.iter().find(|row| row.stage == "law").map(|row| row.choice.clone())
-    };
     let set = ["image.voxel_mm=4", "tools.0.turn_axis=[0,0,1]", "time.steps=1"];
     for (turn_deg, want) in [(14, "linear"), (20, "neo_hookean")] {
         let path = format!("tools.0.path=[{{time_s=0}},{{time_s=0.5,turn_deg=-{turn_deg}}}]");

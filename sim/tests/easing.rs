@@ -73,6 +73,33 @@ fn a_hand_that_pulls_does_not_feel_it_either() {
     }
 }
 
+/// What held a vertex that goes out holds the ends of its edge.
+#[test]
+fn it_adds_up_where_held_vertices_go_out() {
+    let set = [
+        "gravity_m_s2=[0,0,0]",
+        "time.steps=40",
+        "time.step_s=0.005",
+        "support.hold=vertices",
+        "refinement.split_above=1e-6",
+        "refinement.max_splits_per_step=40",
+        "refinement.merge_fraction=0.9",
+        "tools.0.release_s=9",
+        "tools.0.path=[{time_s=0},{time_s=0.08,move_m=[0,0,0.02]},{time_s=0.2,move_m=[0,0,0.004]}]",
+    ];
+    let mut simulation = simulation("beam", &set);
+    let (mut merges, mut most) = (0, 0.0_f64);
+    for _ in 0..40 {
+        let report = simulation.step().unwrap();
+        let support = simulation.support_force();
+        let sum = [0, 1, 2].map(|axis| support[axis] + report.force_n[axis]);
+        most = most.max(size(report.force_n));
+        assert!(size(sum) < 1e-5 * most, "step {}: {sum:?} N of {most} N", report.step);
+        merges += report.merges;
+    }
+    assert!(merges > 100, "{merges}");
+}
+
 #[test]
 fn in_the_end_nothing_is_left_of_it() {
     let path = "tools.0.path=[{ time_s = 0.0 }, { time_s = 0.05, move_m = [-0.004, 0.01, 0.01] }]";

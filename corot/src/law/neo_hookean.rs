@@ -239,13 +239,7 @@ mod tests {
     fn stress(elasticity: &Matrix6<f64>, stretches: [f64; 3]) -> Strain {
         let [a, b, c] = stretches.map(|s| s - 1.0);
         let strain = Strain::new(a, b, c, 0.0, 0.0, 0.0);
-        let mut moduli = [0.0; 2];
-        NeoHookean.set_moduli(elasticity, &[], &mut moduli);
-        let (moduli, state) = (&moduli[..], &[][..]);
-        let step_s = f64::INFINITY;
-        let (pressure, prepared) = (None, &[][..]);
-        let point = MaterialPoint { elasticity, moduli, strain, pressure, state, step_s, prepared };
-        NeoHookean.stress(&point, &mut [])
+        at(elasticity, strain, |point| NeoHookean.stress(point, &mut []))
     }
 
     /// Smith et al., eq. 14 on: P = μ F + ((λ+μ)(J − 1) − μ) cof F, along the axes.

@@ -49,8 +49,8 @@ impl Checkpoint {
             &self.vertices;
         let lengths = [holds.len(), positions.len(), velocities.len(), accelerations.len()];
         let KeptTets { rotations, law } = &self.tets;
-        let KeptSolver { tool_loads, fading, grips: held, .. } = &self.solver;
-        let mut forces = [tool_loads, fading].into_iter().chain(&held.forces).flatten();
+        let KeptSolver { tool_loads, fading, easing: (_, eased), grips: held, .. } = &self.solver;
+        let mut forces = [tool_loads, fading, eased].into_iter().chain(&held.forces).flatten();
         let leaving = self.refiner.as_ref().map_or(&[][..], |refiner| &refiner.leaving);
         let mut numbers = held.held.iter().map(|(number, _)| number).chain(&held.free);
         lengths.iter().all(|length| *length == vertices)

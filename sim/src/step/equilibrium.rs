@@ -9,7 +9,7 @@ use yawara_corot::{
 use yawara_inverse_update::InverseError;
 use yawara_mesh::VertexId;
 
-use super::checkpoint::{KeptSolver, Numbers};
+use super::checkpoint::{KeptForces, KeptSolver, Numbers};
 use super::contact::{ContactState, Probing, Surroundings};
 use super::dynamics::Motion;
 use super::easing::{Easing, ease_steps};
@@ -26,12 +26,12 @@ use super::tool_loads::ToolLoads;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::{Applied, InverseLink};
-use crate::report::{Momentum, StepOutcome, StepReport, milliseconds};
+use crate::report::{Momentum, StepOutcome, milliseconds};
 use crate::scene::{Scene, Solver};
 use crate::tools::Tool;
 
-/// The part of a step's iterations that is kept for an attempt from rest where none from the last equilibrium arrives.
-const LAST: f64 = 0.25;
+/// One in so many of a step's iterations is kept for an attempt from rest where none from the last equilibrium arrives.
+const KEPT: usize = 4;
 
 /// What a step moves, and what acts on it.
 pub(crate) struct Acting<'a> {
@@ -117,14 +117,15 @@ impl StepSolver {
     pub fn resume(&mut self, kept: &KeptSolver, state: &mut BodyState) {
         let moves = kept.moves.iter().map(|(tool, moved)| (*tool, Vector3::from(*moved)));
         self.predictor = Predictor::after(moves.collect());
-        self.tool_loads = vec![Vector3::zeros(); state.positions.len()];
-        kept.tool_loads.iter().for_each(|(v, load)| self.tool_loads[*v] = Vector3::from(*load));
+        let field = |forces: &KeptForces| {
+            let mut field = vec![Vector3::zeros(); state.positions.len()];
+            forces.iter().for_each(|(v, force)| field[*v] = Vector3::from(*force));
+            field
+        };
+        self.tool_loads = field(&kept.tool_loads);
+        self.easing.resume(kept.easing.0, field(&kept.easing.1));
         let fading = kept.fading.iter().map(|(v, f)| (VertexId(*v as u32), Vector3::from(*f)));
         self.fading = fading.collect();
-        let (left, eased) = &kept.easing;
-        let mut loads = vec![Vector3::zeros(); state.positions.len()];
-        eased.iter().for_each(|(v, load)| loads[*v] = Vector3::from(*load));
-        self.easing.resume(*left, loads);
         self.grips = Grips::resumed(&kept.grips, state);
         self.reached_s = kept.reached_s;
         self.pace.resume(kept.pace);
@@ -263,9 +264,9 @@ impl StepSolver {
     }
 
     /// Brings the body from the last equilibrium to the end of `step`, in parts where the whole
-    /// does not converge. Where even the shortest does not, or where the iterations of a step are
-    /// used up, the body stays at the last equilibrium on the way, and the next step starts from there.
-    /// At a `deadline` it stays where the least residual was.
+    /// does not converge. Where even the shortest does not, or where the iterations for them are used up, a body without
+    /// inertia or deadline goes there from rest; where that fails too it stays at the last equilibrium on the way, and the next
+    /// step starts from there. At a `deadline` it stays where the least residual was.
     pub fn advance(
         &mut self,
         step: Span,
@@ -275,9 +276,10 @@ impl StepSolver {
         self.deadline = deadline;
         let mut total = StepOutcome::default();
         total.report.converged = true;
-        let mut kept = match self.motion {
-            None => (LAST * self.rules.step_iterations as f64) as usize,
-            Some(_) => 0,
+        // A clock has no time for a way round, and shows where the body is on the way.
+        let mut kept = match (&self.motion, deadline) {
+            (None, None) => self.rules.step_iterations / KEPT,
+            _ => 0,
         };
         self.set_off(step, acting.state);
         self.predictor.begin(&acting.state.positions);
@@ -332,6 +334,7 @@ impl StepSolver {
                     total.report.substeps += 1;
                     total.from_rest += 1;
                     self.reached_s = step.to;
+                    self.pace.begin_anew();
                     break;
                 }
                 acting.state.put(here);
@@ -348,7 +351,7 @@ impl StepSolver {
             self.evaluate_forces(acting.state);
             break;
         }
-        self.arrive(step, &total.report, acting);
+        self.arrive(step, &total, acting);
         Ok(total)
     }
 
@@ -366,19 +369,20 @@ impl StepSolver {
     }
 
     /// Ends a step: states of the law, velocities, and what the next step may start from.
-    fn arrive(&mut self, step: Span, total: &StepReport, acting: &mut Acting<'_>) {
+    fn arrive(&mut self, step: Span, total: &StepOutcome, acting: &mut Acting<'_>) {
+        let StepOutcome { report, from_rest, .. } = total;
         let left = step.left_at(self.reached_s);
         for (_, force) in &mut self.fading {
             *force *= left;
         }
-        if total.converged {
+        if report.converged {
             self.fading.clear();
         }
         acting.state.body.commit();
         match &mut self.motion {
             Some(motion) => motion.finish(acting.state),
             None => {
-                let is_whole = total.converged && total.substeps == 1;
+                let is_whole = report.converged && report.substeps == 1 && *from_rest == 0;
                 let continues = is_whole && acting.contact.is_pressed();
                 acting.contact.end(continues);
                 self.predictor.end(continues, acting.state, self.step_s);

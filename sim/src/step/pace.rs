@@ -48,6 +48,11 @@ impl Pace {
         }
     }
 
+    /// The body is at the end of the step by another way: nothing is known of how long parts from there may be.
+    pub fn begin_anew(&mut self) {
+        (self.length, self.proven) = (f64::INFINITY, 0);
+    }
+
     /// A part has not: the next one is half as long. False where it was as short as a part of `step` may
     /// be.
     pub fn fail(&mut self, part: Span, step: Span) -> bool {

@@ -157,10 +157,11 @@ impl Simulation {
         let Self { body, tools, solver, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner } = body;
         let mut remeshed = done;
-        let holding = solver.holding(state);
+        let mut holding = None;
         if let (Some(refiner), true) = (refiner, turn.is_some_and(|turn| turn.changes))
             && refiner.wants_changes()
         {
+            holding = solver.holding(state);
             ledger.look(solver, state, tools);
             let (turns, done) = (solver.turns(), remeshed);
             let mut round = Round { state, inverse, tools, step, deadline, turns, done };
