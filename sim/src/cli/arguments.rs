@@ -195,6 +195,9 @@ pub struct ViewArguments {
     /// Replaces a value of the scene, as for run.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+    /// Shows a second simulation of the scene beside the first, with a value of its own; the same hand leads both.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub beside: Vec<String>,
 }
 
 #[cfg(feature = "view")]

@@ -1,7 +1,5 @@
 //! `yawara view`: a scene in the browser, with hands on it.
 
-use std::path::Path;
-
 use yawara::SimError;
 use yawara::view::{ViewOptions, serve};
 
@@ -14,11 +12,12 @@ pub fn run(arguments: &ViewArguments, out: &mut Printer) -> Result<(), SimError>
     let options = ViewOptions {
         scene: arguments.scene.clone(),
         set: arguments.set.clone(),
+        beside: arguments.beside.clone(),
         listen: arguments.listen,
         port: arguments.port,
         play: arguments.play,
         keep_going: arguments.keep_going,
-        out: arguments.out.clone().unwrap_or_else(|| Path::new("runs").join("view")),
+        out: arguments.out.clone(),
         program,
     };
     let end = async {

@@ -48,9 +48,19 @@ pub fn built_in() -> &'static [(&'static str, &'static str)] {
 /// [`SimError::UnknownKey`], [`SimError::MissingKey`] or [`SimError::Value`] naming file and
 /// line, or the override.
 pub fn load(scene: &str, overrides: &[String]) -> Result<(Scene, String), SimError> {
+    load_beside(scene, overrides, &[])
+}
+
+/// As [`load`], with the overrides of `--beside` after those of `--set`.
+pub(crate) fn load_beside(
+    scene: &str,
+    set: &[String],
+    beside: &[String],
+) -> Result<(Scene, String), SimError> {
     let (text, name) = read(scene)?;
-    let overrides: Vec<Override> =
-        overrides.iter().map(|argument| Override::parse(argument)).collect::<Result<_, _>>()?;
+    let set = set.iter().map(|argument| Override::parse("--set", argument));
+    let beside = beside.iter().map(|argument| Override::parse("--beside", argument));
+    let overrides: Vec<Override> = set.chain(beside).collect::<Result<_, _>>()?;
     let lines = DeTable::parse(&text).map_err(|error| syntax(&name, &text, &error))?;
     let table = toml::from_str(&text).map_err(|error| syntax(&name, &text, &error))?;
     let mut value = Value::Table(table);

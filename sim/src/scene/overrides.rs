@@ -14,9 +14,10 @@ pub(super) struct Override {
 }
 
 impl Override {
-    pub fn parse(argument: &str) -> Result<Self, SimError> {
+    /// Reads the argument of the option `flag`.
+    pub fn parse(flag: &str, argument: &str) -> Result<Self, SimError> {
         let reason = "want KEY=VALUE, e.g. time.steps=20 or materials.0.young_modulus_pa=5e3";
-        let place = format!("--set {argument}");
+        let place = format!("{flag} {argument}");
         let refuse = || SimError::Syntax { place: place.clone(), reason: reason.into() };
         let (key, value) = argument.split_once('=').ok_or_else(refuse)?;
         let path = KeyPath::parse(key.trim());

@@ -70,16 +70,21 @@ impl Hand {
         })
     }
 
-    /// Leads the tool to where the hand has it at the end of the next step.
-    ///
-    /// # Errors
-    /// As [`Simulation::extend_tool_path`].
-    pub fn lead(&mut self, simulation: &mut Simulation) -> Result<(), SimError> {
+    /// Where the coupling has the tool at the end of the next step, from where it took hold, m.
+    pub fn next(&mut self) -> Vector3<f64> {
         let (wanted, _) = self.device.tick(self.target, &self.model);
         let step = wanted - self.at;
         let most = FASTEST_M_S * self.step_s;
-        self.at += if step.norm() > most { step * (most / step.norm()) } else { step };
-        let move_m = (Vector3::from(self.start.move_m) + self.at).into();
+        self.at + if step.norm() > most { step * (most / step.norm()) } else { step }
+    }
+
+    /// Leads the tool to be `at` such a place at the end of the next step.
+    ///
+    /// # Errors
+    /// As [`Simulation::extend_tool_path`].
+    pub fn lead(&mut self, simulation: &mut Simulation, at: Vector3<f64>) -> Result<(), SimError> {
+        self.at = at;
+        let move_m = (Vector3::from(self.start.move_m) + at).into();
         simulation.extend_tool_path(self.tool, Pose { move_m, ..self.start })
     }
 

@@ -1,7 +1,8 @@
 //! `yawara view`: a page in the browser that shows a simulation and has hands on it, or plays a run that is over.
 //!
 //! [`serve`] in `server` is where to start: it answers on loopback, and every page has a WebSocket.
-//! `session` is the thread that makes steps, paced by the clock; a `hand` couples a pointer to a tool. What is seen
+//! `session` is the thread that makes steps, paced by the clock, of one simulation or of two beside each other (`side`);
+//! a `hand` couples a pointer to a tool. What is seen
 //! goes to the `painter`, a thread that carries the outlines along, and from there as a `picture` to every page, as
 //! fast as that page takes them: what is overtaken is dropped, nothing queues. `protocol` has what a page may say,
 //! `state` what it is told besides pictures, `access` who is let in, `recording` what is kept of a hand. Of a
@@ -20,6 +21,7 @@ mod protocol;
 mod recording;
 mod server;
 mod session;
+mod side;
 mod state;
 
 pub use alone::write_html;

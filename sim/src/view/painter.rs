@@ -28,6 +28,19 @@ pub(super) struct Snapshot {
     pub outlines: Option<Outlines>,
     /// Unit of the displacements of surfaces, mm.
     pub quantum_mm: f64,
+    /// Of the simulation beside it, after the same step.
+    pub beside: Option<Box<Snapshot>>,
+}
+
+impl Snapshot {
+    /// Takes over what an `old` one of the same simulation that was not painted says of outlines and of a new mesh.
+    fn follow(&mut self, old: Self) {
+        self.is_remeshed |= old.is_remeshed;
+        self.outlines = self.outlines.take().or(old.outlines);
+        if let (Some(new), Some(old)) = (&mut self.beside, old.beside) {
+            new.follow(*old);
+        }
+    }
 }
 
 /// The outlines of a simulation and how they are told.
@@ -56,8 +69,7 @@ impl Easel {
     pub fn put(&self, mut snapshot: Snapshot) {
         let mut slot = self.slot.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(old) = slot.0.take().filter(|old| old.generation == snapshot.generation) {
-            snapshot.is_remeshed |= old.is_remeshed;
-            snapshot.outlines = snapshot.outlines.or(old.outlines);
+            snapshot.follow(*old);
         }
         slot.0 = Some(Box::new(snapshot));
         self.changed.notify_one();
@@ -108,6 +120,8 @@ pub(super) struct Painter {
     edges: HashSet<[[i64; 3]; 2]>,
     /// Its outer faces, each with its tetrahedron.
     outer: Vec<([u32; 3], usize)>,
+    /// Paints the simulation beside it.
+    beside: Option<Box<Self>>,
 }
 
 impl Painter {
@@ -117,11 +131,21 @@ impl Painter {
     /// # Errors
     /// [`SimError::Surface`] if an outline can't be cut or carried.
     pub fn paint(&mut self, snapshot: Snapshot) -> Result<Picture, SimError> {
-        let number = self.last.number + 1;
+        self.paint_as(snapshot, self.last.number + 1)
+    }
+
+    fn paint_as(&mut self, mut snapshot: Snapshot, number: u64) -> Result<Picture, SimError> {
+        let beside = match snapshot.beside.take() {
+            Some(beside) => {
+                Some(Arc::new(self.beside.get_or_insert_default().paint_as(*beside, number)?))
+            }
+            None => None,
+        };
         if snapshot.outlines.is_some() || self.last.generation != snapshot.generation {
             *self = Self {
                 last: Picture { number: number - 1, ..Picture::default() },
                 quantum_mm: snapshot.quantum_mm,
+                beside: self.beside.take(),
                 ..Self::default()
             };
             match snapshot.outlines {
@@ -156,7 +180,7 @@ impl Painter {
             self.last.points_changed = number;
         }
         self.last.number = number;
-        Ok(self.last.clone())
+        Ok(Picture { beside, ..self.last.clone() })
     }
 
     /// Begins with the outlines of another simulation.

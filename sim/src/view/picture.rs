@@ -11,6 +11,7 @@
 //! | 3 the coarse mesh | edges, faces | u32 × 3 an edge: ends, and 1 if it has just come; u32 × 3 a face |
 //! | 4 its vertices now | vertices, 0 | f32 × 6 each: place and displacement, mm |
 //! | 5 what its faces show | faces, 0 | f32 × 4 each: von Mises stress in Pa, level, label, indicator |
+//! | 6 the simulation beside | bytes, 0 | a whole picture of it after the same step, from `YWP1` on |
 
 use std::sync::Arc;
 
@@ -58,6 +59,8 @@ pub(super) struct Picture {
     pub values: Vec<[f32; 4]>,
     /// The picture in which either changed last.
     pub points_changed: u64,
+    /// Of the simulation beside it, with the same number and generation.
+    pub beside: Option<Arc<Self>>,
 }
 
 /// What a page has seen.
@@ -108,6 +111,11 @@ impl Picture {
             self.points.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
             begin(&mut out, 5, 0, self.values.len(), 0);
             self.values.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
+        }
+        if let Some(beside) = &self.beside {
+            let bytes = beside.encode_since(since, with_rest);
+            begin(&mut out, 6, 0, bytes.len(), 0);
+            out.extend(bytes);
         }
         out
     }
@@ -168,6 +176,7 @@ mod tests {
             1 | 3 => 12 * (count + other),
             2 => (6 * count).next_multiple_of(4),
             4 => 24 * count,
+            6 => count,
             _ => 16 * count,
         }
     }
@@ -186,6 +195,7 @@ mod tests {
             points: vec![[0.0; 6]; 3],
             values: vec![[0.0; 4]],
             points_changed: 7,
+            beside: None,
         };
         let (piece, last) = ([2, 0, PIECE as u32, 0], [2, 0, 3, PIECE as u32]);
         let whole =
@@ -198,5 +208,12 @@ mod tests {
         assert_eq!(of(7, 1), [[0; 4]; 0]);
         let alone = |with_rest| blocks(&picture.encode_alone(with_rest), size);
         assert_eq!((&alone(true)[..], &alone(false)[..]), (&whole[..], &whole[1..]));
+        // What goes beside it is a picture of its own, of the same changes.
+        let pair = Picture { beside: Some(Arc::new(picture.clone())), ..picture.clone() };
+        let (first, both) =
+            [&picture, &pair].map(|one| one.encode(Seen { number: 6, generation: 1 })).into();
+        assert_eq!(both[..first.len()], first);
+        assert_eq!(both[first.len() + 16..], first);
+        assert_eq!(blocks(&both, size).last(), Some(&[6, 0, first.len() as u32, 0]));
     }
 }

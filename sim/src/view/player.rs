@@ -112,6 +112,7 @@ pub(super) fn snapshot(run: &Run, number: usize) -> Result<Snapshot, SimError> {
         positions: Vec::new(),
         outlines: None,
         quantum_mm,
+        beside: None,
     })
 }
 

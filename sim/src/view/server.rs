@@ -55,6 +55,9 @@ pub struct ViewOptions {
     pub scene: String,
     /// Replaces values of the scene, `KEY=VALUE`.
     pub set: Vec<String>,
+    /// What a second simulation of the scene has besides, `KEY=VALUE`: it is shown beside the first and led by the
+    /// same hands. Nothing for none.
+    pub beside: Vec<String>,
     /// Where it listens; loopback unless whoever starts it knows better.
     pub listen: IpAddr,
     /// The port; 0 for any that is free.
@@ -63,8 +66,8 @@ pub struct ViewOptions {
     pub play: bool,
     /// Whether steps go on while no page is open.
     pub keep_going: bool,
-    /// Where recordings go.
-    pub out: PathBuf,
+    /// Where recordings go; `runs/view` unless it is said.
+    pub out: Option<PathBuf>,
     /// The program whose `run` makes recordings again.
     pub program: PathBuf,
 }
@@ -92,26 +95,32 @@ struct Shared {
 ///
 /// # Errors
 /// Those of the scene, or of [`Run::open`](crate::playback::Run::open); [`SimError::Value`] for a run with
-/// settings; [`SimError::Io`] if the address can't be listened at.
+/// options of a scene; [`SimError::Io`] if the address can't be listened at.
 pub fn serve(
     options: ViewOptions,
     end: impl Future<Output = ()>,
     ready: impl FnOnce(&Listening) -> Result<(), SimError>,
 ) -> Result<(), SimError> {
-    let ViewOptions { scene, set, listen, port, play, keep_going, out, program } = options;
+    let ViewOptions { scene, set, beside, listen, port, play, keep_going, out, program } = options;
     let place = PathBuf::from(SocketAddr::new(listen, port).to_string());
     let io = |source| SimError::Io(place.clone(), source);
     let run = is_run(&scene).then(|| PathBuf::from(&scene));
-    if run.is_some() && (!set.is_empty() || play || keep_going) {
-        let want = "a scene: a run that is over goes by itself and can't be changed";
-        return Err(SimError::value(
-            "yawara view --set, --play, --keep-going",
-            "SCENE",
-            scene,
-            want,
-        ));
+    let of_scenes = [
+        ("--set", !set.is_empty()),
+        ("--beside", !beside.is_empty()),
+        ("--play", play),
+        ("--keep-going", keep_going),
+        ("--out", out.is_some()),
+    ];
+    if run.is_some()
+        && let Some((option, _)) = of_scenes.iter().find(|(_, is_given)| *is_given)
+    {
+        let want =
+            "a scene: a run that is over goes by itself, can't be changed and is kept already";
+        return Err(SimError::value(&format!("yawara view {option}"), "SCENE", scene, want));
     }
-    let orders = Orders { scene, set, play, keep_going, out, program };
+    let out = out.unwrap_or_else(|| Path::new("runs").join("view"));
+    let orders = Orders { scene, set, beside, play, keep_going, out, program };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(io)?;
     // Before the work, so that a port that is taken is known at once.
     let listener = runtime.block_on(TcpListener::bind((listen, port))).map_err(io)?;

@@ -19,6 +19,8 @@ pub(super) struct Standing<'a> {
     pub labels: &'a [i64],
     /// The most steps of a simulation here.
     pub most_steps: usize,
+    /// What is told of the simulation beside it.
+    pub beside: Option<&'a Value>,
 }
 
 impl Standing<'_> {
@@ -30,8 +32,6 @@ impl Standing<'_> {
             let found = scene.materials.iter().find(|one| one.label == Some(label));
             if label == 0 { "skin" } else { found.map_or("", |one| &one.name[..]) }
         };
-        let warnings: Vec<String> =
-            simulation.plan().iter().flat_map(|row| row.warnings().collect::<Vec<_>>()).collect();
         json!({
             "kind": "state",
             "version": env!("CARGO_PKG_VERSION"),
@@ -45,15 +45,21 @@ impl Standing<'_> {
                 "label": label, "name": name_of(label),
             })).collect::<Vec<_>>(),
             "plan": simulation.plan(),
-            "warnings": warnings,
+            "warnings": warnings(simulation),
             "stages": stages(scene),
             "numbers": numbers(scene),
             "materials": scene.materials.iter().map(|one| json!({
                 "name": one.name, "young_modulus_pa": one.young_modulus_pa,
             })).collect::<Vec<_>>(),
             "command": command(name, changes),
+            "beside": self.beside,
         })
     }
+}
+
+/// What the plan warns of.
+pub(super) fn warnings(simulation: &Simulation) -> Vec<String> {
+    simulation.plan().iter().flat_map(|row| row.warnings().collect::<Vec<_>>()).collect()
 }
 
 /// The stages that may be changed, with what they are and may be.

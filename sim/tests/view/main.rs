@@ -1,8 +1,10 @@
 //! The page of `yawara view`: who is let in, and in a real browser what a hand does.
 
+mod beside;
 mod browser;
 mod export;
 mod playback;
+mod screenshot;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -13,6 +15,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use browser::Browser;
+use screenshot::stage;
 use serde_json::Value;
 
 /// One browser at a time: each keeps all cores busy.
@@ -174,6 +177,31 @@ fn a_hand_pulls_the_liver_and_what_it_did_is_run_again() {
     for of in ["body", "blue", "green", "yellow"] {
         assert!(number(&colours[of]) > 100.0, "{of}: {colours}");
     }
+    // The same in the window, where a label that is left out takes its colour along.
+    let at_rest = stage(&page, "view");
+    let ground = at_rest.pixels[at_rest.width / 2];
+    let is_body = |pixel: [i32; 3]| (0..3).map(|k| (pixel[k] - ground[k]).abs()).sum::<i32>() > 24;
+    let share = at_rest.count(is_body) as f64 / at_rest.pixels.len() as f64;
+    assert!((0.1..0.9).contains(&share), "{share} of the picture is body");
+    let of_labels: [fn([i32; 3]) -> bool; 3] = [
+        |[r, g, b]| b > r + 25 && b > g + 10,
+        |[r, g, b]| g > r + 25 && g > b,
+        |[r, g, b]| r > b + 70 && g > b + 50,
+    ];
+    let show = |label: usize| {
+        page.run(&format!("document.querySelectorAll('#legend input')[{label}].click()"));
+    };
+    for (label, is_it) in of_labels.into_iter().enumerate() {
+        show(label + 1);
+        let without = stage(&page, "view").count(is_it);
+        show(label + 1);
+        let with = at_rest.count(is_it);
+        assert!(
+            with > 100 && 5 * without < with,
+            "label {label}: {with} pixels, {without} without"
+        );
+    }
+    assert_eq!(stage(&page, "view").changes(&at_rest).len(), 0);
     assert_eq!(page.run("return yawara.last.vertices"), 736);
     page.run(
         "window.felt = {}; setInterval(() => { felt[yawara.last.step] = yawara.last.force_n; }, 4)",
@@ -194,8 +222,21 @@ fn a_hand_pulls_the_liver_and_what_it_did_is_run_again() {
     page.wait("yawara.last.vertices > 760");
     page.wait("document.getElementById('n_latency').textContent.endsWith(' ms')");
     assert_eq!(page.run("return yawara.last.converged"), true);
+    // The lobe has moved, and what is held has not.
+    page.wait("yawara.last.steps_per_s > 0 && Math.hypot(...yawara.last.force_n) > 1.0");
+    page.run("document.getElementById('pause').click()");
+    page.wait("yawara.state.paused");
+    let pulled = stage(&page, "view").changes(&at_rest);
+    let spot = [0, 1].map(|k| from[k] as usize);
+    let near = |far: usize| {
+        let is_near = |at: &&[usize; 2]| (0..2).all(|k| at[k].abs_diff(spot[k]) < far);
+        pulled.iter().filter(is_near).count()
+    };
+    assert!(near(100) > 2000 && 2 * near(150) > pulled.len(), "{} of {}", near(150), pulled.len());
+    page.run("document.getElementById('pause').click()");
     page.let_go();
     page.wait("yawara.last.at_rest && yawara.last.vertices === 736");
+    assert_eq!(stage(&page, "view").changes(&at_rest).len(), 0);
     assert_eq!(page.run("return Math.hypot(...yawara.last.force_n)"), 0);
     // Back at the start to the last bit of what is sent.
     assert_eq!(
@@ -207,6 +248,20 @@ fn a_hand_pulls_the_liver_and_what_it_did_is_run_again() {
     page.wait("document.getElementById('command').textContent.includes('001')");
     let felt = page.run("return felt");
     let run = kept.join("001/run");
+    runs_again(&run, &felt);
+    // The line that the page shows.
+    let again = folder.path().join("again");
+    let status = Command::new(env!("CARGO_BIN_EXE_yawara"))
+        .args(["run", kept.join("001/scene.toml").to_str().unwrap(), "--out"])
+        .arg(&again)
+        .stdout(Stdio::null())
+        .status();
+    assert!(status.unwrap().success());
+    same_frames(&run, &again);
+}
+
+/// Whether the steps of a run have the forces that a page has `felt`, by step, to the last bit.
+fn runs_again(run: &Path, felt: &Value) {
     let steps = fs::read_to_string(run.join("steps.csv")).unwrap();
     let mut lines = steps.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -227,15 +282,6 @@ fn a_hand_pulls_the_liver_and_what_it_did_is_run_again() {
         compared += usize::from(seen[2] != 0);
     }
     assert!(compared > 3, "only {compared} steps of the pull were seen");
-    // The line that the page shows.
-    let again = folder.path().join("again");
-    let status = Command::new(env!("CARGO_BIN_EXE_yawara"))
-        .args(["run", kept.join("001/scene.toml").to_str().unwrap(), "--out"])
-        .arg(&again)
-        .stdout(Stdio::null())
-        .status();
-    assert!(status.unwrap().success());
-    same_frames(&run, &again);
 }
 
 fn same_frames(a: &Path, b: &Path) {

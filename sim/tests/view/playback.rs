@@ -229,7 +229,16 @@ fn a_run_directory_that_is_broken_or_not_over_is_refused_by_the_file() {
         assert!(message.contains(want), "{name}, want {want}: {message}");
         fs::write(&path, whole).unwrap();
     }
-    assert!(refused(&["over", "--set", "time.steps=3"]).contains("--set"));
+    for option in [
+        &["--set", "time.steps=3"][..],
+        &["--beside", "stages.homogenisation=paper"],
+        &["--out", "elsewhere"],
+        &["--play"],
+        &["--keep-going"],
+    ] {
+        let message = refused(&[&["over"], option].concat());
+        assert!(message.contains(option[0]) && message.contains("want a scene"), "{message}");
+    }
     assert!(refused(&["over/frames"]).contains("summary.json"));
     // Whole again.
     drop(View::start(&[run.to_str().unwrap()]));

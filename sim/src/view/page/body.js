@@ -7,6 +7,7 @@ import { LABELS, nice, viridis } from './colour.js';
 export const COLOURS = {
   label: { name: 'label' },
   displacement: { name: 'displacement', unit: 'mm', factor: 1 },
+  difference: { name: 'difference of displacement', unit: 'mm', factor: 1 },
   stress: { name: 'von Mises stress', unit: 'kPa', factor: 1e-3, row: 0 },
   level: { name: 'level of bisection', unit: '', factor: 1, row: 1 },
   indicator: { name: 'refinement indicator', unit: '', factor: 1, row: 3 },
@@ -15,33 +16,44 @@ export const COLOURS = {
 const MM_PER_N = 18;
 const FLASH_MS = 700;
 
+/** What two bodies beside each other are seen by alike. */
+const SHARED = ['controls', 'plane', 'colour', 'opacity', 'range', 'shows_lines', 'is_cut', 'where', 'hidden', 'labels', 'box', 'size', 'is_framed', 'is_unpainted'];
+
 export class Body {
-  constructor(canvas) {
+  /** One that is shown beside a `first` is seen as that is. */
+  constructor(canvas, first = null) {
     this.canvas = canvas;
+    this.first = first ?? this;
+    this.pair = first?.pair ?? [];
+    this.pair.push(this);
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.localClippingEnabled = true;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 1, 20000);
     this.camera.up.set(0, 0, 1);
-    this.controls = new THREE.OrbitControls(this.camera, canvas);
-    this.controls.enableDamping = false;
-    this.controls.listenToKeyEvents = () => {};
+    if (first) {
+      for (const key of SHARED) Object.defineProperty(this, key, { get: () => first[key], set: (value) => { first[key] = value; } });
+    } else {
+      this.controls = new THREE.OrbitControls(this.camera, canvas.closest('#views'));
+      this.controls.enableDamping = false;
+      this.controls.listenToKeyEvents = () => {};
+      this.plane = new THREE.Plane(new THREE.Vector3(0, -1, 0), 0);
+      this.colour = 'label';
+      this.opacity = 0.4;
+      this.range = 1;
+      this.shows_lines = false;
+      this.is_cut = false;
+      this.where = 0.5;
+      this.hidden = new Set();
+    }
     this.controls.addEventListener('change', () => { this.is_stale = true; });
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 1.6));
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.9);
     this.camera.add(this.lamp);
     this.lamp.position.set(-0.4, 0.6, 1);
     this.scene.add(this.camera);
-    this.plane = new THREE.Plane(new THREE.Vector3(0, -1, 0), 0);
-    this.colour = 'label';
-    this.opacity = 0.4;
-    this.range = 1;
     this.surfaces = [];
     this.tools = [];
-    this.shows_lines = false;
-    this.is_cut = false;
-    this.where = 0.5;
-    this.hidden = new Set();
     this.sharpness = 1;
     this.slow_ms = 16;
     this.drawn_at = 0;
@@ -97,7 +109,7 @@ export class Body {
       geometry.boundingSphere = null;
     }
     if (mesh) this.place();
-    if (mesh || changed.size) this.paint();
+    if (mesh || changed.size) this.is_unpainted = true;
     if (!this.is_framed && (this.surfaces.length || this.points)) this.frame();
     this.is_stale = true;
   }
@@ -164,13 +176,31 @@ export class Body {
     }
   }
 
-  /** Colours what is shown. */
+  /** Colours what is shown, beside each other by one scale. */
   paint() {
+    this.is_unpainted = false;
+    this.pair.forEach((one) => one.measure());
+    this.rescale(Math.max(...this.pair.map((one) => one.most)));
+    this.pair.forEach((one) => one.dress());
+  }
+
+  /** Finds what the skin shows, or without outlines the outer faces, and the most of it. */
+  measure() {
     const of = COLOURS[this.colour];
+    const most = (array) => array.reduce((most, x) => Math.max(most, x), 0);
+    this.amount = null;
+    this.most = 0;
+    if (this.colour === 'label') return;
+    if (this.surfaces.length) this.amount = this.amounts(of, this.surfaces[0].moved);
+    else if (this.values && this.topology) this.amount = this.face_amounts(of);
+    this.most = this.amount ? most(this.amount) : 0;
+  }
+
+  dress() {
     const is_coarse = this.surfaces.length === 0;
     const is_plain = this.colour === 'label';
     const planes = this.is_cut ? [this.plane] : [];
-    this.surfaces.forEach(({ mesh, moved }, number) => {
+    this.surfaces.forEach(({ mesh }, number) => {
       const { material } = mesh;
       const is_skin = number === 0;
       // Under an opaque skin they would only shimmer through.
@@ -186,28 +216,37 @@ export class Body {
       material.needsUpdate = true;
       if (!is_skin || is_plain) return;
       const colours = mesh.geometry.attributes.color;
-      const amount = this.amounts(of, moved);
-      this.rescale(amount.reduce((most, x) => Math.max(most, x), 0));
-      amount.forEach((x, i) => colours.array.set(this.shade(x / this.range), 3 * i));
+      this.amount.forEach((x, i) => colours.array.set(this.shade(x / this.range), 3 * i));
       colours.needsUpdate = true;
     });
     this.faces.visible = is_coarse && Boolean(this.topology);
     this.faces.material.clippingPlanes = planes;
     this.lines.material.clippingPlanes = planes;
-    if (is_coarse && this.values && this.topology) this.paint_faces(of);
+    if (is_coarse && this.values && this.topology) this.paint_faces();
     this.is_stale = true;
   }
 
   /** What the vertices of the skin show: their displacement, or what the outer face nearest at rest has. */
   amounts(of, moved) {
     const amount = new Float32Array(moved.length / 3);
-    if (of.row === undefined) {
+    if (of === COLOURS.difference) {
+      if (!this.is_alike) return amount;
+      const [a, b] = this.pair.map((one) => ({ moved: one.surfaces[0].moved, quantum: one.quantum }));
+      const along = (i) => a.moved[i] * a.quantum - b.moved[i] * b.quantum;
+      for (let i = 0; i < amount.length; i += 1) amount[i] = Math.hypot(along(3 * i), along(3 * i + 1), along(3 * i + 2));
+    } else if (of.row === undefined) {
       for (let i = 0; i < amount.length; i += 1) amount[i] = Math.hypot(moved[3 * i], moved[3 * i + 1], moved[3 * i + 2]) * this.quantum;
     } else if (this.values && this.topology) {
       if (this.nearest_of !== this.topology) { this.nearest = this.find_nearest(); this.nearest_of = this.topology; }
       this.nearest.forEach((face, i) => { amount[i] = this.values[4 * face + of.row] * of.factor; });
     }
     return amount;
+  }
+
+  /** Whether the skins of both bodies rest at the same points, so that these can be compared. */
+  get is_alike() {
+    const [a, b] = this.pair.map((one) => one.surfaces[0]?.rest);
+    return Boolean(a && b) && a.length === b.length && a.every((x, i) => x === b[i]);
   }
 
   /** For each vertex of the skin the outer face of the coarse mesh whose middle rests nearest. */
@@ -249,31 +288,25 @@ export class Body {
     return found;
   }
 
-  paint_faces(of) {
+  /** What the corners of the outer faces show: their displacement, or what the face has. */
+  face_amounts(of) {
     const { values, points, topology } = this;
-    const count = topology.faces.length / 3;
-    const colours = this.faces.geometry.attributes.color;
-    let most = 0;
-    const value = (face) => (of.row === undefined ? 0 : values[4 * face + of.row] * of.factor);
     const far = (v) => Math.hypot(points[6 * v + 3], points[6 * v + 4], points[6 * v + 5]);
-    for (let face = 0; face < count; face += 1) {
-      if (this.colour === 'displacement') for (let k = 0; k < 3; k += 1) most = Math.max(most, far(topology.faces[3 * face + k]));
-      else most = Math.max(most, value(face));
-    }
-    this.rescale(most);
+    if (this.colour === 'displacement') return Float32Array.from(topology.faces, far);
+    return Float32Array.from(topology.faces, (_, i) => (of.row === undefined ? 0 : values[4 * Math.floor(i / 3) + of.row] * of.factor));
+  }
+
+  paint_faces() {
+    const { values } = this;
+    const colours = this.faces.geometry.attributes.color;
     const known = new Map((this.labels ?? []).map(({ label }, i) => [label, i]));
     const colour = new THREE.Color();
-    for (let face = 0; face < count; face += 1) {
-      for (let k = 0; k < 3; k += 1) {
-        let shade;
-        if (this.colour === 'label') {
-          const label = values[4 * face + 2];
-          const rgb = colour.set(LABELS[(known.get(label) ?? label) % LABELS.length]);
-          shade = [rgb.r, rgb.g, rgb.b];
-        } else if (this.colour === 'displacement') shade = this.shade(far(topology.faces[3 * face + k]) / this.range);
-        else shade = this.shade(value(face) / this.range);
-        colours.array.set(shade, 9 * face + 3 * k);
-      }
+    for (let i = 0; i < this.topology.faces.length; i += 1) {
+      if (this.colour === 'label') {
+        const label = values[4 * Math.floor(i / 3) + 2];
+        const rgb = colour.set(LABELS[(known.get(label) ?? label) % LABELS.length]);
+        colours.array.set([rgb.r, rgb.g, rgb.b], 3 * i);
+      } else colours.array.set(this.shade(this.amount[i] / this.range), 3 * i);
     }
     colours.needsUpdate = true;
   }
@@ -326,6 +359,7 @@ export class Body {
 
   /** Looks at the whole body, from the front and a little from above. */
   frame() {
+    if (this.first !== this) { this.first.frame(); return; }
     const box = { low: [Infinity, Infinity, Infinity], high: [-Infinity, -Infinity, -Infinity] };
     const add = (array, stride) => {
       for (let i = 0; i < array.length; i += stride) for (let k = 0; k < 3; k += 1) {
@@ -420,6 +454,7 @@ export class Body {
   /** Draws if anything has changed; true if it has. */
   draw() {
     const { clientWidth: w, clientHeight: h } = this.canvas;
+    if (this.is_unpainted) this.paint();
     this.pace();
     const ratio = Math.min(devicePixelRatio || 1, 2) * this.sharpness;
     const size = this.renderer.getSize(new THREE.Vector2());
@@ -438,6 +473,7 @@ export class Body {
     if (this.flash.visible) { this.flash.material.opacity = 1 - age / FLASH_MS; this.is_stale = true; }
     if (!this.is_stale) return false;
     this.is_stale = false;
+    if (this.first !== this) this.camera.copy(this.first.camera, false);
     const style = getComputedStyle(document.documentElement);
     this.renderer.setClearColor(style.getPropertyValue('--view').trim());
     this.lines.material.color.set(style.getPropertyValue('--ink').trim());

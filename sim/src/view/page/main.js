@@ -11,6 +11,8 @@ import * as THREE from './three.js';
 const get = (id) => document.getElementById(id);
 const canvas = get('view');
 const body = new Body(canvas);
+/** The body of the simulation beside, if there is one. */
+let second = null;
 
 let state = null;
 let last = null;
@@ -47,10 +49,13 @@ function told(message) {
 }
 
 function seen(buffer) {
-  const { text, blocks } = decode(buffer);
-  if (generation !== text.generation) {
+  const { text, blocks, beside } = decode(buffer);
+  if (beside) { begin_pair(); text.beside = beside.text; }
+  const is_first = generation !== text.generation;
+  if (is_first) {
     generation = text.generation;
     body.clear(text.quantum_mm);
+    second?.clear(text.beside.quantum_mm);
     get('about').textContent =
       `Positions of outlines are rounded to ${short(text.quantum_mm / 2)} mm. 3D by three.js (MIT).`;
     if (!clock) plots.forEach((one) => one.plot.clear());
@@ -58,14 +63,19 @@ function seen(buffer) {
     parked.clear();
   }
   body.take(blocks);
+  second?.take(beside.blocks);
+  if (second && is_first) compare();
   undrawn += 1;
   const is_new = !last || last.step !== text.step || last.generation !== text.generation;
   last = text;
   arrivals.push(performance.now());
   if (arrivals.length > 60) arrivals.shift();
   if (is_new && text.step > 0 && !clock) plots.forEach((one) => one.plot.add(one.row(text)));
-  for (const tool of text.tools) tool.is_mine = tool.page === page;
-  body.hold(text.tools, new Map([...hands].map(([id, hand]) => [id, hand.point])));
+  const points = new Map([...hands].map(([id, hand]) => [id, hand.point]));
+  for (const [of, said] of sides()) {
+    for (const tool of said.tools) tool.is_mine = tool.page === page;
+    of.hold(said.tools, points);
+  }
   for (const tool of text.tools) {
     const at = tool.is_mine && sent_at.get(tool.stamp);
     if (at) pending.push([tool.stamp, at]);
@@ -82,6 +92,32 @@ function mark() {
   get('seek').setAttribute('aria-valuetext', `${short(last.time_s)} s`);
   get('seek_out').textContent = `${last.time_s.toFixed(3)} s`;
   plots.forEach((one) => one.plot.mark(last.step - 1));
+}
+
+// ---------------------------------------------------------------- two beside each other
+
+/** The bodies with what was said of them last. */
+const sides = () => (second && last?.beside ? [[body, last], [second, last.beside]] : last ? [[body, last]] : []);
+
+function begin_pair() {
+  if (second) return;
+  second = new Body(get('view_beside'), body);
+  second.canvas.parentElement.hidden = false;
+  document.body.classList.add('two');
+  // The first has another size now.
+  body.was_sized = false;
+  lead_from(second);
+  plots[0].series.push({ name: 'beside', colour: '#0072b2' });
+  plots[0].plot.name();
+}
+
+/** Says whether the difference of displacements can be seen. */
+function compare() {
+  const option = document.querySelector('#colour [value=difference]');
+  option.hidden = false;
+  option.disabled = !body.is_alike;
+  if (option.disabled && body.colour === 'difference') { get('colour').value = 'label'; get('colour').onchange({ target: get('colour') }); }
+  warn([]);
 }
 
 // ---------------------------------------------------------------- words and numbers
@@ -110,6 +146,10 @@ function describe() {
   get('pause').setAttribute('aria-pressed', String(state.paused));
   get('pause').textContent = state.paused ? 'Go on' : 'Pause';
   command(state.command);
+  if (state.beside) {
+    begin_pair();
+    [body, second].forEach((one, i) => { one.canvas.nextElementSibling.textContent = i ? state.beside.changes.join(', ') : 'as it is'; });
+  }
   body.labels = state.labels;
   const legend = get('legend');
   legend.replaceChildren(...state.labels.map(({ label, name }, number) => {
@@ -131,7 +171,9 @@ function describe() {
   get('plan').tBodies[0].replaceChildren(...state.plan.map((row) => {
     const line = document.createElement('tr');
     line.className = row.runs ? '' : 'off';
-    for (const text of [row.stage, row.choice, row.why]) {
+    const other = state.beside?.plan.find((one) => one.stage === row.stage);
+    const choice = other && other.choice !== row.choice ? `${row.choice} | beside: ${other.choice}` : row.choice;
+    for (const text of [row.stage, choice, row.why]) {
       const cell = document.createElement('td');
       cell.textContent = text;
       line.append(cell);
@@ -188,7 +230,9 @@ function labelled(text, input) {
 }
 
 function warn(more) {
-  const lines = [...(state?.warnings ?? []).map((text) => [text, '']), ...more.map((text) => [text, 'bad'])];
+  const plan = [...(state?.warnings ?? []), ...(state?.beside?.warnings ?? []).map((text) => `beside: ${text}`)];
+  if (second && !body.is_alike) plan.push('no difference of displacement: the bodies have no outlines, or these do not rest at the same points (another image, other cells or a finer mesh)');
+  const lines = [...plan.map((text) => [text, '']), ...more.map((text) => [text, 'bad'])];
   get('warnings').replaceChildren(...lines.map(([text, kind]) => {
     const line = document.createElement('li');
     line.textContent = text;
@@ -198,7 +242,7 @@ function warn(more) {
 }
 
 const plots = [
-  { row: (r) => [Math.hypot(...r.force_n)], title: 'force', unit: 'N', series: [{ name: 'force', colour: '#d55e00' }] },
+  { row: (r) => [r, r.beside].filter(Boolean).map((one) => Math.hypot(...one.force_n)), title: 'force', unit: 'N', series: [{ name: 'force', colour: '#d55e00' }] },
   { row: (r) => [r.error_estimate === null ? null : 100 * r.error_estimate], title: 'estimated error of energy', unit: '%', series: [{ name: 'error', colour: '#cc79a7' }] },
   { row: (r) => [r.vertices], title: 'vertices', unit: '', series: [{ name: 'vertices', colour: '#0072b2' }] },
   {
@@ -213,6 +257,12 @@ const plots = [
 function figures() {
   const force = Math.hypot(...last.force_n);
   get('force').textContent = `${force.toFixed(3)} N`;
+  const both = (say) => sides().map(([, said]) => say(said)).join(' | ');
+  if (last.beside) {
+    const away = Math.hypot(...last.force_n.map((x, i) => x - last.beside.force_n[i]));
+    get('force_beside').textContent = `${Math.hypot(...last.beside.force_n).toFixed(3)} N`;
+    get('force_difference').textContent = `${away.toFixed(3)} N${force > 1e-3 ? ` (${short(100 * away / force)} %)` : ''}`;
+  }
   const mine = last.tools.find((tool) => tool.hand !== null) ?? last.tools[0];
   get('torque').textContent = `${(mine ? Math.hypot(...mine.torque_n_m) : 0).toFixed(4)} N m`;
   const s = mine?.stiffness_n_m;
@@ -225,29 +275,34 @@ function figures() {
   get('stiffness').textContent = felt === null ? '–' : `${short(felt)} N/m`;
   get('error').textContent = mine?.force_error_n == null ? '–' : `± ${short(mine.force_error_n)} N`;
   get('n_step').textContent = last.step;
-  get('n_vertices').textContent = `${last.vertices}${last.waiting ? `, ${last.waiting} wait` : ''}`;
+  get('n_vertices').textContent = both((said) => `${said.vertices}${said.waiting ? `, ${said.waiting} wait` : ''}`);
   get('n_rate').textContent = last.at_rest ? 'at rest' : `${last.steps_per_s.toFixed(0)} /s`;
   while (arrivals.at(-1) - arrivals[0] > 2000) arrivals.shift();
   const span = arrivals.at(-1) - arrivals[0];
   get('n_pictures').textContent = arrivals.length > 2 && !last.at_rest ? `${((arrivals.length - 1) / span * 1000).toFixed(0)} /s` : '–';
-  if (!last.converged) {
-    const where = last.failure ? ` at ${last.failure.place_mm.map((x) => x.toFixed(0)).join(', ')} mm` : '';
-    status(`step ${last.step} did not converge${where}`, true);
-    warn(last.failure?.advice ?? []);
+  const failed = sides().map(([, said]) => said).filter((said) => !said.converged);
+  for (const [of, said] of sides()) of.canvas.nextElementSibling.classList.toggle('bad', !said.converged);
+  if (failed.length) {
+    const [{ failure }] = failed;
+    const where = failure ? ` at ${failure.place_mm.map((x) => x.toFixed(0)).join(', ')} mm` : '';
+    status(`step ${last.step} did not converge${last.converged ? ' beside' : ''}${where}`, true);
+    warn(failed.flatMap((said) => said.failure?.advice ?? []));
   } else if (clock) status(`${short(last.time_s)} s: step ${last.step} of ${state.playback.rows.length}`);
-  else status(state?.paused ? 'paused' : last.at_rest ? 'at rest: take hold of it' : `${last.vertices} vertices, ${last.tets} tetrahedra`);
+  else status(state?.paused ? 'paused' : last.at_rest ? 'at rest: take hold of it' : both((said) => `${said.vertices} vertices, ${said.tets} tetrahedra`));
 }
 
 function overlay() {
-  const shown = (last?.tools ?? []).filter((tool) => Math.hypot(...tool.force_n) > 1e-4 && !tool.reference_mm.includes(null));
+  const is_shown = (tool) => Math.hypot(...tool.force_n) > 1e-4 && !tool.reference_mm.includes(null);
+  const shown = sides().flatMap(([of, said]) => said.tools.filter(is_shown).map((tool) => [of, tool]));
   const labels = get('labels');
   while (labels.children.length < shown.length) labels.append(document.createElement('div'));
   while (labels.children.length > shown.length) labels.lastChild.remove();
-  shown.forEach((tool, i) => {
-    const [x, y] = body.project(tool.reference_mm);
+  shown.forEach(([of, tool], i) => {
+    const pane = of.canvas.parentElement;
+    const [x, y] = of.project(tool.reference_mm);
     const line = labels.children[i];
     line.textContent = `${Math.hypot(...tool.force_n).toFixed(2)} N`;
-    line.style.transform = `translate(${Math.round(x + 14)}px, ${Math.round(y - 30)}px)`;
+    line.style.transform = `translate(${Math.round(pane.offsetLeft + x + 14)}px, ${Math.round(pane.offsetTop + y - 30)}px)`;
   });
 }
 
@@ -275,14 +330,14 @@ function free_hand() {
   return null;
 }
 
-/** Takes hold of what is under the pointer; the hand's number, or null. */
-function take(x, y, pointer) {
+/** Takes hold of what is under the pointer, in either picture; the hand's number, or null. */
+function take(x, y, pointer, of = body) {
   const kind = tool_kind();
-  const hit = kind === 'look' ? null : body.pick(x, y);
+  const hit = kind === 'look' ? null : of.pick(x, y);
   const id = hit && free_hand();
   if (!hit || id === null) return null;
   const radius = Number(get('radius').value);
-  const hand = { pointer, kind, radius, move: new THREE.Vector3(), away: new THREE.Vector3(), normal: hit.normal };
+  const hand = { of, pointer, kind, radius, move: new THREE.Vector3(), away: new THREE.Vector3(), normal: hit.normal };
   if (kind === 'grab') {
     hand.start = hit.point.clone();
     say({ do: 'grab', hand: id, rest_mm: hit.rest.toArray(), radius_mm: radius });
@@ -290,7 +345,7 @@ function take(x, y, pointer) {
     hand.start = hit.point.clone().addScaledVector(hit.normal, radius + 1.5);
     say({ do: 'press', hand: id, centre_mm: hand.start.toArray(), radius_mm: radius });
   }
-  hand.grip = body.on_plane(x, y, hit.point);
+  hand.grip = of.on_plane(x, y, hit.point);
   hand.through = hit.point.clone();
   hand.point = hand.start.clone();
   hands.set(id, hand);
@@ -317,44 +372,49 @@ function let_go(id) {
 const hand_of = (pointer) => [...hands.keys()].find((id) => hands.get(id).pointer === pointer && !parked.has(id));
 const waiting_moves = new Set();
 
-canvas.addEventListener('pointerdown', (event) => {
-  if (event.button !== 0) return;
-  const id = take(event.clientX, event.clientY, event.pointerId);
-  if (id === null) return;
-  canvas.focus({ preventScroll: true });
-  body.controls.enabled = false;
-  canvas.setPointerCapture(event.pointerId);
-  event.stopImmediatePropagation();
-}, { capture: true });
-
-canvas.addEventListener('pointermove', (event) => {
-  const id = hand_of(event.pointerId);
-  if (id === undefined) return;
-  const hand = hands.get(id);
-  const at = body.on_plane(event.clientX, event.clientY, hand.through);
-  if (!at) return;
-  hand.move = at.sub(hand.grip);
-  waiting_moves.add(id);
-}, { capture: true });
-
 function up(event) {
   const id = hand_of(event.pointerId);
   if (id === undefined) return;
   if (event.shiftKey) { parked.add(id); notice('the hand stays; Release lets go of all'); } else let_go(id);
   if (![...hands.keys()].some((one) => !parked.has(one))) body.controls.enabled = true;
 }
-canvas.addEventListener('pointerup', up);
-canvas.addEventListener('pointercancel', up);
+/** Has the pointer take hold of a body. */
+function lead_from(of) {
+  const { canvas } = of;
+  canvas.addEventListener('pointerdown', (event) => {
+    if (event.button !== 0) return;
+    const id = take(event.clientX, event.clientY, event.pointerId, of);
+    if (id === null) return;
+    canvas.focus({ preventScroll: true });
+    body.controls.enabled = false;
+    canvas.setPointerCapture(event.pointerId);
+    event.stopImmediatePropagation();
+  }, { capture: true });
 
-canvas.addEventListener('wheel', (event) => {
-  const id = [...hands.keys()].find((one) => !parked.has(one));
-  if (id === undefined) return;
-  event.preventDefault();
-  event.stopImmediatePropagation();
-  const hand = hands.get(id);
-  hand.away.addScaledVector(body.camera.getWorldDirection(new THREE.Vector3()), -0.03 * event.deltaY);
-  waiting_moves.add(id);
-}, { capture: true, passive: false });
+  canvas.addEventListener('pointermove', (event) => {
+    const id = hand_of(event.pointerId);
+    if (id === undefined) return;
+    const hand = hands.get(id);
+    const at = of.on_plane(event.clientX, event.clientY, hand.through);
+    if (!at) return;
+    hand.move = at.sub(hand.grip);
+    waiting_moves.add(id);
+  }, { capture: true });
+
+  canvas.addEventListener('pointerup', up);
+  canvas.addEventListener('pointercancel', up);
+
+  canvas.addEventListener('wheel', (event) => {
+    const id = [...hands.keys()].find((one) => !parked.has(one));
+    if (id === undefined) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    const hand = hands.get(id);
+    hand.away.addScaledVector(body.camera.getWorldDirection(new THREE.Vector3()), -0.03 * event.deltaY);
+    waiting_moves.add(id);
+  }, { capture: true, passive: false });
+}
+lead_from(body);
 
 canvas.addEventListener('keydown', (event) => {
   const place = canvas.getBoundingClientRect();
@@ -410,15 +470,28 @@ get('speed').onchange = ({ target }) => { if (clock) clock.speed = Number(target
 get('save').onclick = () => say({ do: 'save' });
 get('shot').onclick = () => {
   const link = document.createElement('a');
-  link.href = canvas.toDataURL('image/png');
+  link.href = shot().toDataURL('image/png');
   link.download = `${state?.scene ?? 'yawara'}-${last?.step ?? 0}.png`;
   link.click();
 };
+/** The picture, or both as they stand. */
+function shot() {
+  if (!second) return canvas;
+  const [a, b] = [body, second].map((one) => one.canvas);
+  const is_row = b.parentElement.offsetLeft > 0;
+  const both = document.createElement('canvas');
+  both.width = is_row ? a.width + b.width : Math.max(a.width, b.width);
+  both.height = is_row ? Math.max(a.height, b.height) : a.height + b.height;
+  const pen = both.getContext('2d');
+  pen.drawImage(a, 0, 0);
+  pen.drawImage(b, is_row ? a.width : 0, is_row ? 0 : a.height);
+  return both;
+}
 get('copy').onclick = async () => {
   try { await navigator.clipboard.writeText(get('command').textContent); notice('copied'); } catch { notice('this browser keeps pages from copying: mark the line below', 'error'); }
 };
 get('colour').onchange = ({ target }) => { body.colour = target.value; body.range = 0; body.paint(); };
-get('lines').onchange = ({ target }) => { body.shows_lines = target.checked; body.place(); body.is_stale = true; };
+get('lines').onchange = ({ target }) => { body.shows_lines = target.checked; body.pair.forEach((one) => { one.place(); one.is_stale = true; }); };
 get('cut').onchange = ({ target }) => { body.is_cut = target.checked; body.slice(); };
 get('where').oninput = ({ target }) => { body.where = Number(target.value); body.slice(); };
 get('opacity').oninput = ({ target }) => { body.opacity = target.value / 100; get('opacity_out').textContent = `${target.value} %`; body.paint(); };
@@ -438,7 +511,7 @@ get('apply').onclick = () => {
   }
   if (changes.length) say({ do: 'set', changes }); else notice('nothing is changed');
 };
-matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { body.is_stale = true; });
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { body.pair.forEach((one) => { one.is_stale = true; }); });
 
 // ---------------------------------------------------------------- pictures
 
@@ -459,8 +532,8 @@ function draw(now) {
   drawn = now;
   for (const id of waiting_moves) if (hands.has(id)) lead(id, hands.get(id));
   waiting_moves.clear();
-  const is_drawn = body.draw();
-  if (is_drawn) {
+  const drawn_now = body.pair.filter((one) => one.draw());
+  if (drawn_now.length) {
     if (undrawn) say({ do: 'drawn', count: undrawn });
     undrawn = 0;
     overlay();
@@ -485,6 +558,7 @@ window.yawara = {
   get socket() { return source.socket; },
   get clock() { return clock; },
   body,
+  get beside() { return second; },
 };
 
 source = open({ told, seen, lost });

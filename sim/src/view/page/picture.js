@@ -1,16 +1,22 @@
 // Reads a picture: see the table in picture.rs.
 
-/** The text and the blocks of a message. */
+/** The text and the blocks of a message, and those of the simulation beside it, if there is one. */
 export function decode(buffer) {
   const view = new DataView(buffer);
   if (view.getUint32(0, true) !== 0x31505759) throw new Error('no picture');
   const length = view.getUint32(4, true);
   const text = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
   const blocks = [];
+  let beside = null;
   let at = 8 + length;
   while (at < buffer.byteLength) {
     const [kind, surface, count, other] = new Uint32Array(buffer, at, 4);
     at += 16;
+    if (kind === 6) {
+      beside = decode(buffer.slice(at, at + count));
+      at += count;
+      continue;
+    }
     const block = { kind, surface, count, other };
     if (kind === 1) {
       block.points = new Float32Array(buffer, at, 3 * count);
@@ -30,5 +36,5 @@ export function decode(buffer) {
     }
     blocks.push(block);
   }
-  return { text, blocks };
+  return { text, blocks, beside };
 }

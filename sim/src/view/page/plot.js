@@ -19,18 +19,18 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
   const canvas = document.createElement('canvas');
   canvas.setAttribute('role', 'img');
   figure.append(head, canvas);
-  if (series.length > 1) {
-    const keys = document.createElement('div');
-    for (const { name, colour } of series) {
-      const key = document.createElement('span');
-      key.className = 'key';
-      const mark = document.createElement('i');
-      mark.style.background = colour;
-      key.append(mark, name);
-      keys.append(key);
-    }
-    figure.append(keys);
-  }
+  const keys = document.createElement('div');
+  figure.append(keys);
+  /** Names the series, where there are several. */
+  const name_series = () => keys.replaceChildren(...(series.length > 1 ? series : []).map(({ name, colour }) => {
+    const key = document.createElement('span');
+    key.className = 'key';
+    const mark = document.createElement('i');
+    mark.style.background = colour;
+    key.append(mark, name);
+    return key;
+  }));
+  name_series();
   parent.append(figure);
   let rows = [];
   let is_whole = false;
@@ -43,6 +43,7 @@ export function plot(parent, { title, unit, series, stacked = false, log = false
   canvas.addEventListener('pointerdown', press);
   canvas.addEventListener('pointermove', press);
   return {
+    name: name_series,
     /** Shows all rows of a run that is over. */
     show(all) {
       rows = all;
