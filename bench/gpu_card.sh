@@ -22,7 +22,12 @@ pack() {
         cp "$binary" "$out/bin/$test"
     done
     strip "$out"/bin/*
-    cp -L "$(ldconfig -p | awk '/libvulkan\.so\.1 / { print $NF; exit }')" "$out/lib/libvulkan.so.1"
+    # NVIDIA's Vulkan driver is not loaded without libglvnd's libraries.
+    for library in libvulkan.so.1 libEGL.so.1 libGLX.so.0 libGLdispatch.so.0; do
+        ldconfig -p | awk -v name="$library" '$1 == name && !seen++ { print $NF }' |
+            xargs -r -I{} cp -L {} "$out/lib/$library"
+    done
+    [ -e "$out/lib/libvulkan.so.1" ] || { echo "no libvulkan.so.1 here to be taken along" >&2; exit 1; }
     cp bench/gpu_vendor.py bench/gpu_card.sh "$out/"
 }
 

@@ -2,10 +2,9 @@
 //!
 //! `open_device.rs` is the file to open first: an open [`Device`](open_device::Device), its memory
 //! budget, and how commands go out and answers come back. `adapters.rs` lists what the machine has,
-//! `report.rs` describes each, `choice.rs` picks one, `bandwidth.rs` measures its memory.
+//! `report.rs` describes each, `choice.rs` picks one.
 
 mod adapters;
-mod bandwidth;
 mod choice;
 mod open_device;
 mod report;

@@ -6,9 +6,22 @@
 // at a time are read along the row. 16 rows of products are held in workgroup memory for the sums
 // along rows, with a width of 65 so that a column of them falls on different banks.
 //
-// Barriers: both loops have constant bounds, and no thread leaves early.
+// Barriers: the loop has constant bounds, and no thread leaves early. Short loops are written out: each
+// pass through one is counted by what translates kernels.
 var<workgroup> products: array<T, 1040>;
 var<workgroup> sums: array<T, 256>;
+
+// The number of the slab's row `inner` in our column, times that of x to its row; kept for the row: times ours.
+fn product(first: u32, other: u32, inner: u32, column: u32, own: T) -> T {
+    let entry = tiles[first + inner * TILE + column];
+    products[inner * 65u + column] = entry * own;
+    return entry * panel[other + inner];
+}
+
+// Four sums in a row.
+fn four(at: u32) -> T {
+    return (sums[at] + sums[at + 1u]) + (sums[at + 2u] + sums[at + 3u]);
+}
 
 @compute @workgroup_size(256)
 fn main(
@@ -25,23 +38,20 @@ fn main(
     let own = panel[x + at.y * TILE + column];
     var down = T(0);
     for (var slab = 0u; slab < TILE; slab += 16u) {
-        for (var s = 0u; s < 4u; s += 1u) {
-            let inner = 4u * s + quarter;
-            let entry = tiles[base + (slab + inner) * TILE + column];
-            down += entry * panel[x + at.x * TILE + slab + inner];
-            products[inner * 65u + column] = entry * own;
-        }
+        let first = base + slab * TILE;
+        let other = x + at.x * TILE + slab;
+        down += product(first, other, quarter, column, own);
+        down += product(first, other, quarter + 4u, column, own);
+        down += product(first, other, quarter + 8u, column, own);
+        down += product(first, other, quarter + 12u, column, own);
         workgroupBarrier();
         let from_row = (lane / 16u) * 65u + lane % 16u;
         sums[lane] = (products[from_row] + products[from_row + 16u])
             + (products[from_row + 32u] + products[from_row + 48u]);
         workgroupBarrier();
         if lane < 16u {
-            var sum = T(0);
-            for (var e = 0u; e < 16u; e += 1u) {
-                sum += sums[lane * 16u + e];
-            }
-            partial[out + slab + lane] = sum;
+            let row = lane * 16u;
+            partial[out + slab + lane] = (four(row) + four(row + 4u)) + (four(row + 8u) + four(row + 12u));
         }
         workgroupBarrier();
     }

@@ -57,8 +57,13 @@ impl<S: DenseStore> Delayed<S> {
     /// The same, folding as soon as `most` columns are deferred; 0 and 1 defer nothing.
     #[must_use]
     pub fn with_most_delayed(mut self, most: usize) -> Self {
-        self.method().most = most;
+        self.set_most_delayed(most);
         self
+    }
+
+    /// The same for one that is in use; what is deferred stays so until the next update.
+    pub fn set_most_delayed(&mut self, most: usize) {
+        self.method().most = most;
     }
 
     /// Folds the deferred columns into C now, for example after the last update of a frame.
