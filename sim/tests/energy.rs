@@ -31,7 +31,7 @@ fn run(simulation: &mut Simulation) -> EnergySummary {
 fn energy(simulation: &Simulation) -> f64 {
     let body = simulation.body();
     let mut sum = simulation.energy_j();
-    for element in body.elements() {
+    for (number, element) in body.elements().iter().enumerate() {
         let mut f = Matrix3::zeros();
         for (v, gradient) in element.vertices.iter().zip(&element.geometry.gradients) {
             f += body.positions()[*v] * gradient.transpose();
@@ -44,7 +44,7 @@ fn energy(simulation: &Simulation) -> f64 {
             let strain = SVector::<f64, 6>::from([e.m11, e.m22, e.m33, xy, yz, zx]);
             0.5 * element.geometry.volume * (element.elasticity * strain).dot(&strain)
         };
-        sum += stored(&nearest) - stored(&element.rotation);
+        sum += stored(&nearest) - stored(&body.rotation(number));
     }
     sum
 }
@@ -128,7 +128,7 @@ struct Pull(Vector3<f64>);
 impl Pull {
     fn forces(&self, body: &BodyState) -> Vec<Vector3<f64>> {
         let mut forces = vec![Vector3::zeros(); body.positions().len()];
-        for element in body.elements() {
+        for (number, element) in body.elements().iter().enumerate() {
             element
                 .vertices
                 .iter()

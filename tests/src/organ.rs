@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use yawara_corot::Element;
 use yawara_embed::{
@@ -125,7 +125,6 @@ pub fn element(
         vertices: tet.vertices.map(VertexId::index),
         geometry: LinearTet::new(&tet.vertices.map(|v| placement.position(forest.point(v)))),
         elasticity: embedding.elasticity(tet.node),
-        rotation: Matrix3::identity(),
     }
 }
 

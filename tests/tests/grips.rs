@@ -219,7 +219,6 @@ fn element_of(
         vertices: tet.vertices.map(VertexId::index),
         geometry: LinearTet::new(&tet.vertices.map(|v| placement.position(forest.point(v)))),
         elasticity: embedding.elasticity(tet.node),
-        rotation: Matrix3::identity(),
     }
 }
 

@@ -153,7 +153,6 @@ pub(crate) fn elements_of<'a>(
             vertices: tet.vertices.map(VertexId::index),
             geometry: LinearTet::new(&corners),
             elasticity: embedding.elasticity(tet.node),
-            rotation: nalgebra::Matrix3::identity(),
         }
     })
 }

@@ -1,6 +1,6 @@
 //! Bodies of linear tetrahedra over simple shapes, for studies with a known solution.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{Matrix6, Vector3};
 use yawara_corot::{Body, Element};
 use yawara_embed::LinearTet;
 use yawara_mesh::TetId;
@@ -97,7 +97,6 @@ impl Solid {
                 vertices,
                 geometry: self.geometry(tet),
                 elasticity: self.elasticity[tet],
-                rotation: Matrix3::identity(),
             });
         }
         body

@@ -11,7 +11,8 @@ use crate::element::turning::Turning;
 use crate::field::Field;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
-use crate::kernels::simd::{LANES, set_matrix};
+use crate::kernels::packets::rotation_of;
+use crate::kernels::simd::{LANES, matrix, set_matrix};
 use crate::kernels::vertex::VertexPass;
 use crate::law::states::{Question, StateRun};
 
@@ -26,22 +27,25 @@ const RUN_PACKETS: usize = 1024;
 impl Body {
     /// Renews the rotations of elements and vertices from `positions`.
     pub(crate) fn renew_rotations(&mut self, positions: &Field) {
-        self.turn_elements(positions.len(), |element| {
+        self.turn_elements(positions.len(), |element, before| {
             let f = element.deformation_gradient(positions);
-            [polar_warm(&f, &element.rotation), f]
+            [polar_warm(&f, before), f]
         });
     }
 
-    /// Sets the rotation of each element to the first of what `turn` says of it, and that of each
-    /// vertex to the one nearest to the mean of the second around it.
-    fn turn_elements(&mut self, vertices: usize, turn: impl Fn(&Element) -> [Matrix3<f64>; 2]) {
+    /// Sets the rotation of each element to the first of what `turn` says of it and its rotation
+    /// before, and that of each vertex to the one nearest to the mean of the second around it.
+    fn turn_elements(
+        &mut self,
+        vertices: usize,
+        turn: impl Fn(&Element, &Matrix3<f64>) -> [Matrix3<f64>; 2],
+    ) {
         self.gradient_sums.clear();
         self.gradient_sums.resize(vertices, (Matrix3::zeros(), 0.0));
-        for (number, element) in self.elements.iter_mut().enumerate() {
-            let [rotation, f] = turn(element);
-            element.rotation = rotation;
+        for (number, element) in self.elements.iter().enumerate() {
             let packet = &mut self.packets.packets[number / LANES];
-            set_matrix(&mut packet.rotation, number % LANES, &element.rotation);
+            let [rotation, f] = turn(element, &matrix(&packet.rotation, number % LANES));
+            set_matrix(&mut packet.rotation, number % LANES, &rotation);
             for v in element.vertices {
                 let (sum, volume) = &mut self.gradient_sums[v];
                 *sum += f * element.geometry.volume;
@@ -73,7 +77,7 @@ impl Body {
         positions: &Field,
         forces: &mut Field,
     ) -> f64 {
-        self.turn_elements(positions.len(), |element| [rotation(element); 2]);
+        self.turn_elements(positions.len(), |element, _| [rotation(element); 2]);
         self.forces_as_turned(positions, forces, Turning::Given)
     }
 
@@ -109,7 +113,7 @@ impl Body {
         let runs: Vec<(Pass<'_>, Option<StateRun<'_>>)> = packets
             .packets
             .chunks_mut(length)
-            .zip(elements.chunks_mut(LANES * length))
+            .zip(elements.chunks(LANES * length))
             .zip(partial_sums.iter_mut())
             .enumerate()
             .map(|(run, ((packets, elements), sums))| {
@@ -124,9 +128,10 @@ impl Body {
             pass.sums.clear(vertices, is_mixed);
             pulp::Arch::new().dispatch(&mut pass);
             if let Some(states) = states {
-                let Pass { elements, sums, pressures, .. } = pass;
+                let Pass { packets, elements, sums, pressures, .. } = pass;
                 sums.squares += states.add_to(
                     elements,
+                    packets,
                     pressures,
                     Turning::Nearest,
                     positions,
@@ -164,11 +169,19 @@ impl Body {
     /// For an [`InternalForces`](crate::InternalForces) that computes the forces of D ε by itself, with
     /// rotations of its own.
     pub fn add_law_forces(&mut self, positions: &Field, forces: &mut Field) -> f64 {
-        let Self { elements, pressures, states, .. } = self;
+        let Self { elements, packets, pressures, states, .. } = self;
         let Some(run) = states.runs(elements.len()).next() else { return 0.0 };
         let mut residuals = vec![0.0; pressures.as_ref().map_or(0, |p| p.vertices.len())];
         let (turning, pressed) = (Turning::Given, pressures.as_ref());
-        let squares = run.add_to(elements, pressed, turning, positions, forces, &mut residuals);
+        let squares = run.add_to(
+            elements,
+            &packets.packets,
+            pressed,
+            turning,
+            positions,
+            forces,
+            &mut residuals,
+        );
         if let Some(pressures) = pressures {
             pressures.add_residuals(&residuals, states.stiffening());
         }
@@ -206,7 +219,7 @@ impl Body {
         turning: Turning,
     ) -> f64 {
         forces.fill(Vector3::zeros());
-        let Self { elements, pressures, states, .. } = self;
+        let Self { elements, packets, pressures, states, .. } = self;
         let mut residuals = Vec::new();
         if let Some(pressures) = pressures {
             pressures.begin(positions.len(), elements);
@@ -214,8 +227,9 @@ impl Body {
         }
         let (mut squares, mut law) = (0.0, states.runs(elements.len()).next());
         for (number, element) in elements.iter().enumerate() {
-            let Element { vertices, elasticity, rotation, .. } = element;
-            let strain = element.corotated_strain(positions);
+            let Element { vertices, elasticity, .. } = element;
+            let rotation = &rotation_of(&packets.packets, number);
+            let strain = element.corotated_strain(rotation, positions);
             let (mut stress, mut pull) = (elasticity * strain, 0.0);
             let pressed = pressures.as_ref();
             if let Some(pressures) = pressed {
@@ -233,7 +247,7 @@ impl Body {
                     pressures.add_growth(number, *vertices, growth, &mut residuals);
                 }
             }
-            let stress = turning.stress(&stress_matrix(&stress), element, positions);
+            let stress = turning.stress(&stress_matrix(&stress), element, rotation, positions);
             let scaled = rotation * stress * element.geometry.volume;
             squares += element.add_forces(&(scaled + rotation * pull), forces);
         }

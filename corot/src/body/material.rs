@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix3, Matrix6};
 use yawara_embed::{Strain, strain_from_gradient};
 use yawara_mesh::TetId;
 
@@ -127,10 +127,15 @@ impl Body {
     /// If `number` is not below the number of [`elements`](Self::elements).
     pub fn stress(&self, number: usize, positions: &Field) -> Strain {
         let element = &self.elements()[number];
-        self.stress_under(number, element, &element.corotated_strain(positions))
+        self.stress_under(number, element, &self.corotated_strain(number, positions))
     }
 
-    /// The same of an element with any rotation, under `strain`.
+    /// Strain of an element with its rotation.
+    fn corotated_strain(&self, number: usize, positions: &Field) -> Strain {
+        self.elements()[number].corotated_strain(&self.rotation(number), positions)
+    }
+
+    /// The same of an element under `strain`.
     fn stress_under(&self, number: usize, element: &Element, strain: &Strain) -> Strain {
         let elastic = match &self.pressures {
             None => element.elasticity * strain,
@@ -142,8 +147,8 @@ impl Body {
     /// What the elements store at `positions` (m, by vertex number) with their rotations, ½ V σ : ε where their law says
     /// nothing else, and elastic grips, J. Cost: O(elements).
     pub fn energy(&self, positions: &Field) -> f64 {
-        let elements = self.elements().iter().enumerate();
-        let stored = elements.map(|(number, element)| self.stored(number, element, positions));
+        let elements = 0..self.elements().len();
+        let stored = elements.map(|number| self.stored(number, &self.rotation(number), positions));
         let held = self.grips().iter().map(|grip| grip.energy(positions));
         stored.chain(held).sum()
     }
@@ -154,18 +159,19 @@ impl Body {
     /// Cost: O(1), and O(log elements) for each grip.
     pub fn energy_of(&self, tet: TetId, positions: &Field, turns: bool) -> f64 {
         let Some(number) = self.number(tet) else { return 0.0 };
-        let mut element = self.elements()[number];
+        let mut rotation = self.rotation(number);
         if turns {
-            let gradient = element.deformation_gradient(positions);
-            element.rotation = polar_warm(&gradient, &element.rotation);
+            let gradient = self.elements()[number].deformation_gradient(positions);
+            rotation = polar_warm(&gradient, &rotation);
         }
         let held = self.grips().iter().map(|grip| grip.energy_of(tet, positions));
-        self.stored(number, &element, positions) + held.sum::<f64>()
+        self.stored(number, &rotation, positions) + held.sum::<f64>()
     }
 
-    /// What an element stores with its rotation, J.
-    fn stored(&self, number: usize, element: &Element, positions: &Field) -> f64 {
-        let strain = element.corotated_strain(positions);
+    /// What an element stores with a rotation, J.
+    fn stored(&self, number: usize, rotation: &Matrix3<f64>, positions: &Field) -> f64 {
+        let element = &self.elements()[number];
+        let strain = element.corotated_strain(rotation, positions);
         let pressures = self.pressures.as_ref();
         let density = self.states.energy(&Question { number, element, strain, pressures });
         let half = || 0.5 * self.stress_under(number, element, &strain).dot(&strain);
@@ -180,7 +186,7 @@ impl Body {
     pub fn stress_change(&self, number: usize, moves: &Field, q: &[f64]) -> Strain {
         let element = &self.elements()[number];
         let gradient = element.deformation_gradient(moves);
-        let strain = strain_from_gradient(&(element.rotation.transpose() * gradient));
+        let strain = strain_from_gradient(&(self.rotation(number).transpose() * gradient));
         match &self.pressures {
             None => element.elasticity * strain,
             Some(pressures) => {
@@ -198,7 +204,7 @@ impl Body {
     /// As [`stress`](Self::stress).
     pub fn stress_without_pressure(&self, number: usize, positions: &Field) -> Strain {
         let element = &self.elements()[number];
-        let elastic = element.elasticity * element.corotated_strain(positions);
+        let elastic = element.elasticity * self.corotated_strain(number, positions);
         if self.law().is_linear() { elastic } else { elastic + self.states.beyond(number) }
     }
 
@@ -233,7 +239,7 @@ impl Body {
         if self.law().is_linear() {
             return (self.stress(number, positions), element.elasticity, None);
         }
-        let strain = element.corotated_strain(positions);
+        let strain = self.corotated_strain(number, positions);
         let pressures = self.pressures.as_ref();
         self.states.response(&Question { number, element, strain, pressures })
     }

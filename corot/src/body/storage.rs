@@ -12,7 +12,7 @@ use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::grip::Grip;
 use crate::kernels::accumulators::Accumulators;
-use crate::kernels::packets::Packets;
+use crate::kernels::packets::{Packets, rotation_of};
 use crate::law::states::States;
 
 const ABSENT: u32 = u32::MAX;
@@ -124,9 +124,10 @@ impl Body {
     pub(crate) fn softened(&self, bound: f64) -> Self {
         let pressures = self.pressures.as_ref().map(Pressures::without_elements);
         let mut body = Self { pressures, grips: self.grips.clone(), ..Self::default() };
-        for element in &self.elements {
+        for (number, element) in self.elements.iter().enumerate() {
             let elasticity = element.elasticity * (bound / element.elasticity.amax()).min(1.0);
-            body.insert(Element { elasticity, ..*element });
+            let turned = self.rotation(number);
+            body.insert_made_of(Element { elasticity, ..*element }, &turned, &[]);
         }
         body.set_pressures(&self.pressures());
         body
@@ -174,6 +175,14 @@ impl Body {
         (at != ABSENT).then_some(at as usize)
     }
 
+    /// The rotation of an element at the last evaluation of forces.
+    ///
+    /// # Panics
+    /// If `number` is not below the number of [`elements`](Self::elements).
+    pub fn rotation(&self, number: usize) -> Matrix3<f64> {
+        rotation_of(&self.packets.packets, number)
+    }
+
     /// A number that no other element of any body has, had or will have: where it is the same, so are vertices,
     /// geometry and elasticity. It says nothing else, and is another in every run.
     ///
@@ -183,14 +192,15 @@ impl Body {
         self.stamps[number]
     }
 
-    /// Adds the element of a leaf tetrahedron (replacing one of the same number).
+    /// Adds the element of a leaf tetrahedron (replacing one of the same number), not rotated.
     pub fn insert(&mut self, element: Element) {
-        self.insert_made_of(element, &[]);
+        self.insert_made_of(element, &Matrix3::identity(), &[]);
     }
 
-    /// The same of an element that its law has to know more about than its elasticity: `made_of` in the order that
-    /// the law gives it, [`InelasticMaterial::numbers`](crate::InelasticMaterial::numbers) say.
-    pub fn insert_made_of(&mut self, element: Element, made_of: &[f64]) {
+    /// The same of an element that has a rotation already, and that its law may have to know more
+    /// about than its elasticity: `made_of` in the order that the law gives it,
+    /// [`InelasticMaterial::numbers`](crate::InelasticMaterial::numbers) say.
+    pub fn insert_made_of(&mut self, element: Element, rotation: &Matrix3<f64>, made_of: &[f64]) {
         self.remove(element.tet);
         self.scale = OnceLock::new();
         let index = element.tet.index();
@@ -199,7 +209,7 @@ impl Body {
         }
         self.of_tet[index] = self.elements.len() as u32;
         let pressed = self.pressures.as_mut().map(|p| p.push(&element));
-        self.packets.push(pressed.as_ref().unwrap_or(&element));
+        self.packets.push(pressed.as_ref().unwrap_or(&element), rotation);
         self.states.push(&element.elasticity, made_of);
         self.elements.push(element);
         self.stamps.push(NEXT_STAMP.fetch_add(1, Ordering::Relaxed));
@@ -214,11 +224,12 @@ impl Body {
         self.scale = OnceLock::new();
         let element = self.elements.swap_remove(at as usize);
         self.stamps.swap_remove(at as usize);
-        let moved = self.elements.get(at as usize);
-        let pressed = self.pressures.as_mut().and_then(|p| p.swap_remove(at as usize, moved));
-        self.packets.swap_remove(at as usize, pressed.as_ref().or(moved));
+        if let Some(pressures) = &mut self.pressures {
+            pressures.swap_remove(at as usize);
+        }
+        self.packets.swap_remove(at as usize);
         self.states.swap_remove(at as usize);
-        if let Some(moved) = moved {
+        if let Some(moved) = self.elements.get(at as usize) {
             self.of_tet[moved.tet.index()] = at;
         }
         Some(element)
@@ -269,7 +280,6 @@ impl Body {
             vertices: [0, 1, 2, 3],
             geometry: yawara_embed::LinearTet::new(&rest),
             elasticity,
-            rotation: Matrix3::identity(),
         });
         (self, rest)
     }

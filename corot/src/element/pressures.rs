@@ -98,12 +98,11 @@ impl Pressures {
         Element { elasticity: deviatoric, ..*element }
     }
 
-    /// The last element takes the place of element `at`; see [`Self::push`].
-    pub fn swap_remove(&mut self, at: usize, moved: Option<&Element>) -> Option<Element> {
+    /// The last element takes the place of element `at`.
+    pub fn swap_remove(&mut self, at: usize) {
         self.stale = true;
         self.elements.swap_remove(at);
         self.moduli.swap_remove(at);
-        moved.map(|moved| Element { elasticity: self.moduli[at].deviatoric, ..*moved })
     }
 
     /// Makes room for `vertices` vertices and renews their weights where elements have come or

@@ -17,8 +17,6 @@ pub struct Element {
     pub geometry: LinearTet,
     /// Elasticity, Pa.
     pub elasticity: Matrix6<f64>,
-    /// Rotation at the last force evaluation.
-    pub rotation: Matrix3<f64>,
 }
 
 impl Element {
@@ -27,10 +25,10 @@ impl Element {
         self.geometry.gradient(&self.vertices.map(|v| positions[v]))
     }
 
-    /// Strain of the co-rotated displacement Rᵀx − X under the stored rotation: sym(RᵀF) − I.
-    pub fn corotated_strain(&self, positions: &Field) -> Strain {
+    /// Strain of the co-rotated displacement Rᵀx − X: sym(RᵀF) − I.
+    pub fn corotated_strain(&self, rotation: &Matrix3<f64>, positions: &Field) -> Strain {
         let f = self.deformation_gradient(positions);
-        strain_from_gradient(&(self.rotation.transpose() * f - Matrix3::identity()))
+        strain_from_gradient(&(rotation.transpose() * f - Matrix3::identity()))
     }
 
     /// V R σ(sym H) for the gradient H of a displacement in the frame of R: times ∇λ_i it is the

@@ -15,19 +15,20 @@ pub(crate) enum Turning {
 }
 
 impl Turning {
-    /// The stress that does the work of σ in an element at `positions`, in its frame: [`conjugate`] to its
-    /// stretch where its rotation turns with it.
+    /// The stress that does the work of σ in an element with a `rotation` at `positions`, in its
+    /// frame: [`conjugate`] to its stretch where its rotation turns with it.
     pub fn stress(
         self,
         stress: &Matrix3<f64>,
         element: &Element,
+        rotation: &Matrix3<f64>,
         positions: &Field,
     ) -> Matrix3<f64> {
         match self {
             Self::Given => *stress,
             Self::Nearest => {
                 let f = element.deformation_gradient(positions);
-                conjugate(stress, &(element.rotation.transpose() * f))
+                conjugate(stress, &(rotation.transpose() * f))
             }
         }
     }

@@ -39,8 +39,7 @@ use crate::field::Field;
 /// let stiffness = geometry.stiffness(&elasticity).fixed_view::<3, 3>(9, 9).into_owned();
 /// let compliance = stiffness.try_inverse().unwrap();
 /// let mut body = Body::new();
-/// let rotation = Matrix3::identity();
-/// body.insert(Element { tet: TetId(0), vertices: [0, 1, 2, 3], geometry, elasticity, rotation });
+/// body.insert(Element { tet: TetId(0), vertices: [0, 1, 2, 3], geometry, elasticity });
 /// let pull = Vector3::new(0.0, 0.0, 1.0);
 /// let mut problem = Problem {
 ///     body: &mut body,

@@ -225,7 +225,7 @@ fn assemble(
             entries.add(at(i), at(j), tangent[(i, j)]);
         }
         if let Some(pressed) = body.pressure_tangent(number, positions) {
-            add_pressures(body, element, &pressed, entries);
+            add_pressures(body, number, &pressed, entries);
         }
     }
     if let Some(pushes) = problem.pushes {
@@ -298,14 +298,9 @@ fn add_alike(tangent: &mut ElementTangent, corners: &Matrix4<f64>) {
 
 /// Adds what an element's pressures and its dilation have to do with each other: rows [`Problem::evaluate`]'s
 /// (P q − G u)/h with the sign of G u, columns h δq.
-fn add_pressures(
-    body: &Body,
-    element: &Element,
-    pressed: &PressureTangent,
-    entries: &mut Entries<'_>,
-) {
-    let Element { vertices, geometry, rotation, .. } = element;
-    let pull = geometry.volume * rotation * stress_matrix(&pressed.pull);
+fn add_pressures(body: &Body, number: usize, pressed: &PressureTangent, entries: &mut Entries<'_>) {
+    let Element { vertices, geometry, .. } = &body.elements()[number];
+    let pull = geometry.volume * body.rotation(number) * stress_matrix(&pressed.pull);
     let weights = vertices.map(|v| body.pressure_row(v).1);
     let stiffening = body.stiffening();
     for (i, &v) in vertices.iter().enumerate() {

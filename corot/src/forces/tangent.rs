@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1e-13;
 pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> ElementTangent {
     let element = &body.elements()[number];
     let (stress, modulus) = body.response(number, positions);
-    let (r, gradients) = (&element.rotation, &element.geometry.gradients);
+    let (r, gradients) = (body.rotation(number), &element.geometry.gradients);
     let s = r.transpose() * element.deformation_gradient(positions);
     let stress = stress_matrix(&stress);
     let turning = inverse_of_turning(&s);

@@ -20,10 +20,11 @@ pub type StiffnessPacket = [[f64; LANES]; 144];
 
 /// What a pass over a run of elements reads and writes.
 pub(crate) struct Pass<'a> {
+    /// Their rotations are renewed.
     pub packets: &'a mut [Packet],
     pub positions: &'a Field,
-    /// The elements of these packets, whose rotations are renewed, and the number of the first.
-    pub elements: &'a mut [Element],
+    /// The elements of these packets, and the number of the first.
+    pub elements: &'a [Element],
     pub first: usize,
     /// What elements give their corners is added to it.
     pub sums: &'a mut Accumulators,
@@ -83,7 +84,6 @@ impl WithSimd for &mut Pass<'_> {
                     pressures.add_residual(first + lane, corners, dilation, residuals);
                 }
                 add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
-                elements[number * LANES + lane].rotation = matrix(&packet.rotation, lane);
             }
         }
     }

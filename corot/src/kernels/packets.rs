@@ -1,6 +1,8 @@
 //! The elements of a body, eight to a packet, as the vector kernels read them.
 
-use super::simd::{LANES, Row, Rows, set_matrix};
+use nalgebra::Matrix3;
+
+use super::simd::{LANES, Row, Rows, matrix, set_matrix};
 use crate::element::Element;
 
 /// Eight elements, a number of each side by side.
@@ -13,6 +15,7 @@ pub(crate) struct Packet {
     pub volume: Row,
     /// The lower half of D by rows.
     pub elasticity: [Row; 21],
+    /// At the last evaluation of forces.
     pub rotation: Rows,
 }
 
@@ -26,36 +29,40 @@ pub(crate) struct Packets {
 
 impl Packets {
     /// Appends an element. Cost: O(1).
-    pub fn push(&mut self, element: &Element) {
+    pub fn push(&mut self, element: &Element, rotation: &Matrix3<f64>) {
         let (packet, lane) = (self.count / LANES, self.count % LANES);
         self.count += 1;
         if lane > 0 {
-            return self.packets[packet].set(lane, element);
+            return self.packets[packet].set(lane, element, rotation);
         }
         let mut new = Packet::default();
-        (0..LANES).for_each(|lane| new.set(lane, element));
+        (0..LANES).for_each(|lane| new.set(lane, element, rotation));
         self.packets.push(new);
     }
 
     /// The last element takes the place of element `at`. Cost: O(1).
-    ///
-    /// `moved` is that last element, unless it is the one that goes.
-    pub fn swap_remove(&mut self, at: usize, moved: Option<&Element>) {
+    pub fn swap_remove(&mut self, at: usize) {
         self.count -= 1;
         let (packet, lane) = (self.count / LANES, self.count % LANES);
-        if let Some(moved) = moved {
-            self.packets[at / LANES].set(at % LANES, moved);
-        }
+        let last = self.packets[packet];
+        self.packets[at / LANES].copy_lane(at % LANES, &last, lane);
         if lane == 0 {
             self.packets.pop();
         } else {
-            self.packets[packet].copy_lane(0, lane);
+            let first = self.packets[packet];
+            self.packets[packet].copy_lane(lane, &first, 0);
         }
     }
 }
 
+/// The rotation of an element among packets.
+#[inline(always)]
+pub(crate) fn rotation_of(packets: &[Packet], number: usize) -> Matrix3<f64> {
+    matrix(&packets[number / LANES].rotation, number % LANES)
+}
+
 impl Packet {
-    fn set(&mut self, lane: usize, element: &Element) {
+    fn set(&mut self, lane: usize, element: &Element, rotation: &Matrix3<f64>) {
         for (row, &v) in self.vertices.iter_mut().zip(&element.vertices) {
             row[lane] = v as u32;
         }
@@ -67,14 +74,18 @@ impl Packet {
         for (row, (i, j)) in self.elasticity.iter_mut().zip(lower) {
             row[lane] = 0.5 * (element.elasticity[(i, j)] + element.elasticity[(j, i)]);
         }
-        set_matrix(&mut self.rotation, lane, &element.rotation);
+        set_matrix(&mut self.rotation, lane, rotation);
     }
 
-    fn copy_lane(&mut self, from: usize, to: usize) {
-        self.vertices.iter_mut().for_each(|row| row[to] = row[from]);
-        self.gradients.as_flattened_mut().iter_mut().for_each(|row| row[to] = row[from]);
-        self.volume[to] = self.volume[from];
-        self.elasticity.iter_mut().for_each(|row| row[to] = row[from]);
-        self.rotation.as_flattened_mut().iter_mut().for_each(|row| row[to] = row[from]);
+    fn copy_lane(&mut self, to: usize, other: &Self, from: usize) {
+        let vertices = self.vertices.iter_mut().zip(&other.vertices);
+        vertices.for_each(|(row, other)| row[to] = other[from]);
+        let gradients = self.gradients.as_flattened_mut().iter_mut();
+        let rotation = self.rotation.as_flattened_mut().iter_mut();
+        let rows = gradients.zip(other.gradients.as_flattened());
+        let rows = rows.chain(rotation.zip(other.rotation.as_flattened()));
+        let rows = rows.chain(self.elasticity.iter_mut().zip(&other.elasticity));
+        rows.for_each(|(row, other)| row[to] = other[from]);
+        self.volume[to] = other.volume[from];
     }
 }

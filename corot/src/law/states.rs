@@ -13,6 +13,7 @@ use crate::element::pressures::Pressures;
 use crate::element::tetrahedron::stress_matrix;
 use crate::element::turning::Turning;
 use crate::field::Field;
+use crate::kernels::packets::{Packet, rotation_of};
 
 /// A law and its states, by element number; both lists are empty under a linear law.
 #[derive(Clone)]
@@ -116,6 +117,7 @@ impl StateRun<'_> {
     pub fn add_to(
         mut self,
         elements: &[Element],
+        packets: &[Packet],
         pressures: Option<&Pressures>,
         turning: Turning,
         positions: &Field,
@@ -124,13 +126,16 @@ impl StateRun<'_> {
     ) -> f64 {
         let mut squares = 0.0;
         for (i, element) in elements.iter().enumerate() {
-            let (number, strain) = (self.first + i, element.corotated_strain(positions));
+            let rotation = &rotation_of(packets, i);
+            let strain = element.corotated_strain(rotation, positions);
+            let number = self.first + i;
             let (_, growth) = self.stress(&Question { number, element, strain, pressures });
             if let Some(pressures) = pressures {
                 pressures.add_growth(number, element.vertices, growth, residuals);
             }
-            let stress = turning.stress(&stress_matrix(&self.beyond[i]), element, positions);
-            let scaled = element.rotation * stress;
+            let stress = stress_matrix(&self.beyond[i]);
+            let stress = turning.stress(&stress, element, rotation, positions);
+            let scaled = rotation * stress;
             squares += element.add_forces(&(scaled * element.geometry.volume), forces);
         }
         squares

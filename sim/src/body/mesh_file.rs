@@ -95,11 +95,10 @@ impl FileMesh {
                 vertices: corners.map(|v| v as usize),
                 geometry: LinearTet::new(&self.mesh.corners(i)),
                 elasticity,
-                rotation: Matrix3::identity(),
             };
             let density_kg_m3 = material.density_kg_m3();
             let cell = Cell { level: 0, label: *tag, density_kg_m3, is_void: false };
-            state.add_tet(element, cell, &made_of);
+            state.add_tet(element, &Matrix3::identity(), cell, &made_of);
         }
         state
     }

@@ -1,6 +1,6 @@
 //! The body while the simulation moves it: vertices, elements, positions.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use yawara_corot::{Body, Element};
 use yawara_mesh::{TetId, VertexId};
@@ -190,7 +190,13 @@ impl BodyState {
     }
 
     /// A tetrahedron comes in, made of what its law has to know besides its elasticity.
-    pub(crate) fn add_tet(&mut self, element: Element, cell: Cell, made_of: &[f64]) {
+    pub(crate) fn add_tet(
+        &mut self,
+        element: Element,
+        rotation: &Matrix3<f64>,
+        cell: Cell,
+        made_of: &[f64],
+    ) {
         let at = element.tet.index();
         if self.cells.len() <= at {
             self.cells.resize(at + 1, Cell::default());
@@ -198,14 +204,15 @@ impl BodyState {
         self.cells[at] = cell;
         let quarter = 0.25 * element.geometry.volume * cell.density_kg_m3;
         element.vertices.iter().for_each(|&v| self.masses[v] += quarter);
-        self.body.insert_made_of(element, made_of);
+        self.body.insert_made_of(element, rotation, made_of);
     }
 
-    /// A tetrahedron goes out; its element, if it was there.
-    pub(crate) fn remove_tet(&mut self, tet: TetId) -> Option<Element> {
+    /// A tetrahedron goes out; its element with its rotation, if it was there.
+    pub(crate) fn remove_tet(&mut self, tet: TetId) -> Option<(Element, Matrix3<f64>)> {
+        let rotation = self.body.rotation(self.body.number(tet)?);
         let element = self.body.remove(tet)?;
         let quarter = 0.25 * element.geometry.volume * self.cell(tet).density_kg_m3;
         element.vertices.iter().for_each(|&v| self.masses[v] -= quarter);
-        Some(element)
+        Some((element, rotation))
     }
 }

@@ -30,19 +30,18 @@ impl Content {
             state.add_vertex(v, rest, rest, holds[v.index()]);
         }
         for tet in self.forest.leaves() {
-            self.add_tet(&mut state, &tet, Matrix3::identity());
+            self.add_tet(&mut state, &tet, &Matrix3::identity());
         }
         state
     }
 
     /// Brings a tetrahedron of the forest into `state`, with the rotation that it starts from.
-    pub fn add_tet(&self, state: &mut BodyState, tet: &Tet, rotation: Matrix3<f64>) {
+    pub fn add_tet(&self, state: &mut BodyState, tet: &Tet, rotation: &Matrix3<f64>) {
         let element = Element {
             tet: tet.id,
             vertices: tet.vertices.map(VertexId::index),
             geometry: rest_geometry(state, tet),
             elasticity: self.embedding.elasticity(tet.node),
-            rotation,
         };
         let label = self.embedding.tree().majority(tet.node);
         let cell = Cell {
@@ -53,7 +52,7 @@ impl Content {
         };
         let memory = self.memory.as_ref();
         let made_of = memory.map_or_else(Vec::new, |memory| memory.made_of(tet.node, label));
-        state.add_tet(element, cell, &made_of);
+        state.add_tet(element, rotation, cell, &made_of);
     }
 
     fn is_void(&self, tet: &Tet) -> bool {
@@ -62,8 +61,8 @@ impl Content {
 
     /// A tetrahedron of a ring as indicators see it.
     pub fn member(&self, state: &BodyState, tet: &Tet) -> RingMember {
-        let (geometry, rotation) = match state.body.element(tet.id) {
-            Some(element) => (element.geometry, Some(element.rotation)),
+        let (geometry, rotation) = match state.body.number(tet.id) {
+            Some(number) => (state.elements()[number].geometry, Some(state.body.rotation(number))),
             None => (rest_geometry(state, tet), None),
         };
         let (halves, parent) = self.embedding.combine(tet.node, &geometry, tet.level);

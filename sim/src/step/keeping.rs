@@ -138,7 +138,8 @@ impl Simulation {
         };
         let Again { splits, vertices, tets, numbers } = again;
         let of = |field: &[Vector3<f64>]| vertices.iter().map(|&v| field[v].into()).collect();
-        let rotations = tets.iter().filter_map(|tet| Some(state.element(*tet)?.rotation.into()));
+        let rotations = tets.iter().filter_map(|tet| state.body.number(*tet));
+        let rotations = rotations.map(|number| state.body.rotation(number).into());
         let law = tets.iter().filter_map(|tet| state.body.law_state(*tet));
         let law = law.filter(|handed| !handed.state.is_empty());
         let poses = state.body.grips().iter().map(|grip| {

@@ -505,9 +505,9 @@ impl Refiner {
         for ring_tet in &delta.ring {
             let law_state = state.body.law_state(ring_tet.parent.id);
             let parent = state.remove_tet(ring_tet.parent.id);
-            let rotation = parent.map_or_else(Matrix3::identity, |e| e.rotation);
+            let rotation = parent.map_or_else(Matrix3::identity, |(_, rotation)| rotation);
             for child in &ring_tet.children {
-                self.content.add_tet(state, child, rotation);
+                self.content.add_tet(state, child, &rotation);
                 if let Some(law_state) = &law_state {
                     state.body.split_law_state(child.id, law_state);
                 }
@@ -540,10 +540,10 @@ impl Refiner {
                 let law_state = state.body.law_state(child.id);
                 Some((state.remove_tet(child.id)?, law_state?))
             });
-            let rotation = halves.iter().flatten().last().map(|(element, _)| element.rotation);
+            let rotation = halves.iter().flatten().last().map(|((_, rotation), _)| *rotation);
             let rotation = rotation.unwrap_or_else(Matrix3::identity);
-            self.content.add_tet(state, &ring_tet.parent, rotation);
-            if let [Some((first, a)), Some((second, b))] = &halves {
+            self.content.add_tet(state, &ring_tet.parent, &rotation);
+            if let [Some(((first, _), a)), Some(((second, _), b))] = &halves {
                 state.body.merge_law_states(ring_tet.parent.id, [(first, a), (second, b)]);
             }
         }

@@ -131,10 +131,10 @@ impl Bumps {
         left.resize(state.positions().len(), (Vector3::zeros(), 0.0));
         forces.clear();
         forces.extend(stencils.solids.iter().map(|&number| {
-            let Element { geometry, rotation, vertices, .. } = &elements[number];
+            let Element { geometry, vertices, .. } = &elements[number];
             let s = stress(number);
             let s = Matrix3::new(s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2]);
-            let scaled = geometry.volume * rotation;
+            let scaled = geometry.volume * state.body.rotation(number);
             let forces = geometry.gradients.map(|g| scaled * (s * g));
             for (&v, force) in vertices.iter().zip(&forces) {
                 left[v].0 += force;

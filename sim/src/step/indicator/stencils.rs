@@ -56,8 +56,14 @@ struct Edge {
 }
 
 impl Stencil {
-    fn new(stamp: u64, element: &Element, is_void: bool, is_mixed: bool) -> Self {
-        let Element { vertices, rotation, .. } = *element;
+    fn new(
+        stamp: u64,
+        element: &Element,
+        rotation: Matrix3<f64>,
+        is_void: bool,
+        is_mixed: bool,
+    ) -> Self {
+        let vertices = element.vertices;
         let own = own_stiffness(element, is_mixed);
         let own = from_fn(|entry| own.map(|own| own[entry]));
         Self { stamp, vertices, is_void, rotation, own, turned: [[0.0; 6]; 6] }
@@ -140,7 +146,8 @@ impl Stencils {
         for (number, element) in elements.iter().enumerate() {
             let is_void = state.is_void(element.tet);
             let stamp = state.body.stamp(number);
-            let made = || Stencil::new(stamp, element, is_void, is_mixed);
+            let rotation = state.body.rotation(number);
+            let made = || Stencil::new(stamp, element, rotation, is_void, is_mixed);
             let Some(kept) = self.kept.get_mut(number) else {
                 self.kept.push(made());
                 self.turning.push(number);
@@ -148,11 +155,11 @@ impl Stencils {
             };
             is_same_mesh &= kept.vertices == element.vertices && kept.is_void == is_void;
             let is_same_element = kept.stamp == stamp && kept.is_void == is_void;
-            if is_same_element && is_same(&kept.rotation, &element.rotation) {
+            if is_same_element && is_same(&kept.rotation, &rotation) {
                 continue;
             }
             match is_same_element {
-                true => kept.rotation = element.rotation,
+                true => kept.rotation = rotation,
                 false => *kept = made(),
             }
             self.turning.push(number);
