@@ -1,13 +1,12 @@
 //! A panel's L once more, in the order in which substitution reads it, and the kernels that do.
 //!
 //! Columns go in strips of up to [`WIDE`] block columns. Of a strip there are the rows of its own
-//! columns, a small triangle, and below it chunks of [`CHUNK`] scalar rows, each column by column. So
-//! a pass reads memory from its beginning to its end, keeps sums of a chunk's rows (forward) or of a
-//! strip's columns (backward) in registers, and loads or stores a right-hand side once per strip in place of once
-//! per column.
+//! columns, a small triangle, and below it chunks of [`CHUNK`] scalar rows, each column by column.
+//! So a pass reads memory from its beginning to its end, keeps sums of a chunk's rows (forward) or
+//! of a strip's columns (backward) in registers, and loads and stores a right-hand side once per
+//! strip, not once per column.
 //!
-//! The copy is made at the first use after a change. Cost: one pass over the panel, and its memory
-//! again.
+//! The copy is made at the first use after a change: one pass over the panel, and its memory again.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
@@ -82,8 +81,8 @@ struct Strip<'a, const M: usize, const K: usize> {
     below: &'a [[[Rows; M]; K]],
 }
 
-/// Takes a strip of K block columns off the remainder of `$packed`, hands it on as `$strip` with K as the constant
-/// `$K`, and goes on.
+/// Runs a kernel with the block columns of a strip, [`WIDE`] of `$count` at most, as the constant
+/// `$K`.
 macro_rules! strip {
     ($count:expr, $K:ident => $kernel:expr) => {{
         macro_rules! with {
@@ -144,7 +143,7 @@ impl Panel {
         packed
     }
 
-    /// The strip from block column `first` on, given the place behind its last number in both parts.
+    /// The strip from block column `first` on. It begins at `at` in both parts, which moves behind it.
     #[inline(always)]
     fn strip<'a, const M: usize, const K: usize>(
         &self,
@@ -164,7 +163,7 @@ impl Panel {
         }
     }
 
-    /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x; `x` has R right-hand sides, one after the other.
+    /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x, for R right-hand sides one after the other.
     #[inline(always)]
     pub(super) fn forward<S: Simd, const M: usize, const R: usize>(
         &self,

@@ -47,7 +47,7 @@ impl Factor {
     ) {
         let place = |row: usize| M * self.position_of[row / M] as usize + row % M;
         let path = self.path(rows.iter().map(|row| self.position_of[row / M]));
-        let mut x = self.by_position::<M>(side);
+        let mut x = self.by_position::<M, 1>(side);
         let mut local = Vec::new();
         for panel in self.panels.iter().rev() {
             panel.forward::<S, M, 1>(simd, &mut x, &mut local);

@@ -48,7 +48,7 @@ impl Factor {
 
     #[inline(always)]
     fn solve_sides<S: Simd, const M: usize, const R: usize>(&self, simd: S, sides: &mut [f64]) {
-        let mut x = self.by_position::<M>(sides);
+        let mut x = self.by_position::<M, R>(sides);
         let mut local = Vec::new();
         for panel in self.panels.iter().rev() {
             panel.forward::<S, M, R>(simd, &mut x, &mut local);
@@ -62,11 +62,12 @@ impl Factor {
         self.by_slot::<M>(&x, sides);
     }
 
-    /// Right-hand sides in the order of positions: rows of a panel are near each other there.
-    pub(super) fn by_position<const M: usize>(&self, sides: &[f64]) -> Vec<f64> {
-        let sides = sides.as_chunks::<M>().0.chunks_exact(self.vertices());
-        let mut x = vec![0.0; M * self.positions() * sides.len()];
-        for (x, side) in x.as_chunks_mut::<M>().0.chunks_exact_mut(self.positions()).zip(sides) {
+    /// R right-hand sides in the order of positions: rows of a panel are near each other there.
+    pub(super) fn by_position<const M: usize, const R: usize>(&self, sides: &[f64]) -> Vec<f64> {
+        let mut x = vec![0.0; R * M * self.positions()];
+        let sides = sides.as_chunks::<M>().0.chunks_exact(self.vertices().max(1));
+        let by_position = x.as_chunks_mut::<M>().0.chunks_exact_mut(self.positions().max(1));
+        for (x, side) in by_position.zip(sides) {
             for (block, &position) in side.iter().zip(&self.position_of) {
                 x[position as usize] = *block;
             }
@@ -76,8 +77,9 @@ impl Factor {
 
     /// The reverse of [`by_position`](Self::by_position).
     pub(super) fn by_slot<const M: usize>(&self, x: &[f64], sides: &mut [f64]) {
-        let sides = sides.as_chunks_mut::<M>().0.chunks_exact_mut(self.vertices());
-        for (x, side) in x.as_chunks::<M>().0.chunks_exact(self.positions()).zip(sides) {
+        let sides = sides.as_chunks_mut::<M>().0.chunks_exact_mut(self.vertices().max(1));
+        let by_position = x.as_chunks::<M>().0.chunks_exact(self.positions().max(1));
+        for (x, side) in by_position.zip(sides) {
             for (block, &position) in side.iter_mut().zip(&self.position_of) {
                 *block = x[position as usize];
             }
