@@ -13,17 +13,17 @@ struct Forward<'a, const M: usize> {
     factor: &'a Factor,
     /// Panels that they reach, the root's first.
     path: &'a [usize],
-    x: &'a mut [[f64; TOGETHER]],
+    x: &'a mut [f64],
 }
 
 impl<const M: usize> WithSimd for Forward<'_, M> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let mut local = Vec::new();
         for &panel in self.path.iter().rev() {
-            self.factor.forward::<M, TOGETHER>(panel, self.x, &mut local);
+            self.factor.panels[panel].forward::<S, M, TOGETHER>(simd, self.x, &mut local);
         }
     }
 }
@@ -44,27 +44,29 @@ impl Factor {
         let columns: Vec<_> = columns.collect();
         let mut z = Mat::<f64>::zeros(m * columns.len(), k);
         let mut dz = z.clone();
-        let mut x = vec![[0.0; TOGETHER]; m * self.positions()];
+        let length = m * self.positions();
+        let mut x = vec![0.0; TOGETHER * length];
         let arch = pulp::Arch::new();
         for (group, loads) in loads.chunks(TOGETHER).enumerate() {
             for (side, load) in loads.iter().enumerate() {
                 for &(row, force) in load {
-                    x[m * position(row) as usize + row % m][side] += force;
+                    x[length * side + m * position(row) as usize + row % m] += force;
                 }
             }
             let x = &mut x[..];
             by_rows!(m, M => arch.dispatch(Forward::<M> { factor: self, path: &path, x }));
             for (i, &(panel, column)) in columns.iter().enumerate() {
-                let rows = &mut x[m * panel.position(column)..][..m];
+                let first = m * panel.position(column);
                 let d = &panel.diagonal[m * m * column..m * m * (column + 1)];
                 for side in 0..loads.len() {
                     let j = TOGETHER * group + side;
+                    let rows = &mut x[length * side + first..][..m];
                     for a in 0..m {
-                        z[(m * i + a, j)] = rows[a][side];
-                        dz[(m * i + a, j)] = (0..m).map(|b| d[m * a + b] * rows[b][side]).sum();
+                        z[(m * i + a, j)] = rows[a];
+                        dz[(m * i + a, j)] = (0..m).map(|b| d[m * a + b] * rows[b]).sum();
                     }
+                    rows.fill(0.0);
                 }
-                rows.fill([0.0; TOGETHER]);
             }
         }
         let block = z.transpose() * &dz;

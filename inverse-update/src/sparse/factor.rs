@@ -1,5 +1,6 @@
 //! The factor K = L D Lᵀ: dense panels of block columns, newest vertex first.
 
+use super::packed::Lower;
 use super::symbolic::blocks;
 
 /// Scalar rows that kernels handle at once on any vector unit, so that sums don't depend on it.
@@ -47,7 +48,7 @@ pub(crate) struct Panel {
     /// From one scalar column to the next.
     pub stride: usize,
     /// L, scalar column by scalar column.
-    pub values: Vec<f64>,
+    pub values: Lower,
     /// D, a row-major block per column.
     pub diagonal: Vec<f64>,
     /// D's own factors, see [`super::pivot::Pivot`].
@@ -62,7 +63,7 @@ impl Panel {
         Self {
             low,
             width,
-            values: vec![0.0; stride * block * width],
+            values: vec![0.0; stride * block * width].into(),
             diagonal: vec![0.0; square],
             pivots: vec![0.0; square],
             rows,
@@ -94,6 +95,7 @@ impl Panel {
     /// Adds a row of zeros.
     pub(crate) fn push_row(&mut self, position: u32, block: usize) {
         self.rows.push(position);
+        self.values.forget();
         let used = block * (self.width + self.rows.len());
         if used + CHUNK <= self.stride {
             return;
@@ -104,7 +106,7 @@ impl Panel {
         {
             to[..self.stride].copy_from_slice(from);
         }
-        self.values = values;
+        self.values = values.into();
         self.stride = stride;
     }
 

@@ -5,8 +5,8 @@
 //! `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
 //! `factor.rs` (panels of columns), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
 //! `bennett.rs` with `sweep.rs` (a low-rank change along a path of the tree), `rebase.rs` (a
-//! new elimination order from a thread). Reading it: `substitution.rs`, `reply.rs`,
-//! `compliance.rs`.
+//! new elimination order from a thread). Reading it: `packed.rs` (panels in the order
+//! of reading, and the kernels), `substitution.rs`, `reply.rs`, `compliance.rs`.
 
 mod bennett;
 mod compliance;
@@ -15,6 +15,7 @@ mod edit;
 mod factor;
 mod inverse;
 mod numeric;
+mod packed;
 mod panel_kernels;
 mod pattern;
 mod pivot;

@@ -16,8 +16,8 @@ impl<const M: usize> WithSimd for Reply<'_, '_, M> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.factor.solve_and_reply::<M>(self.side, self.rows, self.reply);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.factor.solve_and_reply::<S, M>(simd, self.side, self.rows, self.reply);
     }
 }
 
@@ -38,8 +38,9 @@ impl Factor {
     }
 
     #[inline(always)]
-    fn solve_and_reply<const M: usize>(
+    fn solve_and_reply<S: Simd, const M: usize>(
         &self,
+        simd: S,
         side: &mut [f64],
         rows: &[usize],
         reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
@@ -48,26 +49,26 @@ impl Factor {
         let path = self.path(rows.iter().map(|row| self.position_of[row / M]));
         let mut x = self.by_position::<M, 1>(side);
         let mut local = Vec::new();
-        for panel in (0..self.panels.len()).rev() {
-            self.forward::<M, 1>(panel, &mut x, &mut local);
+        for panel in self.panels.iter().rev() {
+            panel.forward::<S, M, 1>(simd, &mut x, &mut local);
         }
         let mut there = x.clone();
         for &panel in &path {
-            self.backward::<M, 1>(panel, &mut there, &mut local);
+            self.panels[panel].backward::<S, M>(simd, &mut there, &mut local);
         }
-        let values: Vec<f64> = rows.iter().map(|&row| there[place(row)][0]).collect();
-        let mut more = vec![[0.0]; x.len()];
+        let values: Vec<f64> = rows.iter().map(|&row| there[place(row)]).collect();
+        let mut more = vec![0.0; x.len()];
         for (&row, force) in rows.iter().zip(reply(&values)) {
-            more[place(row)][0] += force;
+            more[place(row)] += force;
         }
         for &panel in path.iter().rev() {
-            self.forward::<M, 1>(panel, &mut more, &mut local);
+            self.panels[panel].forward::<S, M, 1>(simd, &mut more, &mut local);
         }
-        x.iter_mut().zip(&more).for_each(|(x, more)| x[0] += more[0]);
-        for panel in 0..self.panels.len() {
-            self.backward::<M, 1>(panel, &mut x, &mut local);
+        x.iter_mut().zip(&more).for_each(|(x, more)| *x += more);
+        for panel in &self.panels {
+            panel.backward::<S, M>(simd, &mut x, &mut local);
         }
-        self.by_slot::<M, 1>(&x, side);
+        self.by_slot::<M>(&x, side);
     }
 
     /// The panels that some positions reach, the root's first.
