@@ -128,7 +128,7 @@ struct Pull(Vector3<f64>);
 impl Pull {
     fn forces(&self, body: &BodyState) -> Vec<Vector3<f64>> {
         let mut forces = vec![Vector3::zeros(); body.positions().len()];
-        for (number, element) in body.elements().iter().enumerate() {
+        for element in body.elements() {
             element
                 .vertices
                 .iter()

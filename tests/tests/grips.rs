@@ -3,7 +3,7 @@
 
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
-use nalgebra::{DVector, Isometry3, Matrix3, Matrix4, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix4, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara::{Elements, InverseFactory, InverseLink};

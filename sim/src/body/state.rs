@@ -90,9 +90,17 @@ impl BodyState {
         &self.positions
     }
 
-    /// The tetrahedra with their rest geometry, elasticity and rotation, in no order.
+    /// The tetrahedra with their rest geometry and elasticity, in no order.
     pub fn elements(&self) -> &[Element] {
         self.body.elements()
+    }
+
+    /// The rotation of one of them at the last evaluation of forces.
+    ///
+    /// # Panics
+    /// If `number` is not below the number of [`elements`](Self::elements).
+    pub fn rotation(&self, number: usize) -> Matrix3<f64> {
+        self.body.rotation(number)
     }
 
     /// The same by ascending number, each with its place in [`elements`](Self::elements).
