@@ -11,7 +11,7 @@ use crate::element::turning::Turning;
 use crate::field::Field;
 use crate::kernels::accumulators::Accumulators;
 use crate::kernels::element::{Pass, StiffnessPacket};
-use crate::kernels::packets::rotation_of;
+use crate::kernels::packets::{rotation_of, with_rotations};
 use crate::kernels::simd::{LANES, matrix, set_matrix};
 use crate::kernels::vertex::VertexPass;
 use crate::law::states::{Question, StateRun};
@@ -130,8 +130,7 @@ impl Body {
             if let Some(states) = states {
                 let Pass { packets, elements, sums, pressures, .. } = pass;
                 sums.squares += states.add_to(
-                    elements,
-                    packets,
+                    with_rotations(elements, packets),
                     pressures,
                     Turning::Nearest,
                     positions,
@@ -173,15 +172,8 @@ impl Body {
         let Some(run) = states.runs(elements.len()).next() else { return 0.0 };
         let mut residuals = vec![0.0; pressures.as_ref().map_or(0, |p| p.vertices.len())];
         let (turning, pressed) = (Turning::Given, pressures.as_ref());
-        let squares = run.add_to(
-            elements,
-            &packets.packets,
-            pressed,
-            turning,
-            positions,
-            forces,
-            &mut residuals,
-        );
+        let rotated = with_rotations(elements, &packets.packets);
+        let squares = run.add_to(rotated, pressed, turning, positions, forces, &mut residuals);
         if let Some(pressures) = pressures {
             pressures.add_residuals(&residuals, states.stiffening());
         }

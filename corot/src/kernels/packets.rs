@@ -61,6 +61,14 @@ pub(crate) fn rotation_of(packets: &[Packet], number: usize) -> Matrix3<f64> {
     matrix(&packets[number / LANES].rotation, number % LANES)
 }
 
+/// Elements, each with its rotation in their packets.
+pub(crate) fn with_rotations<'a>(
+    elements: &'a [Element],
+    packets: &'a [Packet],
+) -> impl Iterator<Item = (&'a Element, Matrix3<f64>)> {
+    elements.iter().enumerate().map(|(number, element)| (element, rotation_of(packets, number)))
+}
+
 impl Packet {
     fn set(&mut self, lane: usize, element: &Element, rotation: &Matrix3<f64>) {
         for (row, &v) in self.vertices.iter_mut().zip(&element.vertices) {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix3, Matrix6};
 use yawara_embed::Strain;
 
 use super::constitutive_law::{ConstitutiveLaw, MaterialPoint, StepStart};
@@ -13,7 +13,6 @@ use crate::element::pressures::Pressures;
 use crate::element::tetrahedron::stress_matrix;
 use crate::element::turning::Turning;
 use crate::field::Field;
-use crate::kernels::packets::{Packet, rotation_of};
 
 /// A law and its states, by element number; both lists are empty under a linear law.
 #[derive(Clone)]
@@ -114,10 +113,9 @@ impl StateRun<'_> {
     /// Adds what the law has beyond linear elasticity, V R (σ − D ε̃) ∇λ of each element with its
     /// rotation, to `forces`, and beyond tr ε to the `residuals` of pressures; returns Σ ‖·‖² of the elements'
     /// shares.
-    pub fn add_to(
+    pub fn add_to<'a>(
         mut self,
-        elements: &[Element],
-        packets: &[Packet],
+        elements: impl Iterator<Item = (&'a Element, Matrix3<f64>)>,
         pressures: Option<&Pressures>,
         turning: Turning,
         positions: &Field,
@@ -125,16 +123,15 @@ impl StateRun<'_> {
         residuals: &mut [f64],
     ) -> f64 {
         let mut squares = 0.0;
-        for (i, element) in elements.iter().enumerate() {
-            let rotation = &rotation_of(packets, i);
-            let strain = element.corotated_strain(rotation, positions);
+        for (i, (element, rotation)) in elements.enumerate() {
+            let strain = element.corotated_strain(&rotation, positions);
             let number = self.first + i;
             let (_, growth) = self.stress(&Question { number, element, strain, pressures });
             if let Some(pressures) = pressures {
                 pressures.add_growth(number, element.vertices, growth, residuals);
             }
             let stress = stress_matrix(&self.beyond[i]);
-            let stress = turning.stress(&stress, element, rotation, positions);
+            let stress = turning.stress(&stress, element, &rotation, positions);
             let scaled = rotation * stress;
             squares += element.add_forces(&(scaled * element.geometry.volume), forces);
         }
