@@ -284,3 +284,31 @@ impl Body {
         (self, rest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turned by as many tenths of a radian as its number says.
+    fn turned(number: usize) -> Matrix3<f64> {
+        *nalgebra::Rotation3::new(Vector3::new(0.1, 0.2, 0.05) * number as f64).matrix()
+    }
+
+    /// More than fills a packet, removed one by one from several places: across packets, within one and
+    /// the last.
+    #[test]
+    fn elements_keep_their_rotations_where_others_go() {
+        let (one, _) = Body::new().of_one(nalgebra::Matrix6::identity());
+        let (element, mut body) = (one.elements[0], Body::new());
+        for number in 0..19 {
+            let element = Element { tet: TetId(number as u32), ..element };
+            body.insert_made_of(element, &turned(number), &[]);
+        }
+        for gone in [0, 9, 18, 17, 3, 4] {
+            body.remove(TetId(gone)).unwrap();
+            for (at, element) in body.elements().iter().enumerate() {
+                assert_eq!(body.rotation(at), turned(element.tet.index()), "{gone}: {at}");
+            }
+        }
+    }
+}
