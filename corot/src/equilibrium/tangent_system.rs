@@ -18,7 +18,7 @@ use crate::forces::tangent::dent;
 use crate::grip::Turned;
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
-/// elements have too little of for that. Or all of S with what loads that follow the body add to it, factored
+/// elements, and obstacles that turn away, have too little of for that. Or all of S with what loads that follow the body add to it, factored
 /// as it is.
 ///
 /// Vectors have the rows of the problem's residuals and steps; constraints are kept by all steps.
@@ -28,7 +28,7 @@ pub(super) struct TangentSystem<'a> {
     pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>)>,
     kind: Kind,
     factor: Option<Factor>,
-    /// N by elements that have one.
+    /// N by elements and pushed points that have one.
     dents: Vec<([usize; 4], ElementTangent)>,
     constraints: Option<Turned<'a>>,
 }
@@ -206,6 +206,18 @@ fn assemble(
 ) -> Option<()> {
     let tangent_of = problem.forces.tangent()?;
     let (m, body) = (entries.unknowns.per_vertex, &*problem.body);
+    let mut add = |vertices: [usize; 4], mut tangent: ElementTangent, entries: &mut Entries<'_>| {
+        if entries.kind == Kind::Convex
+            && let Some(dent) = dent(&tangent)
+        {
+            tangent += dent;
+            dents.push((vertices, dent));
+        }
+        let at = |i: usize| m * vertices[i / 3] + i % 3;
+        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+            entries.add(at(i), at(j), tangent[(i, j)]);
+        }
+    };
     for (number, element) in body.elements().iter().enumerate() {
         let mut tangent = tangent_of(body, number, positions);
         if let Some(inertia) = problem.inertia {
@@ -214,27 +226,17 @@ fn assemble(
         if let Some(held) = body.grip_matrix(element.tet) {
             add_alike(&mut tangent, &held);
         }
-        if entries.kind == Kind::Convex
-            && let Some(dent) = dent(&tangent)
-        {
-            tangent += dent;
-            dents.push((element.vertices, dent));
-        }
-        let at = |i: usize| m * element.vertices[i / 3] + i % 3;
-        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-            entries.add(at(i), at(j), tangent[(i, j)]);
-        }
+        add(element.vertices, tangent, entries);
         if let Some(pressed) = body.pressure_tangent(number, positions) {
             add_pressures(body, number, &pressed, entries);
         }
     }
     if let Some(pushes) = problem.pushes {
         pushes.each_stiffness(positions, |point, stiffness| {
-            for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-                let weights = point.weights[i / 3] * point.weights[j / 3];
-                let at = |i: usize| m * point.vertices[i / 3] + i % 3;
-                entries.add(at(i), at(j), weights * stiffness[(i % 3, j % 3)]);
-            }
+            let tangent = ElementTangent::from_fn(|i, j| {
+                point.weights[i / 3] * point.weights[j / 3] * stiffness[(i % 3, j % 3)]
+            });
+            add(point.vertices, tangent, entries);
         });
     }
     let is_whole = entries.kind == Kind::Whole;

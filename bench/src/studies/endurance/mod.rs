@@ -174,3 +174,21 @@ fn text(machine: &Machine, rows: &[Row], unsolved: &[Unsolved], memory: &Memory)
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two balls at soft matter whose answer is softer than their force is curved: without the curvature in the
+    /// tangent its twelfth step uses up all iterations.
+    #[test]
+    fn balls_in_matter_softer_than_their_force_is_curved() {
+        let (kind, mut scene) = Liver::new().unwrap().scene(214, SCENE_STEPS, 215);
+        assert_eq!((kind, scene.stages.element.as_str()), ("probe", "p1p1"));
+        scene.time.steps = 18;
+        one(&scene, |simulation, report, _| {
+            assert_eq!(tally::failure(&scene, simulation, report), None, "step {}", report.step);
+        })
+        .unwrap();
+    }
+}
