@@ -2,19 +2,19 @@
 
 use faer::Mat;
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-use nalgebra::{Matrix4, SVector, Vector3};
+use nalgebra::{Matrix4, Vector3};
 use yawara_embed::SparseLdl;
 
 use super::problem::Problem;
 use super::sparse_lu::SparseLu;
 use super::vectors::{axpy, dot};
 use crate::body::Body;
-use crate::element::Element;
 use crate::element::pressures::PressureTangent;
 use crate::element::tetrahedron::stress_matrix;
+use crate::element::{Element, ElementPoint};
 use crate::field::Field;
 use crate::forces::ElementTangent;
-use crate::forces::tangent::dent;
+use crate::forces::tangent::{CornerVector, each_dent, each_lack};
 use crate::grip::Turned;
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
@@ -26,10 +26,12 @@ pub(super) struct TangentSystem<'a> {
     unknowns: Unknowns,
     /// Where the entries that elements add, in their order, are in the matrix.
     pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>)>,
+    /// What they added the last time: its memory is used again.
+    values: Vec<f64>,
     kind: Kind,
     factor: Option<Factor>,
-    /// N by elements and pushed points that have one.
-    dents: Vec<([usize; 4], ElementTangent)>,
+    /// N = Σ d dᵀ, by the vertices that elements and pushed points have it on.
+    dents: Vec<([usize; 4], CornerVector)>,
     constraints: Option<Turned<'a>>,
 }
 
@@ -80,17 +82,20 @@ impl<'a> TangentSystem<'a> {
     /// That of a problem; still without a factor.
     pub fn new(problem: &Problem<'a>, kind: Kind) -> Self {
         let unknowns = Unknowns::new(problem);
-        Self { unknowns, pattern: None, kind, factor: None, dents: Vec::new(), constraints: None }
+        let (values, dents) = (Vec::new(), Vec::new());
+        Self { unknowns, pattern: None, values, kind, factor: None, dents, constraints: None }
     }
 
     /// Renews it where the problem's body stands now; its elements must be those of the last time. None
     /// without tangents, or where M can't be factored.
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
         self.dents.clear();
-        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none());
+        let values = std::mem::take(&mut self.values);
+        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none(), values);
         assemble(problem, positions, &mut entries, &mut self.dents)?;
         let Entries { places, values, .. } = entries;
         self.refactor(places, &values)?;
+        self.values = values;
         self.constraints = None;
         let m = self.unknowns.per_vertex;
         if let Some(constraints) = problem.constraints {
@@ -191,8 +196,8 @@ impl<'a> TangentSystem<'a> {
         let m = self.unknowns.per_vertex;
         for (vertices, dent) in &self.dents {
             let at = |i: usize| m * vertices[i / 3] + i % 3;
-            let product = dent * SVector::<f64, 12>::from_fn(|i, _| x[at(i)]);
-            (0..12).for_each(|i| y[at(i)] -= product[i]);
+            let along: f64 = (0..12).map(|i| dent[i] * x[at(i)]).sum();
+            (0..12).for_each(|i| y[at(i)] -= along * dent[i]);
         }
     }
 }
@@ -202,50 +207,49 @@ fn assemble(
     problem: &Problem<'_>,
     positions: &Field,
     entries: &mut Entries<'_>,
-    dents: &mut Vec<([usize; 4], ElementTangent)>,
+    dents: &mut Vec<([usize; 4], CornerVector)>,
 ) -> Option<()> {
     let tangent_of = problem.forces.tangent()?;
-    let (m, body) = (entries.unknowns.per_vertex, &*problem.body);
-    let mut add = |vertices: [usize; 4], mut tangent: ElementTangent, entries: &mut Entries<'_>| {
-        if entries.kind == Kind::Convex
-            && let Some(dent) = dent(&tangent)
-        {
-            tangent += dent;
-            dents.push((vertices, dent));
-        }
-        let at = |i: usize| m * vertices[i / 3] + i % 3;
-        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-            entries.add(at(i), at(j), tangent[(i, j)]);
-        }
-    };
+    let body = &*problem.body;
+    let is_convex = entries.kind == Kind::Convex;
     for (number, element) in body.elements().iter().enumerate() {
+        let (vertices, first) = (element.vertices, dents.len());
         let mut tangent = tangent_of(body, number, positions);
+        if is_convex {
+            each_dent(&tangent, |dent| dents.push((vertices, dent)));
+        }
+        dents[first..].iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
         if let Some(inertia) = problem.inertia {
             add_alike(&mut tangent, &inertia.matrix(number));
         }
         if let Some(held) = body.grip_matrix(element.tet) {
             add_alike(&mut tangent, &held);
         }
-        add(element.vertices, tangent, entries);
+        entries.add_corners(vertices, &tangent);
         if let Some(pressed) = body.pressure_tangent(number, positions) {
             add_pressures(body, number, &pressed, entries);
         }
     }
     if let Some(pushes) = problem.pushes {
         pushes.each_stiffness(positions, |point, stiffness| {
-            let tangent = ElementTangent::from_fn(|i, j| {
-                point.weights[i / 3] * point.weights[j / 3] * stiffness[(i % 3, j % 3)]
-            });
-            add(point.vertices, tangent, entries);
+            let ElementPoint { vertices, weights } = *point;
+            let mut stiffness = stiffness;
+            if is_convex {
+                let lacking = stiffness;
+                each_lack(lacking, |lack| {
+                    stiffness += lack * lack.transpose();
+                    let dent = CornerVector::from_fn(|i, _| weights[i / 3] * lack[i % 3]);
+                    dents.push((vertices, dent));
+                });
+            }
+            let entry = |i: usize, j: usize| stiffness[(i % 3, j % 3)];
+            let weight = |i: usize, j: usize| weights[i / 3] * weights[j / 3];
+            let tangent = ElementTangent::from_fn(|i, j| weight(i, j) * entry(i, j));
+            entries.add_corners(vertices, &tangent);
         });
     }
-    let is_whole = entries.kind == Kind::Whole;
-    for following in problem.following.iter().filter(|_| is_whole) {
-        let (vertices, stiffness) = (following.vertices(), following.stiffness(positions));
-        let at = |i: usize| m * vertices[i / 3] + i % 3;
-        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-            entries.add(at(i), at(j), stiffness[(i, j)]);
-        }
+    for following in problem.following.iter().filter(|_| !is_convex) {
+        entries.add_corners(following.vertices(), &following.stiffness(positions));
     }
     // Rows without elements.
     let unknowns = entries.unknowns;
@@ -271,8 +275,9 @@ impl Unknowns {
 }
 
 impl<'a> Entries<'a> {
-    fn new(unknowns: &'a Unknowns, kind: Kind, with_places: bool) -> Self {
-        Self { unknowns, kind, places: with_places.then(Vec::new), values: Vec::new() }
+    fn new(unknowns: &'a Unknowns, kind: Kind, with_places: bool, mut values: Vec<f64>) -> Self {
+        values.clear();
+        Self { unknowns, kind, places: with_places.then(Vec::new), values }
     }
 
     /// Adds an entry of the whole matrix, by rows of the problem.
@@ -280,6 +285,15 @@ impl<'a> Entries<'a> {
         let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
         if row != HELD && column != HELD && (row >= column || self.kind == Kind::Whole) {
             self.push(row, column, value);
+        }
+    }
+
+    /// Adds the matrix of what has four corners.
+    fn add_corners(&mut self, vertices: [usize; 4], matrix: &ElementTangent) {
+        let m = self.unknowns.per_vertex;
+        let at = |i: usize| m * vertices[i / 3] + i % 3;
+        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
+            self.add(at(i), at(j), matrix[(i, j)]);
         }
     }
 

@@ -1,6 +1,12 @@
 //! The derivative of a co-rotated element's forces, rotation included.
 
-use nalgebra::{Matrix3, SMatrix};
+use std::cmp::Ordering;
+
+use nalgebra::allocator::Allocator;
+use nalgebra::{
+    DefaultAllocator, DimDiff, DimSub, Matrix3, OMatrix, OVector, SMatrix, SVector, SymmetricEigen,
+    U1,
+};
 use yawara_embed::strain_from_gradient;
 
 use crate::body::Body;
@@ -64,17 +70,52 @@ pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> Element
     tangent
 }
 
-/// What a tangent's symmetric part lacks of being positive semi-definite: the least matrix that makes it so. None
-/// where it lacks nothing.
-pub(crate) fn dent(tangent: &ElementTangent) -> Option<ElementTangent> {
-    // Moving along as a whole costs nothing.
-    let raised = ROUNDING * tangent.trace();
-    if (tangent + ElementTangent::from_diagonal_element(raised)).cholesky().is_some() {
-        return None;
+/// A vector on the corners of an element, corner-major x, y, z.
+pub(crate) type CornerVector = SVector<f64, 12>;
+
+/// Calls `visit` with vectors d: the least Σ d dᵀ that makes the symmetric part of an element's tangent, with it,
+/// positive semi-definite. The tangent must be one that moving along as a whole costs nothing.
+pub(crate) fn each_dent(tangent: &ElementTangent, mut visit: impl FnMut(CornerVector)) {
+    let shapes = shapes();
+    each_lack(shapes.tr_mul(&(tangent * shapes)), |lack| visit(shapes * lack));
+}
+
+/// Of all that an element's corners may do but to move along as a whole, an orthonormal basis by columns: corner 1
+/// away from 0, 2 away from both, 3 away from all three.
+fn shapes() -> SMatrix<f64, 12, 9> {
+    SMatrix::from_fn(|row, column| {
+        let (corner, last) = (row / 3, column / 3 + 1);
+        let entry = match corner.cmp(&last) {
+            _ if row % 3 != column % 3 => 0.0,
+            Ordering::Less => -1.0,
+            Ordering::Equal => last as f64,
+            Ordering::Greater => 0.0,
+        };
+        entry / ((last * (last + 1)) as f64).sqrt()
+    })
+}
+
+/// Calls `visit` with vectors d: the least Σ d dᵀ that makes the symmetric part of a matrix, with it, positive
+/// semi-definite.
+pub(crate) fn each_lack<D>(matrix: OMatrix<f64, D, D>, mut visit: impl FnMut(OVector<f64, D>))
+where
+    D: DimSub<U1>,
+    DefaultAllocator: Allocator<D> + Allocator<D, D> + Allocator<DimDiff<D, U1>>,
+{
+    let matrix = (&matrix + matrix.transpose()) * 0.5;
+    // To turn without a strain costs nothing either.
+    let rounding = ROUNDING * matrix.trace().abs();
+    let mut raised = matrix.clone();
+    (0..matrix.nrows()).for_each(|i| raised[(i, i)] += rounding);
+    if raised.cholesky().is_some() {
+        return;
     }
-    let mut eigen = (0.5 * (tangent + tangent.transpose())).symmetric_eigen();
-    eigen.eigenvalues.iter_mut().for_each(|value| *value = (-*value).max(0.0));
-    Some(eigen.recompose())
+    let SymmetricEigen { eigenvectors, eigenvalues } = matrix.symmetric_eigen();
+    for (vector, value) in eigenvectors.column_iter().zip(&eigenvalues) {
+        if *value < -rounding {
+            visit(vector * (-value).sqrt());
+        }
+    }
 }
 
 #[cfg(test)]
@@ -91,7 +132,40 @@ mod tests {
         std::array::from_fn(|i| forces[i / 3][i % 3])
     }
 
+    /// A tangent of random entries that moving along as a whole costs nothing.
+    fn indefinite(entries: &[f64]) -> ElementTangent {
+        let own = SMatrix::<f64, 9, 9>::from_fn(|i, j| entries[9 * i + j] + entries[9 * j + i]);
+        shapes() * own * shapes().transpose()
+    }
+
     proptest! {
+        #[test]
+        fn dents_are_what_a_tangent_lacks(
+            entries in proptest::collection::vec(-1.0..1.0f64, 81),
+            turned in any::<bool>(),
+        ) {
+            let mut tangent = indefinite(&entries);
+            if turned {
+                tangent *= tangent;
+            }
+            let (mut raised, mut count) = (tangent, 0);
+            each_dent(&tangent, |dent| {
+                raised += dent * dent.transpose();
+                count += 1;
+            });
+            let whole = tangent.symmetric_eigenvalues();
+            let bar = 1e-12 * tangent.amax();
+            prop_assert_eq!(count, whole.iter().filter(|value| **value < -bar).count());
+            // What is there already stays, and what is missing becomes zero.
+            let mut expected = whole.map(|value| value.max(0.0)).as_slice().to_vec();
+            let mut found = raised.symmetric_eigenvalues().as_slice().to_vec();
+            expected.sort_by(f64::total_cmp);
+            found.sort_by(f64::total_cmp);
+            for (found, expected) in found.iter().zip(&expected) {
+                prop_assert!((found - expected).abs() < bar, "{} for {}", found, expected);
+            }
+        }
+
         #[test]
         fn it_is_the_derivative_of_the_forces(
             shake in proptest::array::uniform12(-0.3..0.3f64),
