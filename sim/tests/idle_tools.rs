@@ -78,7 +78,8 @@ fn a_tool_that_lets_go_before_it_begins() {
     for release in ["-1", "0"] {
         let set = format!("tools.0.release_s={release}");
         let command = ["run", "bar.toml", "--out", "out", "--set", &set];
-        bar_with("").refused(&command, &["tools[0].release_s", "after the start"]);
+        let said = format!("tools[0].release_s is {release}.0, want");
+        bar_with("").refused(&command, &[&said, "after the start"]);
     }
 }
 

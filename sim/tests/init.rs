@@ -114,3 +114,26 @@ fn segments_give_materials_their_names() {
     assert!(said.contains("label 1 (left \"lobe\"): 512 voxels"), "{said}");
     bench.succeed(&["run", "scene.toml", "--steps", "1"]);
 }
+
+/// A cube of 40 mm whose spacing is in metres though its header says mm.
+#[test]
+fn a_body_of_an_unlikely_size_needs_its_unit() {
+    let bench = Workbench::new();
+    let mut block = Nifti::cube(3);
+    bench.write("mm.nii", block.bytes());
+    for i in 0..3 {
+        block.f32(80 + 4 * i, 5e-3).f32(280 + 20 * i, 5e-3);
+    }
+    bench.write("m.nii", block.bytes());
+    bench.refused(&["init", "m.nii"], &["m.nii", "longest side is 0.", "1 mm to 5 m", "--unit m"]);
+    bench.refused(&["init", "m.nii", "--unit", "inch"], &["inch", "um", "cm"]);
+    assert!(!bench.path("scene.toml").exists());
+    let force = |image: &str, more: &[&str]| {
+        bench.succeed(&[&["init", image, "--force"], more].concat());
+        bench.succeed(&["run", "scene.toml", "--out", "out", "--force"]);
+        let summary: Value = serde_json::from_str(&bench.read("out/summary.json")).unwrap();
+        summary["force"]["max_n"].as_f64().unwrap()
+    };
+    let (in_m, in_mm) = (force("m.nii", &["--unit", "m"]), force("mm.nii", &[]));
+    assert!((in_m / in_mm - 1.0).abs() < 1e-3, "{in_m} N, {in_mm} N");
+}

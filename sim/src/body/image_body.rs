@@ -1,7 +1,6 @@
 //! From a scene to labels, domain, materials and the start mesh.
 
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -17,10 +16,7 @@ use super::places::{FileVoxels, Places};
 use super::summary::{BodySummary, DomainSummary, ImageSummary};
 use super::{label_refinement, material_points};
 use crate::error::SimError;
-use crate::scene::{Scene, SupportHold};
-
-/// Lengths of a body's longest side, mm.
-const SIZES_MM: RangeInclusive<f64> = 1.0..=5e3;
+use crate::scene::{Image, Scene, SupportHold};
 
 /// Base cells along the longest side of a body where a scene gives no `base_mm`.
 const BASE_CELLS: f64 = 10.0;
@@ -230,7 +226,7 @@ fn check_size(image: &ImageSummary, organ: &OrganBox) -> Result<(), SimError> {
     let whole = |i: usize| image.stored_dims[i] as f64 * image.stored_voxel_mm[i];
     let body = organ.size_mm();
     let size_mm = [0, 1, 2].map(|i| body[i].min((whole(i) * 1e3).round() / 1e3));
-    match SIZES_MM.contains(&size_mm.into_iter().fold(0.0, f64::max)) {
+    match Image::LIKELY_MM.contains(&size_mm.into_iter().fold(0.0, f64::max)) {
         true => Ok(()),
         false => Err(SimError::BodySize { image: image.name.clone(), size_mm }),
     }

@@ -4,6 +4,9 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use yawara::scene::LengthUnit;
 use yawara::scene_file;
 
 /// Deforms and refines inhomogeneous soft objects from label maps.
@@ -92,9 +95,17 @@ pub struct InitArguments {
     /// The scene to write.
     #[arg(long, value_name = "FILE.toml", default_value = "scene.toml")]
     pub out: PathBuf,
+    /// The unit of the image's spacings (um, mm, cm or m) [default: mm, if a body of that size is likely].
+    #[arg(long, value_name = "UNIT", value_parser = unit)]
+    pub unit: Option<LengthUnit>,
     /// Replaces a file that is there.
     #[arg(long)]
     pub force: bool,
+}
+
+/// A unit of length by the name that scenes have for it.
+fn unit(text: &str) -> Result<LengthUnit, serde::de::value::Error> {
+    LengthUnit::deserialize(text.into_deserializer())
 }
 
 #[derive(Debug, Args)]

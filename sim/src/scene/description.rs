@@ -1,5 +1,6 @@
 //! What a scene file says: data only, checked by [`Scene::validate`].
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
@@ -96,14 +97,12 @@ pub struct Image {
 }
 
 impl Image {
+    /// The longest side of a body whose unit of length is believed, mm: that of any animal's organ.
+    pub const LIKELY_MM: RangeInclusive<f64> = 1.0..=5e3;
+
     /// By what lengths of the file are multiplied.
     pub(crate) fn unit_mm(&self) -> f64 {
-        self.unit.map_or(1.0, |unit| match unit {
-            LengthUnit::Um => 1e-3,
-            LengthUnit::Mm => 1.0,
-            LengthUnit::Cm => 10.0,
-            LengthUnit::M => 1e3,
-        })
+        self.unit.map_or(1.0, LengthUnit::mm)
     }
 
     /// The spacing to resample to, in the file's unit.
@@ -124,6 +123,19 @@ pub enum LengthUnit {
     Cm,
     /// Metres.
     M,
+}
+
+impl LengthUnit {
+    /// Its length, mm.
+    #[must_use]
+    pub fn mm(self) -> f64 {
+        match self {
+            Self::Um => 1e-3,
+            Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::M => 1e3,
+        }
+    }
 }
 
 /// Procedural bodies.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use toml::Value;
-use yawara::scene::{LibraryMaterial, MaterialEntry, library_material_of};
+use yawara::scene::{LengthUnit, LibraryMaterial, MaterialEntry, library_material_of};
 use yawara_mesh::volume::LabelVolume;
 
 use super::places::Places;
@@ -36,6 +36,7 @@ pub(super) enum Content {
 /// What a scene is made from.
 pub(super) struct Proposal<'a> {
     pub image: &'a Path,
+    pub unit: Option<LengthUnit>,
     pub volume: &'a LabelVolume,
     pub content: Content,
     pub places: Places,
@@ -44,7 +45,7 @@ pub(super) struct Proposal<'a> {
 impl Proposal<'_> {
     /// What was found and chosen, for people.
     pub fn in_words(&self) -> String {
-        let [x, y, z] = self.places.size_mm;
+        let [x, y, z] = self.places.size_mm.map(short);
         let what = match &self.content {
             Content::Labels { .. } => format!("a label map of {} labels", self.labels().len()),
             Content::Intensities { .. } => "a CT, by Hounsfield units".into(),
@@ -91,7 +92,9 @@ impl Proposal<'_> {
     }
 
     fn image_keys(&self) -> String {
-        match &self.content {
+        let unit = self.unit.and_then(|unit| Value::try_from(unit).ok());
+        let unit = unit.map_or_else(String::new, |unit| format!("unit = {unit}\n"));
+        unit + &match &self.content {
             Content::Labels { voxel_mm: None, .. } => String::new(),
             Content::Labels { voxel_mm: Some(voxel_mm), .. } => {
                 format!(
@@ -152,10 +155,10 @@ impl Proposal<'_> {
 
     fn mesh(&self) -> String {
         let longest = self.places.size_mm.into_iter().fold(0.0, f64::max);
-        let base_mm = longest / CELLS;
+        let base_mm = short(longest / CELLS);
         format!(
             "[mesh]\n# A tenth of the longest side; rounded to a power of two of voxels.\n\
-             base_mm = {base_mm:.3}\nmax_level = 6\nmax_vertices = 3456\n\n\
+             base_mm = {base_mm:?}\nmax_level = 6\nmax_vertices = 3456\n\n\
              [refinement]\n# Relative error of the force to refine to.\ntarget = 0.1\n\n"
         )
     }
@@ -164,7 +167,7 @@ impl Proposal<'_> {
         let Places { side: (_, _, side), fixed: [min, max], grab, radius_mm, size_mm } =
             &self.places;
         let longest = size_mm.iter().copied().fold(0.0, f64::max);
-        let end = self.places.away().map(|x| (x * PULL * longest).round() * 1e-3);
+        let end = self.places.away().map(|x| short(1e-3 * (x * PULL * longest)));
         let centre = grab.map(|x| (x * 1e3).round() / 1e3);
         format!(
             "# Smooth outlines in the frames; label = 0 there is void, which is left out.\n\
@@ -173,15 +176,21 @@ impl Proposal<'_> {
              # body's box along right, anterior, superior.\n[[fixed]]\nshape = \"box\"\n\
              min = {min:?}\nmax = {max:?}\n\n\
              # Pulls what is far from there away from it.\n[[tools]]\nkind = \"grab\"\n\
-             region = {{ shape = \"sphere\", centre = {centre:?}, radius_m = {:.4} }}\n\
+             region = {{ shape = \"sphere\", centre = {centre:?}, radius_m = {:?} }}\n\
              path = [{{ time_s = 0.0 }}, {{ time_s = 0.5, move_m = {end:?} }}]\n\n\
              [time]\nsteps = 10\nstep_s = 0.05\n",
             self.outlined().join(", "),
-            radius_mm * 1e-3
+            short(radius_mm * 1e-3)
         )
     }
 }
 
 fn quoted(text: &str) -> String {
     Value::String(text.into()).to_string()
+}
+
+/// A number to four digits.
+pub(super) fn short(x: f64) -> f64 {
+    // What `format!` writes can be read.
+    format!("{x:.3e}").parse().unwrap_or(x)
 }

@@ -11,10 +11,13 @@ pub(crate) struct Check<'a> {
 
 impl Check<'_> {
     pub fn that(&self, ok: bool, key: &str, value: impl Debug, want: &str) -> Result<(), SimError> {
-        match ok {
-            true => Ok(()),
-            false => Err(SimError::value(self.place, key, format!("{value:?}"), want)),
+        if ok {
+            return Ok(());
         }
+        let value = format!("{value:?}");
+        // A key that may be absent, and is there.
+        let given = value.strip_prefix("Some(").and_then(|given| given.strip_suffix(')'));
+        Err(SimError::value(self.place, key, given.unwrap_or(&value), want))
     }
 
     pub fn positive(&self, key: &str, value: f64) -> Result<(), SimError> {
