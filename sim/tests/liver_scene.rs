@@ -52,3 +52,17 @@ fn the_liver_refines_merges_back_and_repeats_itself() {
         assert_eq!(bits(a), bits(b));
     }
 }
+
+/// What an organ of one's own may ask for: stiff vessels, and a pull that goes four times as far.
+#[test]
+fn stiff_vessels_and_a_long_pull_converge() {
+    let far = "tools.0.path=[{ time_s = 0 }, { time_s = 0.5, move_m = [-0.04, 0.1, 0.1] }]";
+    for set in ["materials.1.young_modulus_pa=5e6", far] {
+        let (scene, _) = scene_file::load("liver", &[set.into()]).unwrap();
+        let mut simulation = Simulation::builder(&scene).build().unwrap();
+        while simulation.steps_left() > 0 {
+            let report = simulation.step().unwrap();
+            assert!(report.converged, "{set}: step {}, residual {}", report.step, report.residual);
+        }
+    }
+}

@@ -279,7 +279,7 @@ fn dynamics(scene: &Scene, stages: &Stages) -> PlanRow {
         "{mass} mass, damping {} /s by mass and {} s by stiffness, steps of {} s",
         dynamics.damping_mass_per_s, dynamics.damping_stiffness_s, scene.time.step_s
     );
-    let integrator = stages.integrator.as_ref().map_or("implicit Euler", |own| own.name());
+    let integrator = stages.integrator.as_ref().map_or("implicit_euler", |own| own.name());
     row("dynamics", integrator, true, why)
 }
 
