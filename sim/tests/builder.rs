@@ -1,5 +1,6 @@
 //! Simulations from a volume in memory and with tools of one's own.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -160,4 +161,19 @@ fn an_element_of_ones_own_makes_the_matrix_and_its_changes() {
     assert!(changes > 0 && counts.1.load(Ordering::Relaxed) >= changes);
     let refusal = with(5, &counters()).err().unwrap().to_string();
     assert!(refusal.contains("`counting` has 5 unknowns"), "{refusal}");
+}
+
+#[test]
+fn parts_of_the_set_up_are_told_as_they_begin() {
+    let (scene, mut parts) = (beam(), Vec::<&str>::new());
+    let watched = Simulation::builder(&scene).progress(|part, done| {
+        assert!((0.0..=1.0).contains(&done), "{part}: {done}");
+        if parts.last() != Some(&part) {
+            parts.push(part);
+        }
+        ControlFlow::Continue(())
+    });
+    drop(watched.build().unwrap());
+    let order = ["reading and meshing", "placing tools", "homogenising", "outlining", "factoring"];
+    assert_eq!(parts, order);
 }

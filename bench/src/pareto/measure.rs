@@ -35,7 +35,7 @@ pub(crate) fn measure<'a>(
     stages.inverse = deadline.guard(stages.inverse);
     let steps = scene.time.steps;
     let simulation =
-        Simulation::builder(scene).stages(stages).progress(|_| deadline.watch()).build();
+        Simulation::builder(scene).stages(stages).progress(|_, _| deadline.watch()).build();
     let mut simulation = simulation.map_err(|error| ended(error, cap_s, 0, steps))?;
     let precompute_s = begin.elapsed().as_secs_f64();
     let peak = machine::peak_bytes();

@@ -56,9 +56,10 @@ fn begin(arguments: &RunArguments) -> Result<(Scene, RunDirectory), SimError> {
 }
 
 fn build(scene: &Scene) -> Result<Simulation, SimError> {
-    let bar = bar(PERMILLE, "homogenising {percent} % {wide_bar} {eta}");
+    let bar = bar(PERMILLE, "{msg} {percent} % {wide_bar} {elapsed}");
     let simulation = Simulation::builder(scene)
-        .progress(|done| {
+        .progress(|part, done| {
+            bar.set_message(part);
             bar.set_position((done * PERMILLE as f64) as u64);
             ControlFlow::Continue(())
         })

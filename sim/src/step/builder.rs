@@ -48,13 +48,18 @@ struct Made {
 /// Makes a tool for a body at rest.
 type MakeTool<'a> = Box<dyn FnOnce(&mut BodyAtRest<'_>) -> Result<Box<dyn Tool>, SimError> + 'a>;
 
+/// Called with a part of the work and the fraction of it that is done.
+type Progress<'a> = Box<dyn FnMut(&'static str, f64) -> ControlFlow<()> + 'a>;
+
+const HOMOGENISING: &str = "homogenising";
+
 /// What a simulation is made from. [`Simulation::builder`] begins it.
 pub struct SimulationBuilder<'a> {
     scene: &'a Scene,
     stages: Option<Stages>,
     volume: Option<LabelVolume>,
     tools: Vec<MakeTool<'a>>,
-    progress: Box<dyn FnMut(f64) -> ControlFlow<()> + 'a>,
+    progress: Progress<'a>,
     #[cfg(feature = "view")]
     outlines_all: bool,
 }
@@ -67,7 +72,7 @@ impl Simulation {
             stages: None,
             volume: None,
             tools: Vec::new(),
-            progress: Box::new(|_| ControlFlow::Continue(())),
+            progress: Box::new(|_, _| ControlFlow::Continue(())),
             #[cfg(feature = "view")]
             outlines_all: false,
         }
@@ -112,9 +117,12 @@ impl<'a> SimulationBuilder<'a> {
         self
     }
 
-    /// Calls `progress` with the fraction done by a homogenisation that solves for the whole fine
-    /// body; breaking stops the work.
-    pub fn progress(mut self, progress: impl FnMut(f64) -> ControlFlow<()> + 'a) -> Self {
+    /// Calls `progress` with the name of each part of the work as it begins and the fraction of it that is done, 0
+    /// then: more often by a homogenisation that solves for the whole fine body. Breaking stops that.
+    pub fn progress(
+        mut self,
+        progress: impl FnMut(&'static str, f64) -> ControlFlow<()> + 'a,
+    ) -> Self {
         self.progress = Box::new(progress);
         self
     }
@@ -130,7 +138,9 @@ impl<'a> SimulationBuilder<'a> {
         scene.validate_for(&scene.name, self.volume.is_some())?;
         let mut stages = self.stages.take().map_or_else(|| Stages::by_name(&scene.stages), Ok)?;
         let element = of_scene(scene, &stages)?;
+        self.begin("reading and meshing");
         let start = Start::new(scene, self.volume.take())?;
+        self.begin("placing tools");
         let Made { mut tools, holds, grips, coming, held } = self.make_tools(&start)?;
         let (law, why_law) = law_of_scene(scene, &stages, &start);
         let mut plan = plan::rows(scene, &start, &stages, element, (&law, &why_law), &held);
@@ -174,10 +184,12 @@ impl<'a> SimulationBuilder<'a> {
                 };
                 let materials = materials.with_void(rule);
                 let tree = Arc::clone(&setup.tree);
+                self.begin(HOMOGENISING);
+                let mut progress = |done| (self.progress)(HOMOGENISING, done);
                 let embedding =
-                    Embedding::with_materials(tree, materials, homogenisation, &mut self.progress)?;
+                    Embedding::with_materials(tree, materials, homogenisation, &mut progress)?;
                 let memory = memory.map(|memory| {
-                    memory.embedded(&by_label, &positions, &embedding, &mut self.progress)
+                    memory.embedded(&by_label, &positions, &embedding, &mut progress)
                 });
                 let memory = memory.transpose()?;
                 plan::homogenised(&mut plan, &embedding);
@@ -189,6 +201,7 @@ impl<'a> SimulationBuilder<'a> {
                 }
                 #[cfg(not(feature = "view"))]
                 let drawn = scene;
+                self.begin("outlining");
                 surfaces = Surfaces::new(drawn, &setup, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
                 body_summary = Some(summary);
@@ -235,6 +248,7 @@ impl<'a> SimulationBuilder<'a> {
         let motion = Motion::new(scene, integrator, &axes, &mut state);
         let built_in = || dynamics::formulation(scene, element, state.body.law(), motion.as_ref());
         let formulation = own.map_or_else(built_in, Ok)?;
+        self.begin("factoring");
         let link = invert(formulation, &state, refiner.as_ref(), &organ, inverse)?;
         plan.push(plan::inverse(scene, &link));
         let is_there = |(number, _): &(usize, _)| !coming.iter().any(|(of, _)| of == number);
@@ -268,6 +282,11 @@ impl<'a> SimulationBuilder<'a> {
             },
             support: Vector3::zeros(),
         })
+    }
+
+    fn begin(&mut self, part: &'static str) {
+        // Only homogenisations are long enough to be stopped.
+        let _ = (self.progress)(part, 0.0);
     }
 
     /// All tools with what they and supports hold.

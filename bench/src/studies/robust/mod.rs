@@ -160,7 +160,7 @@ fn measured(one: &Setting, scene: &Scene, cap_s: f64, advance: Advance<'_>) -> R
     let deadline = Deadline::after(cap_s);
     let mut stages = Stages::by_name(&scene.stages)?;
     stages.inverse = deadline.guard(stages.inverse);
-    let built = Simulation::builder(scene).stages(stages).progress(|_| deadline.watch()).build();
+    let built = Simulation::builder(scene).stages(stages).progress(|_, _| deadline.watch()).build();
     let steps = scene.time.steps;
     let mut simulation = built.map_err(|error| ended(error, cap_s, 0, steps))?;
     let mut course = Course::default();
