@@ -47,7 +47,7 @@ fn a_scene_with_a_body_of_its_own_contradicts_a_volume() {
     };
     assert!(refusal(&beam()).contains("image.phantom"), "{}", refusal(&beam()));
     scene.image.voxel_mm = Some(2.0);
-    assert!(refusal(&scene).contains("image.voxel_mm is Some(2.0), want no such key beside"));
+    assert!(refusal(&scene).contains("image.voxel_mm is 2.0, want no such key beside"));
     scene.image = Image { path: Some("liver.nii.gz".into()), ..Image::default() };
     assert!(refusal(&scene).contains("image.path"));
     scene.image = Image::default();
