@@ -31,9 +31,14 @@ pub(super) struct TangentSystem<'a> {
     kind: Kind,
     factor: Option<Factor>,
     /// N = Σ d dᵀ, by the vertices that elements and pushed points have it on.
-    dents: Vec<([usize; 4], CornerVector)>,
+    dents: Dents,
+    /// Renewals before S is tried again, and how many there were after the last try.
+    wait: usize,
+    pause: usize,
     constraints: Option<Turned<'a>>,
 }
+
+type Dents = Vec<([usize; 4], CornerVector)>;
 
 /// Which matrix is factored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +81,12 @@ const PRODUCTS: usize = 40;
 /// A direction of less than this part of the curvature that M has there counts as one that curves down.
 const FLAT: f64 = 1e-6;
 
+/// One that curves down by less than this part is followed as if it curved down by that.
+const SLIGHT: f64 = 1e-3;
+
+/// Renewals between two tries of S at most.
+const LONGEST_PAUSE: usize = 7;
+
 const HELD: usize = usize::MAX;
 
 impl<'a> TangentSystem<'a> {
@@ -83,19 +94,33 @@ impl<'a> TangentSystem<'a> {
     pub fn new(problem: &Problem<'a>, kind: Kind) -> Self {
         let unknowns = Unknowns::new(problem);
         let (values, dents) = (Vec::new(), Vec::new());
-        Self { unknowns, pattern: None, values, kind, factor: None, dents, constraints: None }
+        Self {
+            unknowns,
+            pattern: None,
+            values,
+            kind,
+            factor: None,
+            dents,
+            wait: 0,
+            pause: 0,
+            constraints: None,
+        }
     }
 
     /// Renews it where the problem's body stands now; its elements must be those of the last time. None
     /// without tangents, or where M can't be factored.
+    ///
+    /// M is all of S where that is positive definite, which is found by factoring it: the less often the more often it
+    /// was not.
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
         self.dents.clear();
-        let values = std::mem::take(&mut self.values);
-        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none(), values);
-        assemble(problem, positions, &mut entries, &mut self.dents)?;
-        let Entries { places, values, .. } = entries;
-        self.refactor(places, &values)?;
-        self.values = values;
+        if self.kind == Kind::Whole {
+            self.factor_of(problem, positions, None)?;
+        } else if !self.is_definite(problem, positions) {
+            let mut dents = std::mem::take(&mut self.dents);
+            self.factor_of(problem, positions, Some(&mut dents))?;
+            self.dents = dents;
+        }
         self.constraints = None;
         let m = self.unknowns.per_vertex;
         if let Some(constraints) = problem.constraints {
@@ -109,6 +134,36 @@ impl<'a> TangentSystem<'a> {
             let columns = (0..constraints.len()).map(|k| column(constraints.row(k))).collect();
             self.constraints = Some(constraints.answered_by(columns, m));
         }
+        Some(())
+    }
+
+    /// Factors S where the problem's body stands, unless that is not likely to be definite; whether it is.
+    fn is_definite(&mut self, problem: &Problem<'_>, positions: &Field) -> bool {
+        if let Some(less) = self.wait.checked_sub(1) {
+            self.wait = less;
+            return false;
+        }
+        let is_exact = |factor: &Factor| matches!(factor, Factor::Convex(one) if one.is_exact());
+        let is_definite = self.factor_of(problem, positions, None).is_some()
+            && self.factor.as_ref().is_some_and(is_exact);
+        self.pause = if is_definite { 0 } else { (2 * self.pause + 1).min(LONGEST_PAUSE) };
+        self.wait = self.pause;
+        is_definite
+    }
+
+    /// Factors M where the problem's body stands, with N into `dents`; without these S.
+    fn factor_of(
+        &mut self,
+        problem: &Problem<'_>,
+        positions: &Field,
+        dents: Option<&mut Dents>,
+    ) -> Option<()> {
+        let values = std::mem::take(&mut self.values);
+        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none(), values);
+        assemble(problem, positions, &mut entries, dents)?;
+        let Entries { places, values, .. } = entries;
+        self.refactor(places, &values)?;
+        self.values = values;
         Some(())
     }
 
@@ -150,8 +205,9 @@ impl<'a> TangentSystem<'a> {
         step
     }
 
-    /// S⁻¹ r by conjugate gradients, to `accuracy` of what r asks for in the norm of M⁻¹, or what they have found
-    /// where they meet a direction that curves down; M⁻¹ r if that is the first one.
+    /// S⁻¹ r by conjugate gradients, to `accuracy` of what r asks for in the norm of M⁻¹; where they meet a direction
+    /// that curves down, what they have found, and along that direction as far as if it curved up as much. Near a
+    /// saddle that doubles the distance from it, whatever the other directions ask for.
     pub fn direction(&self, residual: &[f64], accuracy: f64) -> Vec<f64> {
         let mut z = self.solve(residual);
         if self.dents.is_empty() {
@@ -162,14 +218,16 @@ impl<'a> TangentSystem<'a> {
         let enough = accuracy.powi(2) * rest;
         let (mut p, mut of_p) = (z.clone(), r.clone());
         let mut found = vec![0.0; residual.len()];
-        for product in 0..PRODUCTS {
+        for _ in 0..PRODUCTS {
             // M p is known: p is made of vectors M⁻¹ r.
             let convex = dot(&p, &of_p);
             let mut stiff = of_p.clone();
             self.take_dents(&p, &mut stiff);
             let curvature = dot(&p, &stiff);
             if !(curvature > FLAT * convex) {
-                return if product == 0 { z } else { found };
+                let length = rest / (-curvature).max(SLIGHT * convex);
+                axpy(length, &p, &mut found);
+                return found;
             }
             let length = rest / curvature;
             axpy(length, &p, &mut found);
@@ -202,23 +260,25 @@ impl<'a> TangentSystem<'a> {
     }
 }
 
-/// Enters all that the matrix is made of; for M also what it has too much, into `dents`. None without tangents.
+/// Enters all that the matrix is made of; with `dents` that of M, and what it has too much into these. None without
+/// tangents.
 fn assemble(
     problem: &Problem<'_>,
     positions: &Field,
     entries: &mut Entries<'_>,
-    dents: &mut Vec<([usize; 4], CornerVector)>,
+    mut dents: Option<&mut Dents>,
 ) -> Option<()> {
     let tangent_of = problem.forces.tangent()?;
     let body = &*problem.body;
     let is_convex = entries.kind == Kind::Convex;
     for (number, element) in body.elements().iter().enumerate() {
-        let (vertices, first) = (element.vertices, dents.len());
+        let vertices = element.vertices;
         let mut tangent = tangent_of(body, number, positions);
-        if is_convex {
+        if let Some(dents) = dents.as_deref_mut() {
+            let first = dents.len();
             each_dent(&tangent, |dent| dents.push((vertices, dent)));
+            dents[first..].iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
         }
-        dents[first..].iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
         if let Some(inertia) = problem.inertia {
             add_alike(&mut tangent, &inertia.matrix(number));
         }
@@ -234,7 +294,7 @@ fn assemble(
         pushes.each_stiffness(positions, |point, stiffness| {
             let ElementPoint { vertices, weights } = *point;
             let mut stiffness = stiffness;
-            if is_convex {
+            if let Some(dents) = dents.as_deref_mut() {
                 let lacking = stiffness;
                 each_lack(lacking, |lack| {
                     stiffness += lack * lack.transpose();

@@ -3,9 +3,10 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering,
-    factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
+    SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, Mat, Par, Side};
@@ -195,6 +196,23 @@ impl SparseLdl {
         Some(Self { symbolic, values, scale })
     }
 
+    /// Whether all pivots are those of K: A and C are as definite as they should be.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        let is_own = |pivot: &f64| pivot.abs() > LEAST_PIVOT;
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(columns) => {
+                let first = &columns.col_ptr()[..self.scale.len()];
+                first.iter().all(|&at| is_own(&self.values[at]))
+            }
+            SymbolicCholeskyRaw::Supernodal(supernodes) => {
+                let factor = SupernodalLdltRef::new(supernodes, &self.values);
+                let pivots = |s: usize| factor.supernode(s).val().diagonal().column_vector();
+                (0..supernodes.n_supernodes()).all(|s| pivots(s).iter().all(is_own))
+            }
+        }
+    }
+
     /// The pattern of L, for another matrix with the same entries.
     pub fn into_pattern(self) -> LdlPattern {
         LdlPattern(self.symbolic)
@@ -288,6 +306,26 @@ mod tests {
             factor.solve_in_place(&mut x);
             for i in 0..4 {
                 assert!((x[(i, 0)] - 1.0).abs() < 1e-14, "{softness}: {x:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn pivots_that_are_replaced_are_told_of() {
+        let is_exact = |entries: &[(usize, usize, f64)], signs: &[i8]| {
+            let n = signs.len();
+            let entries: Vec<_> = entries.iter().map(|&(i, j, v)| Triplet::new(i, j, v)).collect();
+            let k = SparseColMat::try_new_from_triplets(n, n, &entries).unwrap();
+            SparseLdl::new(k, signs, None).is_none_or(|factor| factor.is_exact())
+        };
+        assert!(SparseLdl::new(pair(1e-9), &[1, -1, 1, -1], None).unwrap().is_exact());
+        // Full enough for supernodes, and not.
+        for n in [2, 200] {
+            for last in [1.0, -1.0] {
+                let mut k: Vec<_> = (0..n).map(|i| (i, i, 2.0 * n as f64)).collect();
+                k.extend((0..n).flat_map(|j| (j + 1..n).map(move |i| (i, j, 1.0))));
+                k[n - 1].2 *= last;
+                assert_eq!(is_exact(&k, &vec![1; n]), last > 0.0, "{n}, {last}");
             }
         }
     }
