@@ -56,7 +56,27 @@ pub trait Method: Send + Sized {
         self.multiply(k.unit_columns(rows).as_ref())
     }
 
-    /// See [`InverseMaintainer::compliance`]; the rows are checked.
+    /// See [`InverseMaintainer::precondition`]; sides are checked.
+    fn precondition(
+        whole: &Maintained<Self>,
+        f: &[f64],
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        whole.apply(f, u)
+    }
+
+    /// See [`InverseMaintainer::precondition_and_reply`]; sides and rows are checked.
+    fn precondition_and_reply(
+        whole: &Maintained<Self>,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        Self::apply_and_reply(whole, f, rows, reply, u)
+    }
+
+    /// See [`InverseMaintainer::compliance`]; rows are checked.
     fn compliance(whole: &Maintained<Self>, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
         compliance_by_columns(whole, loads)
     }
@@ -321,6 +341,23 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         self.check_sides(f, u)?;
         check_range(rows, self.stiffness.dofs())?;
         M::apply_and_reply(self, f, rows, reply, u)
+    }
+
+    fn precondition(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
+        self.check_sides(f, u)?;
+        M::precondition(self, f, u)
+    }
+
+    fn precondition_and_reply(
+        &self,
+        f: &[f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+        u: &mut [f64],
+    ) -> Result<(), InverseError> {
+        self.check_sides(f, u)?;
+        check_range(rows, self.stiffness.dofs())?;
+        M::precondition_and_reply(self, f, rows, reply, u)
     }
 
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {

@@ -26,14 +26,15 @@ fn off_trend(reports: &[StepReport]) -> f64 {
 #[test]
 fn a_ball_does_not_feel_the_mesh_change_under_it() {
     let run = |ease: &str| {
-        let mut simulation = simulation("palpate", &["time.steps=45", ease]);
-        let reports: Vec<_> = (0..45).map(|_| simulation.step().unwrap()).collect();
+        // Then the ball turns, which is felt at once.
+        let mut simulation = simulation("palpate", &["time.steps=41", ease]);
+        let reports: Vec<_> = (0..41).map(|_| simulation.step().unwrap()).collect();
         assert!(reports.iter().all(|r| r.converged));
         assert!(reports.iter().map(|r| r.splits).sum::<usize>() > 20);
         off_trend(&reports)
     };
     let (at_once, eased) = (run("refinement.ease_s=0"), run("refinement.ease_s=0.03"));
-    assert!(at_once > 0.02 && eased < 0.012, "{at_once} at once, {eased} little by little");
+    assert!(at_once > 0.04 && eased < 0.4 * at_once, "{at_once} at once, {eased} little by little");
 }
 
 const SMALL: [&str; 6] = [

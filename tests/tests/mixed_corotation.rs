@@ -306,7 +306,7 @@ fn newton_bends_a_mixed_bar() {
                 inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
             };
             // Well above rounding, which ends what is quadratic.
-            let tolerance = Tolerance::new(1e-10, most);
+            let tolerance = Tolerance::new(1e-9, most);
             x.copy_from_slice(&rest);
             problem.body.set_pressures(&vec![0.0; n]);
             let outcome = Newton.solve(&mut problem, &mut x, &mut internal, &tolerance);

@@ -7,8 +7,8 @@ mod refinement;
 mod residual;
 
 pub use drift::{DRIFT_LIMIT, DRIFT_LIMIT_F32};
-pub(crate) use drift::{drift_of_columns, is_too_far, watched_drift};
+pub(crate) use drift::{drift_of_columns, is_too_far, random, watched_drift};
 pub use refinement::{MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT};
 pub(crate) use refinement::{refine_columns, refine_each};
 #[cfg(test)]
-pub(crate) use {drift::random, residual::residual};
+pub(crate) use residual::residual;

@@ -20,6 +20,6 @@ mod ring_change;
 
 pub use batch::{StiffnessChange, Update, UpdateRef};
 pub(crate) use capacitance::{Capacitance, PIVOT_FLOOR};
-pub(crate) use low_rank::{beside, eigenvectors};
+pub(crate) use low_rank::{beside, pivoted};
 pub(crate) use net_change::NetChange;
 pub use ring_change::{CONSISTENCY_LIMIT, RingChange};

@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use super::batch::UpdateRef;
 use super::capacitance::Capacitance;
-use super::low_rank::{beside, eigenvectors};
+use super::low_rank::{beside, pivoted};
 use super::ring_change::RingChange;
 use crate::InverseError;
 
@@ -61,9 +61,9 @@ impl NetChange {
 ///
 /// Where a ring joins stiff and soft tissue, both terms are stiff and M may be soft. Updating
 /// by one after the other would harden C by the stiffness ratio h and soften it again, which
-/// costs ε h²; taking M's eigenvectors first costs ε h, the rounding that K itself has in the
+/// costs ε h²; taking what is left of M first costs ε h, the rounding that K itself has in the
 /// same rows. A split and its merge see the same M, so that even this does not add up.
-/// Cost: O((r + k) k²) with k = 3 + q columns, none if F and N are empty.
+/// Cost: that of [`pivoted`], none if F and N are empty.
 fn of_ring(
     change: &RingChange,
     a22: &Capacitance,
@@ -87,16 +87,13 @@ fn of_ring(
         j => -a22.sign(j - q),
     };
     let signs: Vec<f64> = (0..all.ncols()).map(sign).collect();
-    // Displacements and pressures have sizes of their own: rows of equal size keep the digits of
-    // both. Smaller eigenvalues are rounding of the largest.
-    let eigen = eigenvectors(all.as_ref(), &signs, negative > 0, 0.25 * f64::EPSILON);
-    let (vectors, values) = eigen.map_err(|value| {
+    let (columns, signs) = pivoted(all.as_ref(), &signs).map_err(|value| {
         let what = "the ring's net change of stiffness";
         InverseError::Singular { what, row: 0, value, limit: f64::MAX }
     })?;
     let side = |sign: f64| {
-        let kept: Vec<usize> = (0..values.len()).filter(|&j| sign * values[j] > 0.0).collect();
-        Mat::from_fn(r, kept.len(), |i, j| vectors[(i, kept[j])])
+        let kept: Vec<usize> = (0..signs.len()).filter(|&j| signs[j] == sign).collect();
+        Mat::from_fn(r, kept.len(), |i, j| columns[(i, kept[j])])
     };
     Ok((side(1.0), side(-1.0)))
 }

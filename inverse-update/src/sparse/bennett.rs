@@ -13,7 +13,8 @@
 
 use faer::MatRef;
 
-use super::factor::{CHUNK, Factor, NONE, Panel};
+use super::factor::{Factor, NONE, Panel};
+use super::lower::CHUNK;
 use super::pivot::{BadPivot, by_rows};
 use super::sweep::{SignGroup, Sweep, place};
 use super::symbolic::blocks;

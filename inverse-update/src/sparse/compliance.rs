@@ -23,7 +23,7 @@ impl<const M: usize> WithSimd for Forward<'_, M> {
     fn with_simd<S: Simd>(self, simd: S) {
         let mut local = Vec::new();
         for &panel in self.path.iter().rev() {
-            self.factor.panels[panel].forward::<S, M, TOGETHER>(simd, self.x, &mut local);
+            self.factor.panels[panel].forward::<S, f64, M, TOGETHER>(simd, self.x, &mut local);
         }
     }
 }

@@ -9,7 +9,7 @@ use super::bennett::Scratch;
 use super::factor::{Factor, NONE, Panel};
 use super::pivot::{BadPivot, Pivot, by_rows, square};
 use crate::InverseError;
-use crate::change::{Capacitance, UpdateRef, beside, eigenvectors};
+use crate::change::{Capacitance, UpdateRef, beside, pivoted};
 
 /// U Σ Uᵀ on the rows of some slots, Σ = diag(`signs`).
 #[derive(Debug, Clone)]
@@ -51,19 +51,15 @@ impl SlotChange {
     /// Where a ring joins stiff and soft tissue, U may be stiff and U Σ Uᵀ soft; a walk with such
     /// columns would make the factor stiffer and softer again, which costs as many digits as they
     /// differ in. The rows are scaled to equal size first, so that soft ones keep their digits.
-    /// Nothing is done without rows or if all signs are equal. Cost: O((rows + k) k²) for k
-    /// columns.
+    /// Nothing is done without rows or if all signs are equal. Cost: that of
+    /// [`pivoted`].
     fn compressed(self) -> Self {
         let is_one_signed = self.signs.windows(2).all(|pair| pair[0] == pair[1]);
         if self.columns.nrows() == 0 || is_one_signed {
             return self;
         }
-        // Smaller eigenvalues are rounding of the largest.
-        match eigenvectors(self.columns.as_ref(), &self.signs, true, f64::EPSILON) {
-            Ok((columns, values)) => {
-                let signs = values.iter().map(|value| value.signum()).collect();
-                Self { columns, signs, ..self }
-            }
+        match pivoted(self.columns.as_ref(), &self.signs) {
+            Ok((columns, signs)) => Self { columns, signs, ..self },
             Err(_) => self,
         }
     }

@@ -1,10 +1,7 @@
 //! The factor K = L D Lᵀ: dense panels of block columns, newest vertex first.
 
-use super::packed::Lower;
+use super::lower::{CHUNK, Lower};
 use super::symbolic::blocks;
-
-/// Scalar rows that kernels handle at once on any vector unit, so that sums don't depend on it.
-pub(crate) const CHUNK: usize = 8;
 
 /// No position, no slot, no index.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -33,6 +30,8 @@ pub(crate) struct Factor {
     pub position_of: Vec<u32>,
     /// Blocks on and below the diagonal, zeros of the panels included.
     pub blocks: usize,
+    /// Whether who preconditions with it may read L in f32.
+    pub may_round: bool,
 }
 
 /// The columns of positions `low..low + width`, which share their rows.

@@ -3,7 +3,7 @@
 //! `inverse.rs` is the file to open first: [`Sparse`](inverse::Sparse). Making a factor:
 //! `pattern.rs` (K as it is read), `dissection.rs` with `vertex_cover.rs` (elimination order),
 //! `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
-//! `factor.rs` (panels of columns), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
+//! `factor.rs` (panels of columns) with `lower.rs` (their L), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
 //! `bennett.rs` with `sweep.rs` (a low-rank change along a path of the tree), `rebase.rs` (a
 //! new elimination order from a thread). Reading it: `packed.rs` (panels in the order
 //! of reading, and the kernels), `substitution.rs`, `reply.rs`, `compliance.rs`.
@@ -14,6 +14,7 @@ mod dissection;
 mod edit;
 mod factor;
 mod inverse;
+mod lower;
 mod numeric;
 mod packed;
 mod panel_kernels;

@@ -35,6 +35,7 @@ impl Factor {
             slot_of: symbolic.order.iter().rev().map(|&slot| slot as u32).collect(),
             position_of: vec![0; n],
             blocks: 0,
+            may_round: false,
         };
         for (step, &slot) in symbolic.order.iter().enumerate() {
             factor.position_of[slot] = position(step);

@@ -6,79 +6,27 @@
 //! of a strip's columns (backward) in registers, and loads and stores a right-hand side once per
 //! strip, not once per column.
 //!
-//! The copy is made at the first use after a change: one pass over the panel, and its memory again.
-
-use std::ops::{Deref, DerefMut};
-use std::sync::OnceLock;
+//! A copy is made at the first use after a change: one pass over the panel, and its memory again. In
+//! [f32](Digits) it takes half of that, and half of the time to read; arithmetic is in f64 all the same.
 
 use pulp::Simd;
 
-use super::factor::{CHUNK, Panel};
+use super::factor::Panel;
+use super::lower::{CHUNK, Digits, Packed};
 use super::pivot::Pivot;
 
 /// Block columns of a strip, at most.
 const WIDE: usize = 4;
 
-/// L of a panel. Whoever may change it makes the copy for reading forgotten.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Lower {
-    values: Vec<f64>,
-    packed: OnceLock<Packed>,
-}
-
-impl From<Vec<f64>> for Lower {
-    fn from(values: Vec<f64>) -> Self {
-        Self { values, packed: OnceLock::new() }
-    }
-}
-
-impl Deref for Lower {
-    type Target = [f64];
-
-    #[inline(always)]
-    fn deref(&self) -> &[f64] {
-        &self.values
-    }
-}
-
-impl DerefMut for Lower {
-    #[inline(always)]
-    fn deref_mut(&mut self) -> &mut [f64] {
-        self.forget();
-        &mut self.values
-    }
-}
-
-impl Lower {
-    /// Called where the panel has other rows than before.
-    #[inline(always)]
-    pub(crate) fn forget(&mut self) {
-        self.packed.take();
-    }
-}
-
-/// Rows of a column, aligned as vector units like it.
-#[derive(Debug, Clone, Copy)]
-#[repr(align(64))]
-struct Rows([f64; CHUNK]);
-
-#[derive(Debug, Clone)]
-struct Packed {
-    /// The triangles of all strips: as many rows as columns, column by column.
-    triangles: Vec<f64>,
-    /// What is below them.
-    below: Vec<Rows>,
-}
-
 /// A strip of K block columns of M rows.
 #[derive(Clone, Copy)]
-struct Strip<'a, const M: usize, const K: usize> {
+struct Strip<'a, T: Digits, const M: usize, const K: usize> {
     /// The row of the panel that its own rows begin with.
     first: usize,
     /// By column and row, in blocks.
     triangle: &'a [[[f64; M]; K]],
     /// By chunk, block column and column.
-    below: &'a [[[Rows; M]; K]],
+    below: &'a [[[T::Rows; M]; K]],
 }
 
 /// Runs a kernel with the block columns of a strip, [`WIDE`] of `$count` at most, as the constant
@@ -116,11 +64,11 @@ impl Panel {
         self.height::<M>() + CHUNK
     }
 
-    fn packed<const M: usize>(&self) -> &Packed {
-        self.values.packed.get_or_init(|| self.pack::<M>())
+    fn packed<T: Digits, const M: usize>(&self) -> &Packed<T> {
+        T::copy_in(&self.values).get_or_init(|| self.pack::<T, M>())
     }
 
-    fn pack<const M: usize>(&self) -> Packed {
+    fn pack<T: Digits, const M: usize>(&self) -> Packed<T> {
         let height = self.height::<M>();
         let mut packed = Packed { triangles: Vec::new(), below: Vec::new() };
         let ends = |first: usize| (first + WIDE).min(self.width);
@@ -136,7 +84,7 @@ impl Panel {
                 let from = M * end + CHUNK * chunk;
                 for column in columns.chunks_exact(self.stride) {
                     let rows = column[from..].first_chunk().copied();
-                    packed.below.push(Rows(rows.unwrap_or_default()));
+                    packed.below.push(T::rows(rows.unwrap_or_default()));
                 }
             }
         }
@@ -145,12 +93,12 @@ impl Panel {
 
     /// The strip from block column `first` on. It begins at `at` in both parts, which moves behind it.
     #[inline(always)]
-    fn strip<'a, const M: usize, const K: usize>(
+    fn strip<'a, T: Digits, const M: usize, const K: usize>(
         &self,
-        packed: &'a Packed,
+        packed: &'a Packed<T>,
         first: usize,
         at: &mut (usize, usize),
-    ) -> Strip<'a, M, K> {
+    ) -> Strip<'a, T, M, K> {
         let size = M * K * M * K;
         let count = M * K * chunks(self.height::<M>(), M * (first + K));
         let triangle = &packed.triangles[at.0..at.0 + size];
@@ -165,7 +113,7 @@ impl Panel {
 
     /// x ← L⁻¹ x, then the panel's own rows of D⁻¹ x, for R right-hand sides one after the other.
     #[inline(always)]
-    pub(super) fn forward<S: Simd, const M: usize, const R: usize>(
+    pub(super) fn forward<S: Simd, T: Digits, const M: usize, const R: usize>(
         &self,
         simd: S,
         x: &mut [f64],
@@ -186,10 +134,10 @@ impl Panel {
                 *to = *from;
             }
         }
-        let (packed, mut at) = (self.packed::<M>(), (0, 0));
+        let (packed, mut at) = (self.packed::<T, M>(), (0, 0));
         for first in (0..self.width).step_by(WIDE) {
             strip!(self.width - first, K => {
-                let strip = self.strip::<M, K>(packed, first, &mut at);
+                let strip = self.strip::<T, M, K>(packed, first, &mut at);
                 strip.forward::<S, R>(simd, local, room);
             });
         }
@@ -212,7 +160,7 @@ impl Panel {
 
     /// The panel's own rows of x ← L⁻ᵀ x, for one right-hand side.
     #[inline(always)]
-    pub(super) fn backward<S: Simd, const M: usize>(
+    pub(super) fn backward<S: Simd, T: Digits, const M: usize>(
         &self,
         simd: S,
         x: &mut [f64],
@@ -224,13 +172,13 @@ impl Panel {
         own.iter().rev().for_each(|block| local.extend_from_slice(block));
         self.rows.iter().for_each(|&row| local.extend_from_slice(&x[row as usize]));
         local.resize(self.room::<M>(), 0.0);
-        let packed = self.packed::<M>();
+        let packed = self.packed::<T, M>();
         let mut at = (packed.triangles.len(), packed.below.len());
         for first in (0..self.width).step_by(WIDE).rev() {
             strip!(self.width - first, K => {
                 at.0 -= M * K * M * K;
                 at.1 -= M * K * chunks(self.height::<M>(), M * (first + K));
-                let strip = self.strip::<M, K>(packed, first, &mut at.clone());
+                let strip = self.strip::<T, M, K>(packed, first, &mut at.clone());
                 strip.backward(simd, local);
             });
         }
@@ -239,7 +187,7 @@ impl Panel {
     }
 }
 
-impl<const M: usize, const K: usize> Strip<'_, M, K> {
+impl<T: Digits, const M: usize, const K: usize> Strip<'_, T, M, K> {
     /// Its own rows of x ← L⁻¹ x, and what they change below.
     #[inline(always)]
     fn forward<S: Simd, const R: usize>(self, simd: S, local: &mut [f64], room: usize) {
@@ -273,7 +221,7 @@ impl<const M: usize, const K: usize> Strip<'_, M, K> {
                 }
                 for column in 0..K {
                     for b in 0..M {
-                        let lower = S::as_simd_f64s(&chunk[column][b].0).0[part];
+                        let lower = T::load(simd, &chunk[column][b], part);
                         for r in 0..R {
                             let head = simd.splat_f64s(-heads[r][column][b]);
                             sums[r] = simd.mul_add_e_f64s(lower, head, sums[r]);
@@ -297,7 +245,7 @@ impl<const M: usize, const K: usize> Strip<'_, M, K> {
                 let x = S::as_simd_f64s(x).0[part];
                 for column in 0..K {
                     for b in 0..M {
-                        let lower = S::as_simd_f64s(&chunk[column][b].0).0[part];
+                        let lower = T::load(simd, &chunk[column][b], part);
                         sums[column][b] = simd.mul_add_e_f64s(lower, x, sums[column][b]);
                     }
                 }

@@ -70,4 +70,27 @@ impl Pattern {
             Err(_) => 0.0,
         }
     }
+
+    /// K x. Cost: one pass over half of K.
+    pub(crate) fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        let m = self.block;
+        let mut y = vec![0.0; x.len()];
+        for i in 0..self.vertices() {
+            let lower = &self.values[m * m * self.value_starts[i]..];
+            for (&j, block) in self.neighbours(i).iter().zip(lower.chunks_exact(m * m)) {
+                let j = j as usize;
+                if j > i {
+                    break;
+                }
+                for (at, entry) in block.iter().enumerate() {
+                    let (row, column) = (m * i + at / m, m * j + at % m);
+                    y[row] += entry * x[column];
+                    if j < i {
+                        y[column] += entry * x[row];
+                    }
+                }
+            }
+        }
+        y
+    }
 }

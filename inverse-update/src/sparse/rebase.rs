@@ -30,8 +30,9 @@ impl Based {
     pub(crate) fn new(pattern: &Pattern) -> Result<Self, BadPivot> {
         let symbolic = Symbolic::new(pattern, dissection::order(pattern));
         let last = symbolic.order.len();
-        let factor = Factor::new(pattern, &symbolic)
+        let mut factor = Factor::new(pattern, &symbolic)
             .map_err(|bad| BadPivot { position: symbolic.order[last - 1 - bad.position], ..bad })?;
+        factor.try_rounding(pattern);
         let (blocks, operations) = (factor.blocks, factor.operations());
         Ok(Self { base: None, factor, blocks, operations })
     }

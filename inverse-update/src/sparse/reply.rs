@@ -1,23 +1,27 @@
 //! A solve in the middle of which a few rows tell what they get and add to the load.
 
+use std::marker::PhantomData;
+
 use pulp::{Simd, WithSimd};
 
 use super::factor::Factor;
+use super::lower::Digits;
 use super::pivot::by_rows;
 
-struct Reply<'a, 'b, const M: usize> {
+struct Reply<'a, 'b, T, const M: usize> {
     factor: &'a Factor,
     side: &'a mut [f64],
     rows: &'a [usize],
     reply: &'a mut (dyn FnMut(&[f64]) -> Vec<f64> + 'b),
+    digits: PhantomData<T>,
 }
 
-impl<const M: usize> WithSimd for Reply<'_, '_, M> {
+impl<T: Digits, const M: usize> WithSimd for Reply<'_, '_, T, M> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.factor.solve_and_reply::<S, M>(simd, self.side, self.rows, self.reply);
+        self.factor.solve_and_reply::<S, T, M>(simd, self.side, self.rows, self.reply);
     }
 }
 
@@ -33,12 +37,36 @@ impl Factor {
         rows: &[usize],
         reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
     ) {
-        let arch = pulp::Arch::new();
-        by_rows!(self.block, M => arch.dispatch(Reply::<M> { factor: self, side, rows, reply }));
+        self.reply_in::<f64>(side, rows, reply);
+    }
+
+    /// The same with the digits of [`precondition`](Self::precondition).
+    pub(crate) fn precondition_with_reply(
+        &self,
+        side: &mut [f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+    ) {
+        match self.may_round {
+            true => self.reply_in::<f32>(side, rows, reply),
+            false => self.reply_in::<f64>(side, rows, reply),
+        }
+    }
+
+    fn reply_in<T: Digits>(
+        &self,
+        side: &mut [f64],
+        rows: &[usize],
+        reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
+    ) {
+        let (arch, factor, digits) = (pulp::Arch::new(), self, PhantomData::<T>);
+        by_rows!(self.block, M => {
+            arch.dispatch(Reply::<T, M> { factor, side, rows, reply, digits });
+        });
     }
 
     #[inline(always)]
-    fn solve_and_reply<S: Simd, const M: usize>(
+    fn solve_and_reply<S: Simd, T: Digits, const M: usize>(
         &self,
         simd: S,
         side: &mut [f64],
@@ -50,11 +78,11 @@ impl Factor {
         let mut x = self.by_position::<M, 1>(side);
         let mut local = Vec::new();
         for panel in self.panels.iter().rev() {
-            panel.forward::<S, M, 1>(simd, &mut x, &mut local);
+            panel.forward::<S, T, M, 1>(simd, &mut x, &mut local);
         }
         let mut there = x.clone();
         for &panel in &path {
-            self.panels[panel].backward::<S, M>(simd, &mut there, &mut local);
+            self.panels[panel].backward::<S, T, M>(simd, &mut there, &mut local);
         }
         let values: Vec<f64> = rows.iter().map(|&row| there[place(row)]).collect();
         let mut more = vec![0.0; x.len()];
@@ -62,11 +90,11 @@ impl Factor {
             more[place(row)] += force;
         }
         for &panel in path.iter().rev() {
-            self.panels[panel].forward::<S, M, 1>(simd, &mut more, &mut local);
+            self.panels[panel].forward::<S, T, M, 1>(simd, &mut more, &mut local);
         }
         x.iter_mut().zip(&more).for_each(|(x, more)| *x += more);
         for panel in &self.panels {
-            panel.backward::<S, M>(simd, &mut x, &mut local);
+            panel.backward::<S, T, M>(simd, &mut x, &mut local);
         }
         self.by_slot::<M>(&x, side);
     }

@@ -2,7 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::factor::{CHUNK, NONE, Panel};
+use super::factor::{NONE, Panel};
+use super::lower::CHUNK;
 use super::pivot::{BadPivot, Pivot, square};
 use crate::change::PIVOT_FLOOR;
 

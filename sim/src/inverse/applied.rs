@@ -54,7 +54,7 @@ impl Inverse for Applied<'_> {
     }
 
     fn apply(&self, f: &[f64], y: &mut [f64]) {
-        if let Err(error) = self.time(|| self.constrained.apply(f, y)) {
+        if let Err(error) = self.time(|| self.constrained.precondition(f, y)) {
             self.note(error, y);
         }
     }
@@ -69,7 +69,8 @@ impl Inverse for Applied<'_> {
         if !self.constrained.can_reply() {
             return reply_by_two(self, f, rows, reply, y);
         }
-        if let Err(error) = self.time(|| self.constrained.apply_and_reply(f, rows, reply, y)) {
+        if let Err(error) = self.time(|| self.constrained.precondition_and_reply(f, rows, reply, y))
+        {
             self.note(error, y);
         }
     }

@@ -97,14 +97,26 @@ impl Constrained<'_> {
         Ok(())
     }
 
-    /// Whether [`apply_and_reply`](Self::apply_and_reply) can be had: no vertex is held.
+    /// As [`apply`](Self::apply), with the digits that a preconditioner needs where no vertex is held.
+    pub fn precondition(&self, f: &[f64], y: &mut [f64]) -> Result<(), SimError> {
+        if !self.held.slots.is_empty() {
+            return self.apply(f, y);
+        }
+        let local = self.slots.gather(self.unknowns, f);
+        let mut solution = vec![0.0; local.len()];
+        self.maintainer.precondition(&local, &mut solution)?;
+        self.slots.scatter(self.unknowns, &solution, y);
+        Ok(())
+    }
+
+    /// Whether [`precondition_and_reply`](Self::precondition_and_reply) can be had: no vertex is held.
     pub fn can_reply(&self) -> bool {
         self.held.slots.is_empty()
     }
 
     /// y = C (f + e), where e acts on some `rows` alone, of vertices that have unknowns, and `reply`
-    /// chooses it by what C f is there.
-    pub fn apply_and_reply(
+    /// chooses it by what C f is there, with the digits that a preconditioner needs.
+    pub fn precondition_and_reply(
         &self,
         f: &[f64],
         rows: &[usize],
@@ -116,7 +128,7 @@ impl Constrained<'_> {
         let places: Vec<usize> = rows.iter().filter_map(place).collect();
         let local = self.slots.gather(m, f);
         let mut solution = vec![0.0; local.len()];
-        self.maintainer.apply_and_reply(&local, &places, reply, &mut solution)?;
+        self.maintainer.precondition_and_reply(&local, &places, reply, &mut solution)?;
         self.slots.scatter(m, &solution, y);
         Ok(())
     }

@@ -395,9 +395,18 @@ impl Replay {
             let want = product(f, i);
             assert!((got - want).abs() <= limit(f, i), "{what}, row {i}: {got} instead of {want}");
         };
+        // A hundredth in the norm of energy: |e_i|² ≤ C_ii eᵀ K e.
+        let check_roughly = |f: &[f64], i: usize, got: f64| {
+            let energy: f64 = (0..n).map(|j| (f[j] * product(f, j)).abs()).sum();
+            let rough = 1e-2 * (c[(i, i)].abs() * energy).sqrt();
+            let missed = (got - product(f, i)).abs();
+            assert!(missed <= rough + limit(f, i), "precondition, row {i}: off by {missed:e}");
+        };
         let mut u = vec![f64::NAN; n];
         self.maintainer.apply(&f, &mut u).expect("a finite load");
         (0..n).for_each(|i| check("apply", &f, i, u[i]));
+        self.maintainer.precondition(&f, &mut u).expect("a finite load");
+        (0..n).for_each(|i| check_roughly(&f, i, u[i]));
         let rows: Vec<usize> = (0..n).rev().step_by(3).collect();
         let mut told = Vec::new();
         let mut reply = |there: &[f64]| {
@@ -413,6 +422,9 @@ impl Replay {
             f[row] += scaled.scale[row] * (1.0 + (value * scaled.scale[row]).sin());
         }
         (0..n).for_each(|i| check("with a reply", &f, i, u[i]));
+        let silent = &mut |there: &[f64]| vec![0.0; there.len()];
+        self.maintainer.precondition_and_reply(&f, &rows, silent, &mut u).expect("rows of K");
+        (0..n).for_each(|i| check_roughly(&f, i, u[i]));
     }
 
     /// `compliance` is the block of C that `columns` shows, each to within the bound of both.

@@ -236,7 +236,7 @@ fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
     let mut body = Body::new(4, 3, 0, quiet());
     // The same updates twice: made one by one here, in batches there.
     let mut copy = Body::new(4, 3, 0, quiet());
-    let updates = body.splits(40);
+    let updates = body.splits(400);
     let (few, many) = updates.split_at(2);
     copy.sparse.batch(few).unwrap();
     assert_eq!(copy.sparse.rebases(), 0);
@@ -257,7 +257,7 @@ fn a_batch_counts_its_small_algebra_and_what_its_own_walks_show() {
     let mut body = Body::new(4, 3, 0, quiet());
     let mut copy = Body::new(4, 3, 0, quiet());
     seem_free(&mut copy.sparse);
-    copy.sparse.batch(&body.splits(160)).unwrap();
+    copy.sparse.batch(&body.splits(400)).unwrap();
     assert_eq!((copy.sparse.rebases(), copy.sparse.method().scratch.walks), (1, 1_000_000_000));
     // Rank one has next to no small algebra: the first walks tell that five thousand are many.
     let added = Mat::from_fn(3, 1, |i, _| if i == 0 { 1e-3 } else { 0.0 });
@@ -330,4 +330,35 @@ fn a_rebase_gives_the_same_bits_wherever_and_whenever_it_is_made() {
     rebase::SLOW_MS.with(|slow| slow.set(0));
     let never = RebaseOptions { updates: usize::MAX, ..options };
     assert_ne!(outcome(never).0, bits, "so a re-base can be seen in the bits");
+}
+
+/// A stiff part on soft springs has no stiffness of its own to spare for rounding.
+#[test]
+fn l_is_rounded_where_that_costs_little() {
+    for (contrast, may_round) in [(1.0, true), (1e9, true), (1e14, false)] {
+        let n = 40;
+        let mut k = SparseStiffness::zeros(n, 1).unwrap();
+        for i in 0..n {
+            k.add(&[i], faer::mat![[1.0]].as_ref()).unwrap();
+        }
+        for i in 1..n {
+            let h = if i < n / 2 { contrast } else { 1.0 };
+            for j in 0..i {
+                // What leaves the stiff part as it is has no simple numbers.
+                let [a, b] = [i, j].map(|i| 1.0 / (1.0 + 0.3 * (i as f64).sin()));
+                let spring = faer::mat![[h * a * a, -h * a * b], [-h * a * b, h * b * b]];
+                k.add(&[i, j], spring.as_ref()).unwrap();
+            }
+        }
+        let sparse = Sparse::new(k).unwrap();
+        assert_eq!(sparse.read(|method| method.based.factor.may_round), may_round, "{contrast:e}");
+        let f: Vec<f64> = (0..n).map(|i| 1.0 + (i % 3) as f64).collect();
+        let (mut whole, mut applied) = (vec![0.0; n], vec![0.0; n]);
+        sparse.solve(&f, &mut whole).unwrap();
+        sparse.precondition(&f, &mut applied).unwrap();
+        let missed = whole.iter().zip(&applied).map(|(a, b)| (a - b).abs() / a.abs());
+        let missed = missed.fold(0.0, f64::max);
+        assert_eq!(missed > 1e-12, may_round, "{contrast:e}: {missed:e}");
+        assert!(missed < 1e-2, "{contrast:e}: {missed:e}");
+    }
 }
