@@ -81,6 +81,14 @@ pub trait Method: Send + Sized {
         compliance_by_columns(whole, loads)
     }
 
+    /// See [`InverseMaintainer::rough_compliance`]; rows are checked.
+    fn rough_compliance(
+        whole: &Maintained<Self>,
+        loads: &[Load],
+    ) -> Result<Mat<f64>, InverseError> {
+        Self::compliance(whole, loads)
+    }
+
     /// See [`InverseMaintainer::apply_and_reply`]; sides and rows are checked.
     fn apply_and_reply(
         whole: &Maintained<Self>,
@@ -379,6 +387,12 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         let rows: Vec<usize> = loads.iter().flatten().map(|load| load.0).collect();
         check_range(&rows, self.stiffness.dofs())?;
         M::compliance(self, loads)
+    }
+
+    fn rough_compliance(&self, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        let rows: Vec<usize> = loads.iter().flatten().map(|load| load.0).collect();
+        check_range(&rows, self.stiffness.dofs())?;
+        M::rough_compliance(self, loads)
     }
 
     fn holds_columns(&self) -> bool {

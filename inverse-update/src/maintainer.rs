@@ -228,6 +228,13 @@ pub trait InverseMaintainer: Send {
         compliance_by_columns(self, loads)
     }
 
+    /// [`compliance`](Self::compliance) with the digits of [`precondition`](Self::precondition).
+    /// # Errors
+    /// As [`compliance`](Self::compliance).
+    fn rough_compliance(&self, loads: &[Load]) -> Result<Mat<f64>, InverseError> {
+        self.compliance(loads)
+    }
+
     /// Several updates one after the other, with slots as those before leave them.
     ///
     /// As single calls would make them. A maintainer may defer work and do it for many updates at

@@ -277,7 +277,7 @@ fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_those
 /// not count, it goes out, comes in again, and the force is another in every third step.
 #[test]
 fn a_ball_that_stays_leaves_the_mesh_alone() {
-    let finer = ["mesh.start_level=1", "mesh.max_level=4"];
+    let finer = ["mesh.start_level=1", "mesh.max_level=4", "stages.element=p1"];
     for (indicator, mesh) in [("residual", &[][..]), ("energy", &finer[..])] {
         let path = "tools.0.path=[{time_s=0,move_m=[0.0239,0.0760,0.0266]},\
             {time_s=0.1,move_m=[0.0239,0.0694,0.0266]}]";

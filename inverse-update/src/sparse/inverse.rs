@@ -265,6 +265,13 @@ impl Method for SparseMethod {
         Ok(whole.read(|method| method.based.factor.compliance(loads)))
     }
 
+    fn rough_compliance(
+        whole: &Maintained<Self>,
+        loads: &[Load],
+    ) -> Result<Mat<f64>, InverseError> {
+        Ok(whole.read(|method| method.based.factor.rough_compliance(loads)))
+    }
+
     fn apply_and_reply(
         whole: &Maintained<Self>,
         f: &[f64],

@@ -437,6 +437,15 @@ impl Replay {
         let got = self.maintainer.compliance(&units).expect("rows that are there");
         assert_eq!(got.shape(), (block * slots.len(), block * slots.len()));
         let limit = 2.0 * bound * scaled.norm(c);
+        let rough = self.maintainer.rough_compliance(&units).expect("rows that are there");
+        for (i, j) in entries(&rough) {
+            let (at, to) = (row(i), row(j));
+            let weight = scaled.scale[at] * scaled.scale[to];
+            let size = (c[(at, at)] * c[(to, to)]).abs().sqrt();
+            let error = (rough[(i, j)] - c[(at, to)]).abs();
+            let most = 2e-2 * size + limit / weight;
+            assert!(error <= most, "rough compliance ({at}, {to}) is off by {error:e}");
+        }
         for (i, j) in entries(&got) {
             let (at, to) = (row(i), row(j));
             let weight = scaled.scale[at] * scaled.scale[to];
