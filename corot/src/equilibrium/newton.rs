@@ -10,12 +10,13 @@ use super::vectors::dot;
 /// x ← x + α d, d from the tangent with the derivatives of the rotations, α by a line search: what goes down
 /// in energy from anywhere, quadratic near the solution.
 ///
-/// d is Newton's where the tangent is positive definite, else what conjugate gradients, preconditioned by the
-/// positive semi-definite parts of the elements' tangents, find up to the first direction that curves down.
+/// d is Newton's where the tangent is positive definite, by its own factor; else what conjugate gradients, preconditioned
+/// by the positive semi-definite parts of the elements' tangents, find up to the first direction that curves down, and
+/// along that one. Whether it is definite is tried by factoring it, less often the more often it was not.
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
 /// than 10, 10³, … times as stiff as the softest are solved before. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
-/// inverse of the [`Problem`] is not used. Cost: a sparse factorisation an iteration.
+/// inverse of the [`Problem`] is not used. Cost: one or two sparse factorisations an iteration.
 /// # Source
 /// Steihaug, The conjugate gradient method and trust regions in large scale optimization, SIAM J. Numer. Anal.
 /// 20(3), 1983; Teran et al., Robust quasistatic finite elements and flesh simulation, SCA 2005 (the
