@@ -366,6 +366,12 @@ fn value_out_of_range() {
         ("refinement.every_steps=0", "at least 1"),
         ("refinement.ease_s=-0.1", "0 to 10"),
         ("refinement.ease_s=nan", "0 to 10"),
+        (
+            "refinement.near_probe={ level = 4, within_m = 0.01 }",
+            "at most mesh.max_level, which is 3",
+        ),
+        ("refinement.near_probe={ level = 2, within_m = -0.01 }", "0 to 1"),
+        ("refinement.near_probe={ level = 2, within_m = nan }", "0 to 1"),
         ("fixed.0.min=[0.5, 0, 0]", "fixed[0].min[0] is 0.5, want at most fixed[0].max[0], 0.0"),
         ("tools.0.path=[]", "tools[0].path"),
         ("tools.0.path.1.time_s=0", "tools[0].path[1].time_s"),

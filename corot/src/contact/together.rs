@@ -7,6 +7,9 @@ use crate::field::Field;
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;
 
+/// Iterations in which what is left has to become half at least.
+const PATIENCE: usize = 20;
+
 impl Run<'_, '_, '_> {
     /// Positions and forces in one iteration; true if it has converged.
     pub(super) fn together(&mut self, start: &Place, positions: &mut Field) -> bool {
@@ -17,6 +20,7 @@ impl Run<'_, '_, '_> {
         let mut step = vec![0.0; self.residual.len() + self.lambda.len()];
         let mut pushing: Vec<bool> = self.lambda.iter().map(|&force| force > 0.0).collect();
         let mut flips = 0;
+        let mut halved = Halved::new();
         let most = self.tolerance.max_iterations;
         while !self.is_done() && self.outcome.iterations < most && !self.tolerance.is_late() {
             if let Some(set) = &self.set
@@ -26,6 +30,10 @@ impl Run<'_, '_, '_> {
                 self.set = Some(self.next_set(set));
                 best = self.place(f64::INFINITY, positions);
                 memory.clear();
+                halved = Halved { since: self.outcome.iterations, ..Halved::new() };
+            }
+            if halved.is_late(best.0, self.outcome.iterations) {
+                break;
             }
             if !(self.progress() <= growth * best.0) {
                 damping *= 0.5;
@@ -52,6 +60,7 @@ impl Run<'_, '_, '_> {
                 // Some point comes in and goes out again and again.
                 self.set = Some(pushing.clone());
                 best.0 = f64::INFINITY;
+                halved = Halved { since: self.outcome.iterations, ..Halved::new() };
             }
             if self.progress() < best.0 {
                 best = self.place(self.progress(), positions);
@@ -117,5 +126,25 @@ impl Run<'_, '_, '_> {
             };
         }
         self.evaluate(positions);
+    }
+}
+
+/// When what is left last became half of what it was.
+struct Halved {
+    since: usize,
+    left: f64,
+}
+
+impl Halved {
+    fn new() -> Self {
+        Self { since: 0, left: f64::INFINITY }
+    }
+
+    /// Whether `left` after so many iterations has long been more than half of what it was.
+    fn is_late(&mut self, left: f64, iterations: usize) -> bool {
+        if left <= 0.5 * self.left {
+            *self = Self { since: iterations, left };
+        }
+        iterations - self.since >= PATIENCE
     }
 }

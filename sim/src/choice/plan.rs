@@ -7,7 +7,7 @@ use super::stages::Stages;
 use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::{PlanRow, WARNING};
-use crate::scene::{AUTO, GrabHold, MassModel, Scene, SupportHold, ToolEntry};
+use crate::scene::{AUTO, GrabHold, MassModel, NearProbe, Scene, SupportHold, ToolEntry};
 use crate::tools::Holding;
 
 /// Why a body with inertia keeps all of its parts.
@@ -222,7 +222,11 @@ fn refinement(scene: &Scene, stages: &Stages) -> PlanRow {
             format!("split above {above:e} {}, merge below {below:e}", indicator.unit())
         }
     };
-    let why = format!("{until}, at most {} vertices", scene.mesh.max_vertices);
+    let before =
+        rules.near_probe.as_ref().map_or_else(String::new, |NearProbe { level, within_m }| {
+            format!(", to level {level} within {} mm of a probe", 1e3 * within_m)
+        });
+    let why = format!("{until}{before}, at most {} vertices", scene.mesh.max_vertices);
     row("refinement", indicator.name(), true, why)
 }
 

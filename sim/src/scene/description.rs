@@ -293,17 +293,31 @@ pub struct Refinement {
     pub merge_fraction: f64,
     /// Steps a new vertex stays at least.
     pub dwell_steps: usize,
-    /// Splits in one step at most, largest indicator first, and as many merges, smallest first.
+    /// Splits and merges in one step at most, half of them each unless fewer are wanted: splits of the largest
+    /// indicator first, merges of the smallest.
     pub max_splits_per_step: usize,
     /// Every how many steps what is wanted is measured, ≥ 1; above 1 the mesh changes in the steps between.
     pub every_steps: usize,
     /// Over which time a body without inertia comes to feel a change of its mesh, s; in the next step where that is
     /// less than one and a half.
     pub ease_s: f64,
+    /// How fine the mesh is where a probe is about to touch, whatever the indicator says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_probe: Option<NearProbe>,
     /// A figure whose error is estimated too, and to which the indicator `goal` refines; for that the
     /// force of the first tool if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub goal: Option<GoalEntry>,
+}
+
+/// A mesh that is fine before it is touched.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NearProbe {
+    /// The least level of tetrahedra there, at most `mesh.max_level`.
+    pub level: u8,
+    /// How far off the surface of a probe that is, m.
+    pub within_m: f64,
 }
 
 /// A figure of a run by its `kind`.
@@ -472,6 +486,7 @@ impl Default for Refinement {
             max_splits_per_step: 200,
             every_steps: 1,
             ease_s: 0.03,
+            near_probe: None,
             goal: None,
         }
     }

@@ -20,8 +20,8 @@ mod tool;
 
 pub use description::{
     BesideTissue, Budget, Dynamics, GoalEntry, Image, LengthUnit, MassModel, MaterialEntry,
-    MeshOptions, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold, SurfaceEntry,
-    Time, Void,
+    MeshOptions, NearProbe, Output, Phantom, Refinement, Scene, Solver, Support, SupportHold,
+    SurfaceEntry, Time, Void,
 };
 pub use law::{LawEntry, PowerLaw, PronyEntry, RelaxingPart};
 pub use library::{LibraryMaterial, library, library_material_of};

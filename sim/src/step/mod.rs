@@ -30,6 +30,7 @@ mod marking;
 mod missed;
 mod pace;
 mod predictor;
+mod proximity;
 mod refinement;
 mod settling;
 mod simulation;

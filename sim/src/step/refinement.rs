@@ -10,15 +10,19 @@ use super::checkpoint::{KeptRefiner, Numbers};
 use super::content::Content;
 use super::indicator::{Indicator, Measured, RingMember, Sight};
 use super::marking::{Limits, Wish};
+use super::proximity::Proximity;
 use crate::body::{BodyState, Hold};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{StageTimes, milliseconds};
-use crate::scene::Refinement;
+use crate::scene::{NearProbe, Refinement};
 use crate::tools::{Regions, Tool};
 
 /// Energy below this part of the largest so far is refined for as if it were that much.
 const NOTHING: f64 = 1e-2;
+
+/// A wish that comes after those of any indicator.
+const LAST: f64 = 1e-300;
 
 /// A strain that is rounding, or what a solver leaves of a body at rest.
 const NO_STRAIN: f64 = 1e-9;
@@ -236,6 +240,11 @@ impl Refiner {
         self.rules.indicator.estimates()
     }
 
+    /// How fine the mesh has to be where a probe is about to touch.
+    pub fn near_probe(&self) -> Option<&NearProbe> {
+        self.rules.refinement.near_probe.as_ref()
+    }
+
     /// Splits that are wanted and have to wait.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
@@ -247,16 +256,20 @@ impl Refiner {
     }
 
     /// Measures what the mesh wants at a step: merges where the indicator has become small, splits where it is
-    /// large. Returns what the body stores, J.
+    /// large or the mesh too coarse for what is `near`. Returns what the body stores, J.
     pub fn rank(
         &mut self,
         sight: &Sight<'_>,
+        near: Option<&Proximity>,
         step: usize,
         times: &mut StageTimes,
     ) -> Result<f64, SimError> {
         let begin = Instant::now();
         let (limits, energy) = self.rank_splits(sight)?;
-        self.leaving = self.wanted_merges(sight.body, step, limits.merge_below);
+        self.leaving = self.wanted_merges(sight.body, near, step, limits.merge_below);
+        if let Some(near) = near {
+            self.want_fine(near, sight.body)?;
+        }
         times.indicator_ms = milliseconds(begin);
         Ok(energy)
     }
@@ -271,7 +284,9 @@ impl Refiner {
         let inverse_before = round.inverse.total_ms;
         round.done.stored_j.get_or_insert_with(|| round.state.energy_j());
         let most = self.rules.refinement.max_splits_per_step;
-        let others = self.leaving.split_off(most.min(self.leaving.len()));
+        // Half of them each, and what one does not need for the other.
+        let leave = (most / 2).max(most.saturating_sub(self.waiting.len()));
+        let others = self.leaving.split_off(leave.min(self.leaving.len()));
         for v in std::mem::replace(&mut self.leaving, others) {
             // What was ranked in a step before may be needed now, or held.
             let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
@@ -279,22 +294,7 @@ impl Refiner {
                 self.merge(round, v)?;
             }
         }
-        for _ in 0..most {
-            let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
-            let is_late = round.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if is_full || is_late {
-                break;
-            }
-            // What is wanted, or an older vertex that it needs.
-            let Some(p) = self.waiting.next(&self.content.forest) else { break };
-            self.content.forest.split_ring(p, &mut self.ring);
-            self.split(round, p)?;
-            self.waiting.remove(p);
-            // A clock has to see what each split costs.
-            if round.deadline.is_some() {
-                round.flush()?;
-            }
-        }
+        self.split_waiting(round, most - round.done.merges)?;
         round.flush()?;
         times.inverse_ms = round.inverse.total_ms - inverse_before;
         times.remesh_ms = milliseconds(begin) - times.inverse_ms;
@@ -370,6 +370,54 @@ impl Refiner {
         Ok((limits, energy))
     }
 
+    /// Has all that is near be fine enough, whatever it takes: for a body at rest that nothing touches.
+    pub fn make_fine(&mut self, near: &Proximity, round: &mut Round<'_>) -> Result<(), SimError> {
+        loop {
+            self.want_fine(near, round.state)?;
+            if self.waiting.is_empty() || !self.split_waiting(round, usize::MAX)? {
+                break;
+            }
+        }
+        self.waiting.clear();
+        round.flush()
+    }
+
+    /// Splits as ranked, `most` at most; returns whether there was one.
+    fn split_waiting(&mut self, round: &mut Round<'_>, most: usize) -> Result<bool, SimError> {
+        let before = round.done.splits;
+        for _ in 0..most {
+            let is_full = self.content.forest.vertex_count() >= self.rules.max_vertices;
+            let is_late = round.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if is_full || is_late {
+                break;
+            }
+            // What is wanted, or an older vertex that it needs.
+            let Some(p) = self.waiting.next(&self.content.forest) else { break };
+            self.content.forest.split_ring(p, &mut self.ring);
+            self.split(round, p)?;
+            self.waiting.remove(p);
+            // A clock has to see what each split costs.
+            if round.deadline.is_some() {
+                round.flush()?;
+            }
+        }
+        Ok(round.done.splits > before)
+    }
+
+    /// Queues what is near and not fine enough after all that the indicator asks for, the coarsest before others.
+    fn want_fine(&mut self, near: &Proximity, state: &BodyState) -> Result<(), SimError> {
+        let forest = &self.content.forest;
+        for leaf in forest.leaves().filter(|leaf| state.body.element(leaf.id).is_some()) {
+            if !state.is_void(leaf.id)
+                && near.wants_finer(&leaf, state)
+                && let Some(point) = forest.refinement_point(leaf.id)
+            {
+                self.waiting.push(point, LAST / f64::from(1 + leaf.level))?;
+            }
+        }
+        Ok(())
+    }
+
     /// The indicators of all complete rings.
     fn ring_wishes(&mut self, state: &BodyState) -> Vec<Wish> {
         let mut wishes = Vec::new();
@@ -406,7 +454,13 @@ impl Refiner {
 
     /// The vertices that are to go out; where these are more than may go at a time, those first that are
     /// worth least.
-    fn wanted_merges(&mut self, state: &BodyState, step: usize, limit: f64) -> Vec<VertexId> {
+    fn wanted_merges(
+        &mut self,
+        state: &BodyState,
+        near: Option<&Proximity>,
+        step: usize,
+        limit: f64,
+    ) -> Vec<VertexId> {
         let dwell_steps = self.rules.refinement.dwell_steps.max(self.rules.ease_steps);
         let settled: Vec<VertexId> = self
             .content
@@ -420,6 +474,11 @@ impl Refiner {
         let mut leaving: Vec<(VertexId, f64)> = Vec::new();
         for v in settled {
             if !self.content.forest.merge_ring(v, &mut self.ring) {
+                continue;
+            }
+            let is_needed =
+                |near: &Proximity| self.ring.iter().any(|tet| near.wants_finer(tet, state));
+            if near.is_some_and(is_needed) {
                 continue;
             }
             let left = made.as_ref().map_or(0.0, |made| made[v.index()]);

@@ -14,6 +14,7 @@ use super::figures::{self, Figure};
 use super::holding::Coming;
 use super::indicator::{Dual, Sight};
 use super::ledger::Ledger;
+use super::proximity::Proximity;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
@@ -96,6 +97,9 @@ impl Simulation {
         let begin = Instant::now();
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
+        if step == 1 {
+            self.make_fine()?;
+        }
         self.take_hold(span.to)?;
         let Self { body, tools, contact, solver, .. } = self;
         self.ledger.begin(solver, &body.state, tools);
@@ -136,6 +140,19 @@ impl Simulation {
         }
         self.recorder.statistics.add(&outcome, state, milliseconds(begin));
         Ok(outcome.report)
+    }
+
+    /// Refines the mesh at rest where a probe is about to touch.
+    fn make_fine(&mut self) -> Result<(), SimError> {
+        let Self { body, tools, solver, .. } = self;
+        let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else { return Ok(()) };
+        let Some(near) = Proximity::of(refiner.near_probe(), tools, solver.reached_s()) else {
+            return Ok(());
+        };
+        let (turns, done) = (solver.turns(), Remeshed::default());
+        let mut round = Round { state, inverse, tools, step: 0, deadline: None, turns, done };
+        refiner.make_fine(&near, &mut round)?;
+        self.follow()
     }
 
     /// The estimates of a step, and what the mesh wants, then its splits and merges, no splits after a `deadline`.
@@ -211,7 +228,8 @@ impl Simulation {
         let sight = Sight { body: state, loads: &loads, duals: &duals };
         let mut stored_j = None;
         if ranks {
-            stored_j = Some(refiner.rank(&sight, step, &mut report.times)?);
+            let near = Proximity::of(refiner.near_probe(), tools, solver.reached_s());
+            stored_j = Some(refiner.rank(&sight, near.as_ref(), step, &mut report.times)?);
         } else {
             refiner.measure(&sight, &mut report.times);
         }

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::check::Check;
 use crate::SimError;
 use crate::scene::{
-    AUTO, Adapter, GoalEntry, Image, ON_DEVICE, Phantom, Scene, StageNames, Support, SupportHold,
-    SurfaceEntry,
+    AUTO, Adapter, GoalEntry, Image, NearProbe, ON_DEVICE, Phantom, Scene, StageNames, Support,
+    SupportHold, SurfaceEntry,
 };
 
 /// The most steps of a run.
@@ -18,6 +18,9 @@ const VOXEL_SLACK: f64 = 1e-6;
 
 /// The longest time over which a change of the mesh is felt, s.
 const EASE_S: f64 = 10.0;
+
+/// The farthest that a probe is near, m.
+const NEAR_M: f64 = 1.0;
 
 /// Velocities above it (m/s, rad/s) are mistakes.
 const FASTEST: f64 = 1e6;
@@ -224,7 +227,19 @@ impl Check<'_> {
         let ease_s = refinement.ease_s;
         let in_range = (0.0..=EASE_S).contains(&ease_s);
         self.that(in_range, "refinement.ease_s", ease_s, &format!("0 to {EASE_S}"))?;
+        self.near_probe(scene)?;
         self.goal(scene)
+    }
+
+    fn near_probe(&self, scene: &Scene) -> Result<(), SimError> {
+        let Some(NearProbe { level, within_m }) = &scene.refinement.near_probe else {
+            return Ok(());
+        };
+        let finest = scene.mesh.finest_level();
+        let want = format!("at most mesh.max_level, which is {finest}");
+        self.that(*level <= finest, "refinement.near_probe.level", level, &want)?;
+        let in_range = (0.0..=NEAR_M).contains(within_m);
+        self.that(in_range, "refinement.near_probe.within_m", within_m, &format!("0 to {NEAR_M}"))
     }
 
     fn goal(&self, scene: &Scene) -> Result<(), SimError> {
