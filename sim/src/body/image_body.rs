@@ -108,6 +108,11 @@ impl ImageBody {
         self.base_m / f64::from(1u32 << (self.forest.start_level() / 3))
     }
 
+    /// Edge of the cube that six tetrahedra of a level fill, m.
+    pub fn edge_m(&self, level: u8) -> f64 {
+        self.base_m / (f64::from(level) / 3.0).exp2()
+    }
+
     /// Rest position of a vertex, m.
     pub fn rest(&self, vertex: VertexId) -> Vector3<f64> {
         self.placement.position(self.forest.point(vertex))

@@ -6,7 +6,7 @@ use yawara_mesh::VertexId;
 
 use super::surface_points::SurfacePoints;
 use super::surface_source::SurfaceSource;
-use crate::body::{Hold, Places, ScannerAxes, Start, Zone};
+use crate::body::{Hold, Origin, Places, ScannerAxes, Start, Zone};
 use crate::error::SimError;
 use crate::scene::{GrabEntry, Region, Scene};
 
@@ -198,6 +198,12 @@ impl<'a> BodyAtRest<'a> {
     /// The stiffness κ of what holds material so firmly that it hardly gives way, N/m⁴.
     pub fn holding_stiffness_n_m4(&self) -> f64 {
         self.start.holding_stiffness(self.scene)
+    }
+
+    /// Length of edges at the finest level that the mesh may come to, m; of a mesh file none is known.
+    pub fn finest_edge_m(&self) -> Option<f64> {
+        let Origin::Image(setup) = &self.start.origin else { return None };
+        Some(setup.edge_m(self.scene.mesh.finest_level()))
     }
 
     /// Points all over the surface, `spacing_m` or a little more apart where it is smooth.

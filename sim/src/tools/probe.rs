@@ -10,6 +10,13 @@ use super::tool::Tool;
 use crate::error::SimError;
 use crate::scene::ProbeEntry;
 
+/// How far apart points of the surface are at most that may touch a ball, relative to its radius.
+const PART_OF_RADIUS: f64 = 0.25;
+
+/// The same relative to the edges of the finest mesh. Farther apart, a ball sinks in between them once the mesh is fine, the
+/// deeper the finer it is.
+const PART_OF_EDGE: f64 = 0.75;
+
 /// A ball of radius R at c + d(t), which points of the surface may touch but not enter.
 pub(super) struct Probe {
     centre: Vector3<f64>,
@@ -30,14 +37,17 @@ impl Probe {
             let want = "a place from which the path begins outside of the body";
             return Err(SimError::value(body.name(), &key, value, want));
         }
+        let spacing = entry.spacing_m.unwrap_or_else(|| {
+            let finest = body.finest_edge_m().unwrap_or(f64::INFINITY);
+            (PART_OF_RADIUS * entry.radius_m).min(PART_OF_EDGE * finest)
+        });
         Ok(Self {
             centre,
             radius: entry.radius_m,
             path,
             begin_s: entry.begin_s,
             release_s: entry.release_s,
-            surface_points: body
-                .surface_points(entry.spacing_m.unwrap_or(0.25 * entry.radius_m))?,
+            surface_points: body.surface_points(spacing)?,
         })
     }
 }
