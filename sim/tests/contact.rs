@@ -2,6 +2,7 @@
 //! nothing goes in deeper than promised, and what is pressed comes back.
 
 use yawara::report::{Frame, StepReport};
+use yawara::scene::ToolEntry;
 use yawara::{Pose, SimError, Simulation, Stages, scene_file};
 
 fn simulation(scene: &str, set: &[&str]) -> Simulation {
@@ -56,6 +57,24 @@ fn the_force_is_that_of_hertz_and_comes_nearer_under_refinement() {
     // Linear elements are too stiff, so both are above.
     assert!(fine > -0.02 && fine < 0.6 * coarse, "{coarse} {fine}");
     assert!(fine < 0.12, "{fine}");
+}
+
+/// A surface that is finer than the points on it comes in between them.
+#[test]
+fn points_that_may_touch_a_ball_lie_closer_together_than_the_mesh_is_fine() {
+    let forces = |spacing_m: Option<f64>, max_level: u8| {
+        let overrides = ["time.steps=3".into(), format!("mesh.max_level={max_level}")];
+        let (mut scene, _) = scene_file::load("indent", &overrides).unwrap();
+        let ToolEntry::Probe(probe) = &mut scene.tools[0] else { panic!("the ball") };
+        probe.spacing_m = spacing_m;
+        let stages = Stages::by_name(&scene.stages).unwrap();
+        let reports = run(&mut Simulation::new(&scene, stages).unwrap());
+        reports.iter().map(|r| (r.tools[0].force_n, r.tools[0].contacts)).collect::<Vec<_>>()
+    };
+    // Edges of 20 mm, halved with every third level; a radius of 40 mm.
+    assert_eq!(forces(None, 6), forces(Some(0.75 * 0.005), 6));
+    assert_eq!(forces(None, 0), forces(Some(0.25 * 0.04), 0));
+    assert_ne!(forces(Some(0.75 * 0.005), 6), forces(Some(0.25 * 0.04), 6));
 }
 
 #[test]
