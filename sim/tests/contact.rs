@@ -344,14 +344,15 @@ fn a_ball_that_stays_leaves_the_mesh_alone() {
             {time_s=0.1,move_m=[0.0239,0.0694,0.0266]}]";
         let indicator = format!("stages.indicator={indicator}");
         let often = ["refinement.every_steps=1", "refinement.max_splits_per_step=200"];
-        let set = [&often[..], mesh, &[path, &indicator, "time.steps=60"]].concat();
+        // The ball stands from step 30 on; a change is felt over 18 steps, and what they bring may ask for one more.
+        let set = [&often[..], mesh, &[path, &indicator, "time.steps=90"]].concat();
         let mut simulation = simulation("palpate", &set);
         let reports = run(&mut simulation);
         assert!(reports.iter().all(|r| r.converged));
-        assert!(reports[45..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");
-        assert!(reports[..45].iter().map(|r| r.splits).sum::<usize>() > 20, "{indicator}");
+        assert!(reports[55..].iter().all(|r| r.splits + r.merges == 0), "{indicator}");
+        assert!(reports[..55].iter().map(|r| r.splits).sum::<usize>() > 20, "{indicator}");
         let force = |r: &StepReport| r.tools[0].force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
-        let last = force(&reports[59]);
-        assert!(reports[48..].iter().all(|r| (force(r) - last).abs() < 2e-3 * last), "{indicator}");
+        let last = force(&reports[89]);
+        assert!(reports[70..].iter().all(|r| (force(r) - last).abs() < 2e-3 * last), "{indicator}");
     }
 }
