@@ -113,13 +113,29 @@ impl Motion {
         }
     }
 
-    /// Moves the free vertices to where inertia alone would take them.
-    pub fn coast(&self, state: &mut BodyState) {
-        let Some(under_way) = &self.under_way else { return };
-        for (v, x) in under_way.inertia.predicted().iter().enumerate() {
-            if state.holds[v] == Hold::Free {
-                state.positions[v] = *x;
-            }
+    /// Moves the free vertices to where inertia alone would take them, unless they are closer to balance where they
+    /// are: in a step that is long beside the body's oscillations inertia alone would tear it apart. Cost: one or two
+    /// evaluations of internal forces.
+    pub fn coast(
+        &self,
+        forces: &dyn InternalForces,
+        state: &mut BodyState,
+        internal: &mut [Vector3<f64>],
+    ) {
+        let Some(UnderWay { inertia, loads, unbalanced, .. }) = &self.under_way else { return };
+        let free = |v: &usize| state.holds[*v] == Hold::Free;
+        let free: Vec<usize> = (0..state.positions.len()).filter(free).collect();
+        let stays = state.positions.clone();
+        let BodyState { body, positions, .. } = state;
+        free.iter().for_each(|v| positions[*v] = inertia.predicted()[*v]);
+        forces_with_inertia(forces, Some(inertia), body, positions, internal);
+        let missing = |v: &usize| (loads[*v] - internal[*v]).norm_squared();
+        let after: f64 = free.iter().map(missing).sum();
+        let before: f64 = free.iter().map(|v| unbalanced[*v].norm_squared()).sum();
+        // A body torn apart may have forces that are no numbers.
+        if !(after <= before) {
+            *positions = stays;
+            forces_with_inertia(forces, Some(inertia), body, positions, internal);
         }
     }
 

@@ -507,7 +507,7 @@ impl StepSolver {
     fn predict(&mut self, probing: &[Probing], state: &mut BodyState) -> f64 {
         match &self.motion {
             Some(motion) => {
-                motion.coast(state);
+                motion.coast(&*self.forces, state, &mut self.internal);
                 0.0
             }
             None => self.predictor.follow(probing, state, self.step_s),
