@@ -309,7 +309,7 @@ fn newton_bends_a_mixed_bar() {
             let tolerance = Tolerance::new(1e-9, most);
             x.copy_from_slice(&rest);
             problem.body.set_pressures(&vec![0.0; n]);
-            let outcome = Newton.solve(&mut problem, &mut x, &mut internal, &tolerance);
+            let outcome = Newton::default().solve(&mut problem, &mut x, &mut internal, &tolerance);
             sizes.push(outcome.residual);
             if outcome.converged {
                 break;
@@ -321,6 +321,54 @@ fn newton_bends_a_mixed_bar() {
         if let [.., before, last] = sizes[..] {
             assert!(last < 1e-3 * before, "{name}, {poisson_ratio}: {sizes:?}");
         }
+    }
+}
+
+/// What a solve keeps for the next one is used where it fits and nowhere else: whatever was solved before, a solve ends
+/// in the same digits.
+#[test]
+fn newton_solves_bodies_in_turn_as_it_solves_each_alone() {
+    let solve = |newton: &mut Newton, cells: [usize; 3], both_ends: bool, is_mixed: bool| {
+        let organ = Organ::homogeneous(cells, 1e4, 0.3);
+        let (linear, mut x) = setting(&organ, 1.0);
+        let made = if is_mixed { Body::mixed(P1P1::default()) } else { Body::new() };
+        let mut body = under("linear", made, &linear);
+        let [low, high] = [f64::min, f64::max].map(|of| x.iter().map(|x| x.x).reduce(of).unwrap());
+        let near = 1e-9 * (high - low);
+        let is_free = |x: &Vector3<f64>| x.x > low + near && !(both_ends && x.x > high - near);
+        let free: Vec<bool> = x.iter().map(is_free).collect();
+        let external = vec![Vector3::new(0.0, 0.0, 1e-3); x.len()];
+        let mut internal = external.clone();
+        let forces = forces_by_name("element").unwrap();
+        let mut problem = Problem {
+            body: &mut body,
+            forces: forces.as_ref(),
+            inertia: None,
+            external: &external,
+            free: &free,
+            constraints: None,
+            pushes: None,
+            following: &[],
+            inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
+        };
+        let outcome = newton.solve(&mut problem, &mut x, &mut internal, &Tolerance::new(1e-9, 20));
+        assert!(outcome.converged, "{}", outcome.residual);
+        x
+    };
+    let mut newton = Newton::default();
+    let long = [4, 1, 1];
+    let turns = [
+        (long, false, true),
+        (long, false, true),
+        (long, true, true),
+        (long, false, false),
+        (long, true, false),
+        ([3, 1, 1], true, false),
+        (long, false, true),
+    ];
+    for (cells, both_ends, is_mixed) in turns {
+        let alone = solve(&mut Newton::default(), cells, both_ends, is_mixed);
+        assert_eq!(solve(&mut newton, cells, both_ends, is_mixed), alone);
     }
 }
 

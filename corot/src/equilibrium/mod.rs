@@ -49,12 +49,16 @@ pub fn equilibrium_by_name(name: &str) -> Result<Box<dyn Equilibrium>, CorotErro
         "anderson" => Ok(Box::new(Anderson::default())),
         "lbfgs" => Ok(Box::new(Lbfgs::default())),
         "direct" => Ok(Box::new(Direct)),
-        "newton" => Ok(Box::new(Newton)),
+        "newton" => Ok(Box::new(Newton::default())),
         "residual_newton" => Ok(Box::new(ResidualNewton)),
         "fallback" => Ok(Box::new(
             Fallback::new(
                 "fallback",
-                vec![Box::new(Anderson::default()), Box::new(Lbfgs::default()), Box::new(Newton)],
+                vec![
+                    Box::new(Anderson::default()),
+                    Box::new(Lbfgs::default()),
+                    Box::new(Newton::default()),
+                ],
             )
             .with_following(vec![Box::new(Anderson::default()), Box::new(ResidualNewton)]),
         )),

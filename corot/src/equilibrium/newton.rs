@@ -4,7 +4,7 @@ use super::iteration::Iteration;
 use super::line_search::search;
 use super::problem::{Problem, Tolerance};
 use super::solver::Equilibrium;
-use super::tangent_system::{Kind, TangentSystem};
+use super::tangent_system::{Kind, Pattern, TangentSystem};
 use super::vectors::dot;
 
 /// x ← x + α d, d from the tangent with the derivatives of the rotations, α by a line search: what goes down
@@ -16,14 +16,17 @@ use super::vectors::dot;
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
 /// than 10, 10³, … times as stiff as the softest are solved before. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
-/// inverse of the [`Problem`] is not used. Cost: one or two sparse factorisations an iteration.
+/// inverse of the [`Problem`] is not used. Cost: one or two sparse factorisations an iteration; where the factor has entries
+/// is kept for the next solve.
 /// # Source
 /// Steihaug, The conjugate gradient method and trust regions in large scale optimization, SIAM J. Numer. Anal.
 /// 20(3), 1983; Teran et al., Robust quasistatic finite elements and flesh simulation, SCA 2005 (the
 /// semi-definite parts); Chao, Pinkall, Sanan, Schröder, A simple geometric model for elastic deformations, ACM
 /// TOG 29(4), 2010 (the energy).
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Newton;
+#[derive(Default)]
+pub struct Newton {
+    kept: Option<Pattern>,
+}
 
 /// In so many iterations what a step promises of the energy has to fall to [`ENOUGH`] of the least before: a residual
 /// is that of stiff elements, whatever soft ones still have before them.
@@ -57,7 +60,7 @@ impl Equilibrium for Newton {
     fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let start = problem.iterate(point.positions);
         point.settle_pressures(problem);
-        descend(problem, point);
+        self.descend(problem, point);
         let [softest, stiffest] = problem.body.stiffness_range();
         let bounds = BOUNDS.map(|bound| bound * softest).into_iter().filter(|b| *b < stiffest);
         if point.is_solved() || !problem.body.law().is_linear() || bounds.clone().count() == 0 {
@@ -72,36 +75,39 @@ impl Equilibrium for Newton {
             let mut internal = point.internal.to_vec();
             let mut inner = Iteration::new(&mut soft, point.positions, &mut internal, &rough);
             inner.settle_pressures(&mut soft);
-            descend(&mut soft, &mut inner);
+            self.descend(&mut soft, &mut inner);
             let outcome = inner.finish(&mut soft, self.name());
             point.count(&outcome);
         }
         point.evaluate(problem);
-        descend(problem, point);
+        self.descend(problem, point);
     }
 }
 
-/// Goes down in energy to an equilibrium or to where that takes too long.
-fn descend(problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
-    let mut least = vec![f64::INFINITY];
-    let mut system = TangentSystem::new(problem, Kind::Convex);
-    while point.goes_on() {
-        point.begin_iteration();
-        if system.renew(problem, point.positions).is_none() {
-            break;
+impl Newton {
+    /// Goes down in energy to an equilibrium or to where that takes too long.
+    fn descend(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
+        let mut least = vec![f64::INFINITY];
+        let mut system = TangentSystem::new(problem, Kind::Convex, self.kept.take());
+        while point.goes_on() {
+            point.begin_iteration();
+            if system.renew(problem, point.positions).is_none() {
+                break;
+            }
+            let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
+            let direction = system.direction(&point.residual, accuracy);
+            let promise = dot(&point.residual, &direction);
+            let is_down = search(problem, point, &direction, FLAT) > 0.0;
+            if !is_down && !(search(problem, point, &system.solve(&point.residual), FLAT) > 0.0) {
+                break;
+            }
+            point.keep_if_best(problem);
+            let before = least.len().checked_sub(PATIENCE).map(|at| least[at]);
+            least.push(promise.min(least[least.len() - 1]));
+            if before.is_some_and(|before| least[least.len() - 1] > ENOUGH * before) {
+                break;
+            }
         }
-        let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
-        let direction = system.direction(&point.residual, accuracy);
-        let promise = dot(&point.residual, &direction);
-        let is_down = search(problem, point, &direction, FLAT) > 0.0;
-        if !is_down && !(search(problem, point, &system.solve(&point.residual), FLAT) > 0.0) {
-            break;
-        }
-        point.keep_if_best(problem);
-        let before = least.len().checked_sub(PATIENCE).map(|at| least[at]);
-        least.push(promise.min(least[least.len() - 1]));
-        if before.is_some_and(|before| least[least.len() - 1] > ENOUGH * before) {
-            break;
-        }
+        self.kept = system.into_pattern();
     }
 }

@@ -38,7 +38,7 @@ impl Equilibrium for ResidualNewton {
     }
 
     fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
-        let mut system = TangentSystem::new(problem, Kind::Whole);
+        let mut system = TangentSystem::new(problem, Kind::Whole, None);
         while point.goes_on() && point.is_on_its_way() {
             point.begin_iteration();
             if system.renew(problem, point.positions).is_none() {

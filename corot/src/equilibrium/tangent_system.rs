@@ -3,8 +3,9 @@
 use faer::Mat;
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use nalgebra::{Matrix4, Vector3};
-use yawara_embed::SparseLdl;
+use yawara_embed::{LdlPattern, SparseLdl};
 
+use super::following::Following;
 use super::problem::Problem;
 use super::sparse_lu::SparseLu;
 use super::vectors::{axpy, dot};
@@ -24,8 +25,8 @@ use crate::grip::Turned;
 /// Vectors have the rows of the problem's residuals and steps; constraints are kept by all steps.
 pub(super) struct TangentSystem<'a> {
     unknowns: Unknowns,
-    /// Where the entries that elements add, in their order, are in the matrix.
-    pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>)>,
+    shape: Shape,
+    pattern: Option<Pattern>,
     /// What they added the last time: its memory is used again.
     values: Vec<f64>,
     kind: Kind,
@@ -36,6 +37,26 @@ pub(super) struct TangentSystem<'a> {
     wait: usize,
     pause: usize,
     constraints: Option<Turned<'a>>,
+}
+
+/// Where the entries that elements add, in their order, are in the matrix, and where its factor has some. It serves all
+/// problems of the same shape.
+pub(super) struct Pattern {
+    shape: Shape,
+    matrix: SymbolicSparseColMat<usize>,
+    order: Argsort<usize>,
+    /// None while a factor has it.
+    factor: Option<LdlPattern>,
+}
+
+/// What decides where a matrix has entries.
+#[derive(Clone, PartialEq)]
+struct Shape {
+    per_vertex: usize,
+    /// [`Unknowns::of`].
+    unknowns: Vec<usize>,
+    /// Corners of what adds entries.
+    corners: Vec<[usize; 4]>,
 }
 
 type Dents = Vec<([usize; 4], CornerVector)>;
@@ -90,13 +111,15 @@ const LONGEST_PAUSE: usize = 7;
 const HELD: usize = usize::MAX;
 
 impl<'a> TangentSystem<'a> {
-    /// That of a problem; still without a factor.
-    pub fn new(problem: &Problem<'a>, kind: Kind) -> Self {
+    /// That of a problem; still without a factor. `kept` is of a system of the same kind, and serves if it fits.
+    pub fn new(problem: &Problem<'a>, kind: Kind, kept: Option<Pattern>) -> Self {
         let unknowns = Unknowns::new(problem);
+        let shape = Shape::new(problem, &unknowns);
         let (values, dents) = (Vec::new(), Vec::new());
         Self {
+            pattern: kept.filter(|kept| kept.shape == shape),
             unknowns,
-            pattern: None,
+            shape,
             values,
             kind,
             factor: None,
@@ -105,6 +128,15 @@ impl<'a> TangentSystem<'a> {
             pause: 0,
             constraints: None,
         }
+    }
+
+    /// What serves the next system of this kind.
+    pub fn into_pattern(self) -> Option<Pattern> {
+        let mut pattern = self.pattern?;
+        if let Some(Factor::Convex(factor)) = self.factor {
+            pattern.factor = Some(factor.into_pattern());
+        }
+        Some(pattern)
     }
 
     /// Renews it where the problem's body stands now; its elements must be those of the last time. None
@@ -171,18 +203,20 @@ impl<'a> TangentSystem<'a> {
     fn refactor(&mut self, places: Option<Vec<Pair<usize, usize>>>, values: &[f64]) -> Option<()> {
         if let Some(places) = places {
             let n = self.unknowns.at.len();
-            self.pattern = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok();
+            let (matrix, order) = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok()?;
+            let shape = self.shape.clone();
+            self.pattern = Some(Pattern { shape, matrix, order, factor: None });
         }
-        let (symbolic, argsort) = self.pattern.as_ref()?;
-        let matrix = SparseColMat::new_from_argsort(symbolic.clone(), argsort, values).ok()?;
+        let Pattern { matrix, order, factor, .. } = self.pattern.as_mut()?;
+        let matrix = SparseColMat::new_from_argsort(matrix.clone(), order, values).ok()?;
         self.factor = Some(match (self.kind, self.factor.take()) {
             (Kind::Whole, _) => Factor::Whole(SparseLu::new(&matrix)?),
             (Kind::Convex, before) => {
-                let pattern = match before {
+                let of_before = match before {
                     Some(Factor::Convex(factor)) => Some(factor.into_pattern()),
-                    _ => None,
+                    _ => factor.take(),
                 };
-                Factor::Convex(SparseLdl::new(matrix, &self.unknowns.signs, pattern)?)
+                Factor::Convex(SparseLdl::new(matrix, &self.unknowns.signs, of_before)?)
             }
         });
         Some(())
@@ -334,6 +368,20 @@ impl Unknowns {
     }
 }
 
+impl Shape {
+    fn new(problem: &Problem<'_>, unknowns: &Unknowns) -> Self {
+        let pushed = problem.pushes.map_or(&[][..], |pushes| pushes.points);
+        let elements = problem.body.elements().iter().map(|element| element.vertices);
+        let pushed = pushed.iter().map(|(point, _)| point.vertices);
+        let following = problem.following.iter().map(Following::vertices);
+        Self {
+            per_vertex: unknowns.per_vertex,
+            unknowns: unknowns.of.clone(),
+            corners: elements.chain(pushed).chain(following).collect(),
+        }
+    }
+}
+
 impl<'a> Entries<'a> {
     fn new(unknowns: &'a Unknowns, kind: Kind, with_places: bool, mut values: Vec<f64>) -> Self {
         values.clear();
@@ -351,9 +399,15 @@ impl<'a> Entries<'a> {
     /// Adds the matrix of what has four corners.
     fn add_corners(&mut self, vertices: [usize; 4], matrix: &ElementTangent) {
         let m = self.unknowns.per_vertex;
-        let at = |i: usize| m * vertices[i / 3] + i % 3;
-        for (i, j) in (0..12).flat_map(|j| (0..12).map(move |i| (i, j))) {
-            self.add(at(i), at(j), matrix[(i, j)]);
+        let rows: [usize; 12] =
+            std::array::from_fn(|i| self.unknowns.of[m * vertices[i / 3] + i % 3]);
+        let is_whole = self.kind == Kind::Whole;
+        for (column, values) in rows.iter().zip(matrix.column_iter()) {
+            for (row, value) in rows.iter().zip(&values) {
+                if *row != HELD && *column != HELD && (row >= column || is_whole) {
+                    self.push(*row, *column, *value);
+                }
+            }
         }
     }
 
