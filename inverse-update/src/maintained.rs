@@ -251,14 +251,22 @@ impl<M: Method> Maintained<M> {
             let (method, mut steps) = (&kept.method, 0);
             let first = start(method)?;
             let multiply = |x: MatRef<'_, f64>| method.multiply(x);
-            let refined = match M::REFINED {
-                true => refine_columns(method.name(), k, loads, first, multiply, &mut steps),
-                false => refine_each(k, loads, first, multiply, &mut steps),
+            let refined = if M::REFINED {
+                refine_columns(method.name(), k, loads, first, multiply, &mut steps)
+                    .map(|solutions| (solutions, true))
+            } else {
+                refine_each(k, loads, first, multiply, &mut steps)
             };
             self.count().refinement_steps += steps;
             match refined {
-                Err(InverseError::NotRefined { .. }) if !kept.is_rebuilt => {}
-                other => return other,
+                // What a fresh inverse leaves is what K's condition allows.
+                Ok((solutions, are_close)) if are_close || kept.is_rebuilt => return Ok(solutions),
+                Err(error)
+                    if kept.is_rebuilt || !matches!(error, InverseError::NotRefined { .. }) =>
+                {
+                    return Err(error);
+                }
+                Ok(_) | Err(_) => {}
             }
             drop(kept);
             self.rebuild_for_refinement()?;

@@ -141,7 +141,8 @@ pub trait InverseMaintainer: Send {
     /// Where ‖D^(−½)(K u − f)‖ exceeds
     /// [`REFINEMENT_LIMIT`](crate::REFINEMENT_LIMIT) of ‖D^(−½) f‖, D = |diag K|, and the
     /// rounding of K u, a step of refinement is made, which [`Counts`] tell; up to
-    /// [`MOST_REFINEMENTS`](crate::MOST_REFINEMENTS) where C is kept in f32.
+    /// [`MOST_REFINEMENTS`](crate::MOST_REFINEMENTS) where C is kept in f32. Where that leaves more than it should, C is
+    /// computed afresh.
     /// Cost: a product with the sparse K on top of the method's own.
     /// # Errors
     /// [`InverseError::Shape`]; [`InverseError::NotFinite`], also if u would not be.

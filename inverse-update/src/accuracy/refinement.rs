@@ -20,7 +20,8 @@ pub const MOST_REFINEMENTS: usize = 5;
 /// A step that leaves more than this of the residual makes no progress.
 const PROGRESS: f64 = 0.5;
 
-/// Refines each of some solutions once where that helps; `multiply` gives C X, and `steps` counts.
+/// Refines each of some solutions once where that helps; `multiply` gives C X, and `steps` counts. Tells whether all are
+/// within [`REFINEMENT_LIMIT`] then, or as close as rounding of K u lets them: where not, C is no longer K's inverse.
 /// # Errors
 /// [`InverseError::NotFinite`]; those of `multiply`.
 pub(crate) fn refine_each(
@@ -29,18 +30,27 @@ pub(crate) fn refine_each(
     mut solutions: Mat<f64>,
     multiply: impl Fn(MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>,
     steps: &mut usize,
-) -> Result<Mat<f64>, InverseError> {
+) -> Result<(Mat<f64>, bool), InverseError> {
+    let mut are_close = true;
     for (j, load) in loads.col_iter().enumerate() {
         let load: Vec<f64> = load.iter().copied().collect();
-        let is_refined = refine_once(k, &load, solutions.col_as_slice_mut(j), &multiply)?;
-        *steps += usize::from(is_refined);
+        let refined = refine_once(k, &load, solutions.col_as_slice_mut(j), &multiply)?;
+        *steps += usize::from(refined.is_changed);
+        are_close &= refined.is_close;
     }
-    Ok(solutions)
+    Ok((solutions, are_close))
+}
+
+/// What [`refine_once`] has done.
+#[derive(Debug, PartialEq)]
+struct Refined {
+    is_changed: bool,
+    /// Whether what is left is within the limit, or rounding.
+    is_close: bool,
 }
 
 /// u ← u + C (f − K u), once, if the residual is above [`REFINEMENT_LIMIT`] and above the rounding
-/// of K u: below that no step can bring it. Tells whether the step was taken; it is not where it
-/// would leave more than before.
+/// of K u: below that no step can bring it. A step is not taken where it would leave more than before.
 ///
 /// Cost: O(stored entries), and a product with C for a step.
 /// # Errors
@@ -50,11 +60,12 @@ fn refine_once(
     f: &[f64],
     u: &mut [f64],
     multiply: impl Fn(MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>,
-) -> Result<bool, InverseError> {
+) -> Result<Refined, InverseError> {
+    let as_it_is = Refined { is_changed: false, is_close: true };
     let mut rest = vec![0.0; f.len()];
     let before = residual(k, f, u, &mut rest);
     if before <= REFINEMENT_LIMIT {
-        return Ok(false);
+        return Ok(as_it_is);
     }
     // Only an infinity or a NaN in u, or an overflow that comes close to one, gets here.
     if !before.is_finite() {
@@ -63,16 +74,18 @@ fn refine_once(
         return Err(InverseError::NotFinite { what, row, col, value });
     }
     if !exceeds_rounding(k, f, u, &rest) {
-        return Ok(false);
+        return Ok(as_it_is);
     }
     let mut step = multiply(MatRef::from_column_major_slice(&rest, f.len(), 1))?;
     let refined = step.col_as_slice_mut(0);
     refined.iter_mut().zip(u.iter()).for_each(|(step, u)| *step += u);
-    let is_closer = residual(k, f, refined, &mut rest) < before;
-    if is_closer {
-        u.copy_from_slice(refined);
+    let after = residual(k, f, refined, &mut rest);
+    if !(after < before) {
+        return Ok(Refined { is_changed: false, is_close: false });
     }
-    Ok(is_closer)
+    u.copy_from_slice(refined);
+    let is_close = after <= REFINEMENT_LIMIT || !exceeds_rounding(k, f, u, &rest);
+    Ok(Refined { is_changed: true, is_close })
 }
 
 /// X with K X = F, from `solutions` by X ← X + C (F − K X), as long as that brings it closer.
@@ -148,19 +161,22 @@ mod tests {
         k.add(&[0], Mat::from_fn(1, 1, |_, _| 4.0).as_ref()).unwrap();
         let apply = |factor: f64| move |x: MatRef<'_, f64>| Ok(x * faer::Scale(factor / 4.0));
         let mut u = [1.001 / 4.0];
-        assert_eq!(refine_once(&k, &[1.0], &mut u, apply(1.001)), Ok(true));
+        let refined = |is_changed, is_close| Ok(Refined { is_changed, is_close });
+        assert_eq!(refine_once(&k, &[1.0], &mut u, apply(1.001)), refined(true, false));
         assert!((4.0 * u[0] - (1.0 - 1e-6)).abs() < 1e-12, "{}", u[0]);
         let mut exact = [0.25];
-        assert_eq!(refine_once(&k, &[1.0], &mut exact, apply(1.0)), Ok(false));
+        assert_eq!(refine_once(&k, &[1.0], &mut exact, apply(1.0)), refined(false, true));
         assert_eq!(exact, [0.25]);
+        let mut near = [0.25 * (1.0 + 1e-7)];
+        assert_eq!(refine_once(&k, &[1.0], &mut near, apply(1.0 + 1e-7)), refined(true, true));
         // The step of a C that is off by more than 2 goes too far.
         let mut far = [0.3];
-        assert_eq!(refine_once(&k, &[1.0], &mut far, apply(3.0)), Ok(false));
+        assert_eq!(refine_once(&k, &[1.0], &mut far, apply(3.0)), refined(false, false));
         assert_eq!(far, [0.3]);
         for value in [f64::NAN, f64::INFINITY] {
             let error = refine_once(&k, &[1.0], &mut [value], apply(1.0)).unwrap_err();
             assert!(matches!(error, InverseError::NotFinite { what: "the solution", .. }));
         }
-        assert_eq!(refine_once(&k, &[0.0], &mut [0.0], apply(1.0)), Ok(false));
+        assert_eq!(refine_once(&k, &[0.0], &mut [0.0], apply(1.0)), refined(false, true));
     }
 }

@@ -106,6 +106,22 @@ fn a_solution_of_a_spoilt_inverse_is_refined_and_counted() {
     }
 }
 
+/// What one step can't mend is not K's inverse any more, watched or not.
+#[test]
+fn an_inverse_that_no_longer_solves_is_computed_afresh() {
+    for (maintainer, limit) in spoilt(1e-2 / DRIFT_LIMIT) {
+        let name = maintainer.name();
+        if limit > DRIFT_LIMIT {
+            continue;
+        }
+        assert!(left_by_solve(&*maintainer) < 1e-14, "{name}");
+        let counts = maintainer.counts();
+        assert_eq!((counts.rebuilds, counts.drift_rebuilds), (1, 0), "{name}");
+        assert!(left_by_solve(&*maintainer) < 1e-14, "{name}");
+        assert_eq!(maintainer.counts().rebuilds, 1, "{name}");
+    }
+}
+
 #[test]
 fn an_inverse_just_computed_is_not_watched() {
     for (mut maintainer, limit) in spoilt(0.0) {
