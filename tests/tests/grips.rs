@@ -1,15 +1,18 @@
 //! What holds material does not know the mesh: the same energy, force and mean before and after a
 //! split, and an inverse that follows.
 
+use std::f64::consts::PI;
+use std::sync::Arc;
+
 use faer::Mat;
 use faer::linalg::solvers::DenseSolveCore;
-use nalgebra::{DVector, Isometry3, Matrix4, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix4, Rotation3, Vector3};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara::{Elements, InverseFactory, InverseLink};
-use yawara_corot::{Body, Element, Grip, Loads, WeightedPoint};
-use yawara_embed::{Embedding, LinearTet, formulation_by_name};
-use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, RingTet, Tet, VertexId};
+use yawara_corot::{Body, Element, Grip, Loads, Problem, Tolerance, WeightedPoint, forces_by_name};
+use yawara_embed::{Embedding, LinearTet, formulation_by_name, isotropic};
+use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, RingTet, Tet, TetId, VertexId};
 use yawara_tests::organ::{Organ, organs};
 
 const MAX_LEVEL: u8 = 8;
@@ -290,4 +293,56 @@ fn a_point_pulls_on_the_corners_around_it() {
     assert!((felt.force - Vector3::new(want, 0.0, 0.0)).norm() < 1e-9, "{felt:?}");
     assert!((felt.energy - 0.5 * -want * 1e-3).abs() < 1e-9, "{felt:?}");
     assert!((felt.lack[0] + 1e-3).abs() < 1e-15);
+}
+
+/// The mean of two tetrahedra that are half a turn apart, but for little: as the body is turned, forces on it cancel
+/// each other, and what is to answer to them would be thrown far away.
+#[test]
+fn what_is_led_is_not_thrown_away_where_rotations_cancel() {
+    let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vector3::from);
+    let apart = Vector3::new(3.0, 0.0, 0.0);
+    let rest: Vec<_> = corners.iter().copied().chain(corners.map(|x| x + apart)).collect();
+    let mut body = Body::new();
+    for (tet, vertices) in [[0, 1, 2, 3], [4, 5, 6, 7]].into_iter().enumerate() {
+        let geometry = LinearTet::new(&vertices.map(|v| rest[v]));
+        let elasticity = isotropic(1e4, 0.3);
+        body.insert(Element { tet: TetId(tet as u32), vertices, geometry, elasticity });
+    }
+    let inner = Vector3::repeat(0.25);
+    let points = [inner, inner + apart].map(|rest| WeightedPoint { rest, weight: 1.0 });
+    let mut grip = Grip::new(points.to_vec(), None, body.elements().iter(), &rest).unwrap();
+    let lead = Vector3::new(0.1, 0.2, 0.0);
+    grip.set_pose(Isometry3::translation(lead.x, lead.y, lead.z));
+    let answer = |f: &[f64], u: &mut [f64]| -> Result<(), ()> {
+        u.copy_from_slice(f);
+        Ok(())
+    };
+    let responses = grip.constraints_at_rest().answer(3, 24, answer).unwrap();
+    let constraints = grip.constraints().with_responses(Arc::new(responses));
+    let forces = forces_by_name("element").unwrap();
+    for (turn, most) in [(0.0, 0.6), (PI - 1e-3, 0.9)] {
+        let rotation = Rotation3::new(Vector3::z() * turn);
+        let middle = inner + apart;
+        let mut x = rest.clone();
+        x[4..].iter_mut().for_each(|x| *x = middle + rotation * (*x - middle));
+        let external = vec![Vector3::zeros(); x.len()];
+        let (mut internal, mut residual) = (external.clone(), vec![0.0; 24]);
+        let mut problem = Problem {
+            body: &mut body,
+            forces: forces.as_ref(),
+            inertia: None,
+            external: &external,
+            free: &[true; 8],
+            constraints: Some(&constraints),
+            pushes: None,
+            following: &[],
+            inverse: &|_: &[f64], y: &mut [f64]| y.fill(f64::NAN),
+        };
+        problem.evaluate(&x, &mut internal, &mut residual, &Tolerance::new(1e-3, 1));
+        let before = x.clone();
+        problem.meet_constraints(&mut x);
+        let farthest = x.iter().zip(&before).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(farthest < most, "{turn}: {farthest} m");
+        assert!(constraints.lack(&x).amax() < 1e-12);
+    }
 }

@@ -50,7 +50,6 @@ pub fn solve_with_contact(
     let start = run.place(run.merit(), positions);
     let is_done = run.together(&start, positions) || tolerance.is_late();
     if !is_done && equilibrium.takes_pushes() {
-        run.return_to(&start, positions);
         run.against_springs(equilibrium, positions);
     }
     run.into_outcome()

@@ -7,11 +7,15 @@ use crate::field::Field;
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;
 
+/// An iterate with so much left, of what was left at the start, is a better start.
+const CLOSER: f64 = 0.1;
+
 /// Iterations in which what is left has to become half at least.
 const PATIENCE: usize = 20;
 
 impl Run<'_, '_, '_> {
-    /// Positions and forces in one iteration; true if it has converged.
+    /// Positions and forces in one iteration; true if it has converged. Else it stands where another may begin: at
+    /// `start`, or at the best iterate where that is much closer, or where it is late.
     pub(super) fn together(&mut self, start: &Place, positions: &mut Field) -> bool {
         let Anderson { depth, growth } = Anderson::default();
         let mut memory = Memory::new(depth);
@@ -66,11 +70,19 @@ impl Run<'_, '_, '_> {
                 best = self.place(self.progress(), positions);
             }
         }
-        self.set = None;
-        if self.tolerance.is_late() && !(self.merit() <= best.0) {
-            self.return_to(&best, positions);
+        let is_settled = self.set.take().is_some();
+        if self.merit() <= 1.0 {
+            return true;
         }
-        self.merit() <= 1.0
+        if self.tolerance.is_late() {
+            if !(self.merit() <= best.0) {
+                self.return_to(&best, positions);
+            }
+        } else {
+            let is_closer = !is_settled && best.0 <= CLOSER * start.0;
+            self.return_to(if is_closer { &best } else { start }, positions);
+        }
+        false
     }
 
     /// Converged, and by an iteration of its own where something pushes: a start that was carried

@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::contact::Pushes;
 use crate::field::Field;
 use crate::forces::InternalForces;
-use crate::grip::Constraints;
+use crate::grip::{Constraints, Turned};
 use crate::time::{Inertia, forces_with_inertia};
 
 /// Find x with f_int(x) = f_ext on the free vertices, up to the forces of constraints; in a
@@ -293,13 +293,35 @@ impl Problem<'_> {
     }
 
     /// Moves the body along with what constraints lead, as in the linear body with its rotations of
-    /// the last evaluation, so that G x = g.
+    /// the last evaluation, so that G x = g. Where that takes a vertex farther than the body is long, as it may
+    /// where rotations of neighbours differ by half a turn, what is held moves alone.
     pub fn meet_constraints(&mut self, positions: &mut [Vector3<f64>]) {
         let Some(constraints) = self.constraints else { return };
-        let mut step = vec![0.0; self.rows()];
+        let m = self.unknowns_per_vertex();
         let lack = constraints.lack(positions);
-        constraints.turned(self.body).correct(&mut step, self.unknowns_per_vertex(), Some(lack));
-        self.advance(positions, &step, 1.0);
+        let step = |held: Turned<'_>| {
+            let mut step = vec![0.0; self.rows()];
+            held.correct(&mut step, m, Some(lack.clone()));
+            step
+        };
+        let length = |d: &[f64]| Vector3::from_column_slice(&d[..3]).norm();
+        let mut along = step(constraints.turned(self.body));
+        let far = diagonal(positions) + lack.amax();
+        if !along.chunks_exact(m).all(|d| length(d) <= far) {
+            let columns = (0..constraints.len()).map(|k| self.force_of(constraints.row(k)));
+            along = step(constraints.answered_by(columns.collect(), m));
+        }
+        self.advance(positions, &along, 1.0);
+    }
+
+    /// A row of constraints on the free vertices, as a vector of the problem's rows.
+    pub(super) fn force_of(&self, row: &[(usize, Vector3<f64>)]) -> Vec<f64> {
+        let m = self.unknowns_per_vertex();
+        let mut force = vec![0.0; self.rows()];
+        for (v, g) in row.iter().filter(|(v, _)| self.free[*v]) {
+            (0..3).for_each(|axis| force[m * v + axis] += g[axis]);
+        }
+        force
     }
 
     /// The move (m) and the change of q (1) by vertex number that follow when `forces` (N, by vertex
@@ -350,4 +372,12 @@ impl Problem<'_> {
         positions.copy_from_slice(&iterate.positions);
         self.body.set_pressures(&iterate.pressures);
     }
+}
+
+/// The diagonal of the box around `positions`, m.
+fn diagonal(positions: &[Vector3<f64>]) -> f64 {
+    let all = || positions.iter();
+    let least = all().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(b));
+    let most = all().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(b));
+    if positions.is_empty() { 0.0 } else { (most - least).norm() }
 }

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::Matrix4;
 use yawara_embed::{LdlPattern, SparseLdl};
 
 use super::following::Following;
@@ -156,14 +156,8 @@ impl<'a> TangentSystem<'a> {
         self.constraints = None;
         let m = self.unknowns.per_vertex;
         if let Some(constraints) = problem.constraints {
-            let column = |row: &[(usize, Vector3<f64>)]| {
-                let mut all = vec![0.0; self.unknowns.of.len()];
-                for (v, g) in row {
-                    (0..3).for_each(|axis| all[m * v + axis] += g[axis]);
-                }
-                self.solve(&all)
-            };
-            let columns = (0..constraints.len()).map(|k| column(constraints.row(k))).collect();
+            let column = |k: usize| self.solve(&problem.force_of(constraints.row(k)));
+            let columns = (0..constraints.len()).map(column).collect();
             self.constraints = Some(constraints.answered_by(columns, m));
         }
         Some(())
