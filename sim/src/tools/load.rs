@@ -140,9 +140,9 @@ impl Spread {
         let first = points.order().first().and_then(bound);
         let near = first.map_or_else(Vector3::zeros, |(point, _)| point.position(rest));
         let mut shares: BTreeMap<usize, (f64, Vector3<f64>)> = BTreeMap::new();
-        for (_, range) in points.groups() {
+        for (_, members) in points.groups() {
             let (mut corners, mut of_tet) = ([0; 4], [(0.0, Vector3::zeros()); 4]);
-            for (point, w) in points.order()[range.clone()].iter().filter_map(bound) {
+            for (point, w) in members.iter().filter_map(bound) {
                 corners = point.vertices;
                 let arm = point.position(rest) - near;
                 for ((share, moment), lambda) in of_tet.iter_mut().zip(point.weights) {

@@ -50,14 +50,14 @@ impl Pressure {
     ) -> impl Iterator<Item = (&'a Element, [Vector3<f64>; 4])> {
         let pressure = self.pressure(t);
         let points = &self.surface_points;
-        points.groups().iter().filter_map(move |(tet, range)| {
+        points.groups().filter_map(move |(tet, members)| {
             let mut at_rest = [Vector3::zeros(); 4];
-            for &i in &points.order()[range.clone()] {
+            for &i in members {
                 let Some(point) = points.point(i) else { continue };
                 let force = points.area(i) * -pressure;
                 at_rest.iter_mut().zip(point.weights).for_each(|(sum, w)| *sum += w * force);
             }
-            Some((body.element(*tet)?, at_rest))
+            Some((body.element(tet)?, at_rest))
         })
     }
 }

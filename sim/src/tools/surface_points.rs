@@ -20,9 +20,19 @@ pub struct SurfacePoints {
     areas: Vec<Vector3<f64>>,
     reach: f64,
     bound: Vec<Option<(TetId, ElementPoint)>>,
-    /// The bound points, those of one tetrahedron together.
+    /// The bound points by their tetrahedra, those of one in the order of their numbers.
     order: Vec<usize>,
-    groups: Vec<(TetId, Range<usize>)>,
+    groups: Vec<Group>,
+}
+
+/// The points of one tetrahedron.
+struct Group {
+    tet: TetId,
+    /// Where they are in the order.
+    range: Range<usize>,
+    /// What they are bound to: the tetrahedron's vertices, and where these rest, m.
+    vertices: [usize; 4],
+    corners: [Vector3<f64>; 4],
 }
 
 impl SurfacePoints {
@@ -52,40 +62,43 @@ impl SurfacePoints {
         self.areas.get(i).copied().unwrap_or_default()
     }
 
-    /// Points in the order of [`groups`](Self::groups).
+    /// The bound points, by the tetrahedra that carry them.
     pub fn order(&self) -> &[usize] {
         &self.order
     }
 
-    /// The tetrahedra that carry points, with where theirs are in [`order`](Self::order).
-    pub fn groups(&self) -> &[(TetId, Range<usize>)] {
-        &self.groups
+    /// The tetrahedra that carry points, with theirs.
+    pub fn groups(&self) -> impl Iterator<Item = (TetId, &[usize])> {
+        self.groups.iter().map(|group| (group.tet, &self.order[group.range.clone()]))
     }
 
-    /// Binds all points whose tetrahedron has changed. Cost: O(points), and O(tetrahedra) if
-    /// there are such points.
+    /// Binds all points whose tetrahedron has changed. Cost: O(tetrahedra that carry points), and O(points +
+    /// tetrahedra) if there are such points.
     pub fn bind(&mut self, state: &BodyState) {
-        let stands = |(tet, point): (TetId, ElementPoint), at: &Vector3<f64>| {
-            let element = state.body.element(tet);
-            element
-                .is_some_and(|element| point.is_same(&ElementPoint::new(element, &state.rest, at)))
+        let stands = |group: &Group| {
+            let element = state.body.element(group.tet);
+            element.is_some_and(|element| {
+                element.vertices == group.vertices
+                    && element.vertices.map(|v| state.rest[v]) == group.corners
+            })
         };
-        let mut lost: Vec<usize> = Vec::new();
-        for i in 0..self.rest.len() {
-            let kept = self.bound[i].is_some_and(|bound| stands(bound, &self.rest[i]));
-            if !kept {
-                lost.push(i);
-            }
+        for group in self.groups.iter().filter(|group| !stands(group)) {
+            self.order[group.range.clone()].iter().for_each(|&i| self.bound[i] = None);
         }
+        let lost: Vec<usize> = (0..self.rest.len()).filter(|&i| self.bound[i].is_none()).collect();
         if !lost.is_empty() {
+            self.order.retain(|&i| self.bound[i].is_some());
             self.find(&lost, state);
-            self.group();
+            self.order.extend(lost.into_iter().filter(|&i| self.bound[i].is_some()));
+            self.group(state);
         }
     }
 
     /// Has [`bind`](Self::bind) bind all points afresh.
     pub fn unbind(&mut self) {
         self.bound.fill(None);
+        self.order.clear();
+        self.groups.clear();
     }
 
     /// Binds the points `lost`, each to the tetrahedron in which its least weight is largest.
@@ -96,16 +109,20 @@ impl SurfacePoints {
         lost.iter().zip(found).for_each(|(&i, bound)| self.bound[i] = bound);
     }
 
-    fn group(&mut self) {
-        self.order = (0..self.rest.len()).filter(|&i| self.bound[i].is_some()).collect();
-        let tet = |i: usize| self.bound[i].map(|(tet, _)| tet);
-        self.order.sort_by_key(|&i| tet(i));
-        self.groups.clear();
-        for (at, &i) in self.order.iter().enumerate() {
-            let Some(tet) = tet(i) else { continue };
-            match self.groups.last_mut() {
-                Some((last, range)) if *last == tet => range.end = at + 1,
-                _ => self.groups.push((tet, at..at + 1)),
+    /// Sorts the bound points by their tetrahedra.
+    fn group(&mut self, state: &BodyState) {
+        let Self { bound, order, groups, .. } = self;
+        // Most are in order: a sort that finds runs only merges.
+        order.sort_by_key(|&i| (bound[i].map(|(tet, _)| tet), i));
+        groups.clear();
+        for (at, &i) in order.iter().enumerate() {
+            let Some((tet, ElementPoint { vertices, .. })) = bound[i] else { continue };
+            match groups.last_mut() {
+                Some(last) if last.tet == tet => last.range.end = at + 1,
+                _ => {
+                    let corners = vertices.map(|v| state.rest[v]);
+                    groups.push(Group { tet, range: at..at + 1, vertices, corners });
+                }
             }
         }
     }
@@ -121,9 +138,8 @@ impl SurfacePoints {
         mut visit: impl FnMut(usize, &ElementPoint),
     ) {
         let wide = distance + self.reach;
-        for (_, range) in &self.groups {
-            let Some(first) = self.point(self.order[range.start]) else { continue };
-            let (low, high) = bounds(&first.vertices.map(|v| positions[v]), 0.0);
+        for Group { vertices, range, .. } in &self.groups {
+            let (low, high) = bounds(&vertices.map(|v| positions[v]), 0.0);
             let apart = |i: usize| low[i] > centre[i] + wide || high[i] < centre[i] - wide;
             if (0..3).any(apart) {
                 continue;
