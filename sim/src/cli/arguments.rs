@@ -209,6 +209,9 @@ pub struct ViewArguments {
     /// Shows a second simulation of the scene beside the first, with a value of its own; the same hand leads both.
     #[arg(long, value_name = "KEY=VALUE")]
     pub beside: Vec<String>,
+    /// The scan that a label map was made from, NIfTI and others as for images: its grey values are shown on cuts.
+    #[arg(long, value_name = "FILE")]
+    pub grey: Option<PathBuf>,
 }
 
 #[cfg(feature = "view")]

@@ -13,6 +13,7 @@ pub fn run(arguments: &ViewArguments, out: &mut Printer) -> Result<(), SimError>
         scene: arguments.scene.clone(),
         set: arguments.set.clone(),
         beside: arguments.beside.clone(),
+        grey: arguments.grey.clone(),
         listen: arguments.listen,
         port: arguments.port,
         play: arguments.play,

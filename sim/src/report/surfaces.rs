@@ -178,6 +178,15 @@ impl BodyOutline {
         Self(RefCell::new(Stage::Asked(labels)))
     }
 
+    /// The labels that it is cut from; none once it is cut.
+    #[cfg(feature = "view")]
+    pub fn labels(&self) -> Option<Arc<LabelVolume>> {
+        match &*self.0.borrow() {
+            Stage::Asked(labels) => Some(Arc::clone(labels)),
+            Stage::Cut(_) => None,
+        }
+    }
+
     /// The outline itself, to be carried along elsewhere.
     ///
     /// # Errors

@@ -5,7 +5,7 @@
 //! a `hand` couples a pointer to a tool. What is seen
 //! goes to the `painter`, a thread that carries the outlines along, and from there as a `picture` to every page, as
 //! fast as that page takes them: what is overtaken is dropped, nothing queues. `protocol` has what a page may say,
-//! `state` what it is told besides pictures, `access` who is let in, `recording` what is kept of a hand. Of a
+//! `state` what it is told besides pictures, `voxels` what it shows on a cut, `access` who is let in, `recording` what is kept of a hand. Of a
 //! run that is over the `player` has the place of the session, and `alone` writes the page with a run in it.
 //! The page itself is in `page/`.
 
@@ -23,6 +23,7 @@ mod server;
 mod session;
 mod side;
 mod state;
+mod voxels;
 
 pub use alone::write_html;
 pub use server::{Listening, ViewOptions, serve};

@@ -9,13 +9,14 @@ pub(super) const INDEX: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
 
 /// Path, kind and content of what it refers to; the modules after the first three.
-pub(super) const FILES: [(&str, &str, &str); 10] = [
+pub(super) const FILES: [(&str, &str, &str); 11] = [
     ("/page.css", "text/css", STYLE),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/main.js", "text/javascript", MAIN),
     ("/body.js", "text/javascript", include_str!("page/body.js")),
     ("/clock.js", "text/javascript", include_str!("page/clock.js")),
     ("/colour.js", "text/javascript", include_str!("page/colour.js")),
+    ("/cut.js", "text/javascript", include_str!("page/cut.js")),
     ("/picture.js", "text/javascript", include_str!("page/picture.js")),
     ("/plot.js", "text/javascript", include_str!("page/plot.js")),
     ("/source.js", "text/javascript", include_str!("page/source.js")),

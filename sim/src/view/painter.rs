@@ -8,6 +8,7 @@ use tokio::sync::watch;
 use yawara_mesh::BisectionForest;
 
 use super::picture::{PIECE, Picture, Surface, Topology};
+use super::voxels::Voxels;
 use crate::SimError;
 use crate::body::ScannerAxes;
 use crate::playback::surfaces;
@@ -49,6 +50,8 @@ pub(super) struct Outlines {
     pub skin: Option<BodyOutline>,
     /// Of the labels in it.
     pub inner: Option<Surfaces>,
+    /// What they are outlines in, of a body from an image.
+    pub voxels: Option<Arc<Voxels>>,
     pub axes: ScannerAxes,
 }
 
@@ -190,8 +193,9 @@ impl Painter {
         forest: Option<&BisectionForest>,
         number: u64,
     ) -> Result<(), SimError> {
-        let Outlines { skin, inner, axes } = outlines;
+        let Outlines { skin, inner, voxels, axes } = outlines;
         self.axes = Some(axes);
+        self.last.voxels = voxels;
         if let (Some(skin), Some(forest)) = (skin, forest) {
             self.outlines.push(skin.into_surfaces(forest)?);
         }
@@ -272,7 +276,10 @@ impl Painter {
         let edges = pairs.iter().map(|pair| [pair[0], pair[1], u32::from(is_new(pair))]).collect();
         self.edges = pairs.iter().map(place).collect();
         self.outer = outer_faces(frame);
-        Topology { edges, faces: self.outer.iter().map(|(face, _)| *face).collect() }
+        let faces = self.outer.iter().map(|(face, _)| *face).collect();
+        let tets = frame.tets.iter().zip(&frame.label);
+        let tets = tets.map(|(&[a, b, c, d], &label)| [a, b, c, d, label as u32]).collect();
+        Topology { edges, faces, tets }
     }
 }
 

@@ -12,10 +12,14 @@
 //! | 4 its vertices now | vertices, 0 | f32 × 6 each: place and displacement, mm |
 //! | 5 what its faces show | faces, 0 | f32 × 4 each: von Mises stress in Pa, level, label, indicator |
 //! | 6 the simulation beside | bytes, 0 | a whole picture of it after the same step, from `YWP1` on |
+//! | 7 the voxels of the body at rest | voxels, 1 with grey values | u32 × 3: voxels along the axes; f32 × 12: rows of the affine map from scanner RAS mm to voxels; f32 × 2: what grey 0 and 255 stand for; u8 a voxel: 0 in void, else 1 + the number of a surface of its colour; u8 a voxel: grey |
+//! | 8 the coarse tetrahedra | tetrahedra, 0 | u32 × 5 each: corners, label |
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+
+use super::voxels::Voxels;
 
 /// Vertices of a surface that are sent together.
 pub(super) const PIECE: usize = 512;
@@ -41,6 +45,8 @@ pub(super) struct Surface {
 pub(super) struct Topology {
     pub edges: Vec<[u32; 3]>,
     pub faces: Vec<[u32; 3]>,
+    /// Corners and label of each tetrahedron.
+    pub tets: Vec<[u32; 5]>,
 }
 
 /// One moment of a simulation.
@@ -52,6 +58,8 @@ pub(super) struct Picture {
     pub generation: u64,
     pub text: String,
     pub surfaces: Vec<Surface>,
+    /// Of a body from an image.
+    pub voxels: Option<Arc<Voxels>>,
     pub topology: Arc<Topology>,
     /// The picture in which it changed last.
     pub topology_changed: u64,
@@ -77,7 +85,7 @@ impl Picture {
         self.encode_since(if is_new { 0 } else { seen.number }, is_new)
     }
 
-    /// All of it, the surfaces at rest if `with_rest`.
+    /// All of it, with what rests if `with_rest`.
     pub fn encode_alone(&self, with_rest: bool) -> Vec<u8> {
         self.encode_since(0, with_rest)
     }
@@ -101,10 +109,15 @@ impl Picture {
                 }
             }
         }
+        if let (Some(voxels), true) = (&self.voxels, with_rest) {
+            voxels.encode(&mut out);
+        }
         if self.topology_changed > since {
-            let Topology { edges, faces } = &*self.topology;
+            let Topology { edges, faces, tets } = &*self.topology;
             begin(&mut out, 3, 0, edges.len(), faces.len());
             edges.iter().chain(faces).flatten().for_each(|x| out.extend(x.to_le_bytes()));
+            begin(&mut out, 8, 0, tets.len(), 0);
+            tets.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
         }
         if self.points_changed > since {
             begin(&mut out, 4, 0, self.points.len(), 0);
@@ -145,6 +158,19 @@ impl SurfaceAtRest {
     }
 }
 
+impl Voxels {
+    fn encode(&self, out: &mut Vec<u8>) {
+        begin(out, 7, 0, self.labels.len(), usize::from(self.grey.is_some()));
+        self.dims.iter().for_each(|&n| out.extend((n as u32).to_le_bytes()));
+        let range = self.grey.as_ref().map_or([0.0; 2], |grey| grey.range);
+        let numbers = self.to_voxels.iter().flatten().chain(&range);
+        numbers.for_each(|x| out.extend(x.to_le_bytes()));
+        out.extend(&self.labels);
+        self.grey.iter().for_each(|grey| out.extend(&grey.shades));
+        out.resize(out.len().next_multiple_of(4), 0);
+    }
+}
+
 fn begin(out: &mut Vec<u8>, kind: u32, number: usize, count: usize, other: usize) {
     for word in [kind, number as u32, count as u32, other as u32] {
         out.extend(word.to_le_bytes());
@@ -153,6 +179,7 @@ fn begin(out: &mut Vec<u8>, kind: u32, number: usize, count: usize, other: usize
 
 #[cfg(test)]
 mod tests {
+    use super::super::voxels::Grey;
     use super::*;
 
     /// Kind, surface and counts of all blocks.
@@ -177,6 +204,8 @@ mod tests {
             2 => (6 * count).next_multiple_of(4),
             4 => 24 * count,
             6 => count,
+            7 => 68 + (count * (1 + other)).next_multiple_of(4),
+            8 => 20 * count,
             _ => 16 * count,
         }
     }
@@ -190,7 +219,17 @@ mod tests {
             generation: 1,
             text: "{}".into(),
             surfaces: vec![Surface { rest, moved: vec![[1; 3]; PIECE + 3], changed: vec![3, 7] }],
-            topology: Arc::new(Topology { edges: vec![[0, 1, 0]], faces: vec![[0, 1, 2]] }),
+            voxels: Some(Arc::new(Voxels {
+                dims: [3, 1, 1],
+                to_voxels: [[0.0; 4]; 3],
+                labels: vec![0, 1, 2],
+                grey: Some(Grey { shades: vec![7, 8, 9], range: [0.0, 1.0] }),
+            })),
+            topology: Arc::new(Topology {
+                edges: vec![[0, 1, 0]],
+                faces: vec![[0, 1, 2]],
+                tets: vec![[0, 1, 2, 3, 1]; 2],
+            }),
             topology_changed: 5,
             points: vec![[0.0; 6]; 3],
             values: vec![[0.0; 4]],
@@ -198,16 +237,18 @@ mod tests {
             beside: None,
         };
         let (piece, last) = ([2, 0, PIECE as u32, 0], [2, 0, 3, PIECE as u32]);
-        let whole =
-            [[1, 0, PIECE as u32 + 3, 1], piece, last, [3, 0, 1, 1], [4, 0, 3, 0], [5, 0, 1, 0]];
+        let mesh = [[3, 0, 1, 1], [8, 0, 2, 0], [4, 0, 3, 0], [5, 0, 1, 0]];
+        let rest = [1, 0, PIECE as u32 + 3, 1];
+        let whole = [&[rest, piece, last, [7, 0, 3, 1]][..], &mesh].concat();
         let of = |number, generation| blocks(&picture.encode(Seen { number, generation }), size);
         assert_eq!(of(0, 1), whole);
         assert_eq!(of(6, 2), whole, "of another simulation");
-        assert_eq!(of(4, 1), [last, [3, 0, 1, 1], [4, 0, 3, 0], [5, 0, 1, 0]]);
-        assert_eq!(of(6, 1), [last, [4, 0, 3, 0], [5, 0, 1, 0]]);
+        assert_eq!(of(4, 1), [&[last][..], &mesh].concat());
+        assert_eq!(of(6, 1), [&[last][..], &mesh[2..]].concat());
         assert_eq!(of(7, 1), [[0; 4]; 0]);
         let alone = |with_rest| blocks(&picture.encode_alone(with_rest), size);
-        assert_eq!((&alone(true)[..], &alone(false)[..]), (&whole[..], &whole[1..]));
+        assert_eq!(alone(true), whole);
+        assert_eq!(alone(false), [&[piece, last][..], &mesh].concat());
         // What goes beside it is a picture of its own, of the same changes.
         let pair = Picture { beside: Some(Arc::new(picture.clone())), ..picture.clone() };
         let (first, both) =

@@ -58,6 +58,8 @@ pub struct ViewOptions {
     /// What a second simulation of the scene has besides, `KEY=VALUE`: it is shown beside the first and led by the
     /// same hands. Nothing for none.
     pub beside: Vec<String>,
+    /// The scan that the labels were made from, shown on cuts in place of them; that of the scene unless it is said.
+    pub grey: Option<PathBuf>,
     /// Where it listens; loopback unless whoever starts it knows better.
     pub listen: IpAddr,
     /// The port; 0 for any that is free.
@@ -101,13 +103,15 @@ pub fn serve(
     end: impl Future<Output = ()>,
     ready: impl FnOnce(&Listening) -> Result<(), SimError>,
 ) -> Result<(), SimError> {
-    let ViewOptions { scene, set, beside, listen, port, play, keep_going, out, program } = options;
+    let ViewOptions { scene, set, beside, grey, listen, port, play, keep_going, out, program } =
+        options;
     let place = PathBuf::from(SocketAddr::new(listen, port).to_string());
     let io = |source| SimError::Io(place.clone(), source);
     let run = is_run(&scene).then(|| PathBuf::from(&scene));
     let of_scenes = [
         ("--set", !set.is_empty()),
         ("--beside", !beside.is_empty()),
+        ("--grey", grey.is_some()),
         ("--play", play),
         ("--keep-going", keep_going),
         ("--out", out.is_some()),
@@ -120,7 +124,7 @@ pub fn serve(
         return Err(SimError::value(&format!("yawara view {option}"), "SCENE", scene, want));
     }
     let out = out.unwrap_or_else(|| Path::new("runs").join("view"));
-    let orders = Orders { scene, set, beside, play, keep_going, out, program };
+    let orders = Orders { scene, set, beside, grey, play, keep_going, out, program };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(io)?;
     // Before the work, so that a port that is taken is known at once.
     let listener = runtime.block_on(TcpListener::bind((listen, port))).map_err(io)?;

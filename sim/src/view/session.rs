@@ -36,6 +36,8 @@ pub(super) struct Orders {
     pub set: Vec<String>,
     /// What another simulation beside it has besides, `KEY=VALUE`; nothing for none.
     pub beside: Vec<String>,
+    /// A scan to be shown on cuts.
+    pub grey: Option<PathBuf>,
     /// Whether the scene's own grabs and probes stay.
     pub play: bool,
     /// Whether steps go on while no page is there.
@@ -437,10 +439,11 @@ fn changes(orders: &Orders) -> Result<Vec<String>, SimError> {
 
 /// The simulations, built at the same time.
 fn build(orders: &Orders, changes: &[String]) -> Result<(Side, Option<Beside>), SimError> {
-    let Orders { scene, beside, .. } = orders;
+    let Orders { scene, beside, grey, .. } = orders;
+    let grey = grey.as_deref();
     let is_asked = !beside.is_empty();
-    let answer = is_asked.then(|| Beside::build(scene, changes, beside));
+    let answer = is_asked.then(|| Beside::build(scene, changes, beside, grey));
     // What is wrong with both is said of the first.
-    let first = Side::new(scene, changes, &[])?;
+    let first = Side::new(scene, changes, &[], grey)?;
     Ok((first, answer.map(Answer::wait).transpose()?))
 }

@@ -1,6 +1,7 @@
 //! A simulation that is shown, with the hands on it; and one that goes beside it, in a thread of its own.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
@@ -12,8 +13,9 @@ use yawara_mesh::BisectionForest;
 use super::hand::Hand;
 use super::painter::{Outlines, Snapshot};
 use super::state::{of_step, warnings};
+use super::voxels::{Voxels, scan};
 use crate::SimError;
-use crate::report::StepReport;
+use crate::report::{BodyOutline, StepReport};
 use crate::scene::{GrabEntry, ProbeEntry, Scene, ToolEntry, file};
 use crate::step::Simulation;
 
@@ -45,19 +47,35 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// Builds the simulation of a scene with `changes`, and after them those of `--beside`.
+    /// Builds the simulation of a scene with `changes`, and after them those of `--beside`; on a cut it shows the scan
+    /// `grey`, or that of the scene.
     ///
     /// # Errors
-    /// Those of the scene.
-    pub fn new(scene: &str, changes: &[String], beside: &[String]) -> Result<Self, SimError> {
+    /// Those of the scene and of the scan.
+    pub fn new(
+        scene: &str,
+        changes: &[String],
+        beside: &[String],
+        grey: Option<&Path>,
+    ) -> Result<Self, SimError> {
         let (scene, _) = file::load_beside(scene, changes, beside)?;
+        let scan = scan(&scene, grey)?;
         let mut simulation = Simulation::builder(&scene).outlines_all().build()?;
         let is_unloaded = scene.tools.is_empty() && scene.gravity_m_s2 == [0.0; 3];
         let is_at_rest = is_unloaded && scene.dynamics.is_none();
         let (vertices, tets) = (simulation.body().vertex_count(), simulation.body().tet_count());
         let (skin, inner) = simulation.take_outlines();
         let of_skin = skin.iter().map(|_| 0);
-        let labels = of_skin.chain(inner.iter().flat_map(|inner| inner.labels())).collect();
+        let labels: Vec<i64> =
+            of_skin.chain(inner.iter().flat_map(|inner| inner.labels())).collect();
+        let volume = skin.as_ref().and_then(BodyOutline::labels);
+        if let (None, Some(path)) = (&volume, grey) {
+            let want = "a body from an image: one of a mesh file has no voxels to show them on";
+            return Err(SimError::value("yawara view", "--grey", path.display(), want));
+        }
+        let voxels =
+            volume.map(|volume| Voxels::of(&volume, &labels, scan.as_ref())).transpose()?;
+        let voxels = voxels.flatten().map(Arc::new);
         let frame = simulation.frame()?;
         let side = (0..3).map(|axis| {
             let along = frame.points_mm.iter().map(|x| x[axis]);
@@ -73,7 +91,7 @@ impl Side {
             still: if is_at_rest { STILL_STEPS } else { 0 },
             forest: None,
             is_remeshed: true,
-            outlines: Some(Outlines { skin, inner, axes: simulation.axes() }),
+            outlines: Some(Outlines { skin, inner, voxels, axes: simulation.axes() }),
             // Twice the longest side either way.
             quantum_mm: 2.0 * side.fold(1e-3, f64::max) / f64::from(i16::MAX),
             simulation,
@@ -201,11 +219,17 @@ impl<T> Answer<T> {
 
 impl Beside {
     /// Begins to build the simulation, as [`Side::new`].
-    pub fn build(scene: &str, changes: &[String], beside: &[String]) -> Answer<Self> {
+    pub fn build(
+        scene: &str,
+        changes: &[String],
+        beside: &[String],
+        grey: Option<&Path>,
+    ) -> Answer<Self> {
         let (scene, changes, beside) = (scene.to_owned(), changes.to_vec(), beside.to_vec());
+        let grey = grey.map(Path::to_path_buf);
         let (tasks, waiting) = channel::<Task>();
         let (built, answer) = channel();
-        thread::spawn(move || match Side::new(&scene, &changes, &beside) {
+        thread::spawn(move || match Side::new(&scene, &changes, &beside, grey.as_deref()) {
             Ok(mut side) => {
                 let (plan, warnings) = (side.simulation.plan(), warnings(&side.simulation));
                 let standing = json!({ "changes": beside, "plan": plan, "warnings": warnings });

@@ -1,5 +1,7 @@
 //! Two simulations beside each other, led by the same hand.
 
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::PoisonError;
 
@@ -185,4 +187,94 @@ fn a_step_that_fails_beside_is_red_and_bodies_that_can_not_be_compared_are_said_
         "return [yawara.state.plan, yawara.state.beside.plan].map((plan) => plan.find((row) => row.stage === 'corotation').choice)",
     );
     assert_eq!(choices, json!(["row", "row"]));
+}
+
+/// A cube of 0.1 m in five tetrahedra of two labels, whose left side is fixed.
+fn cube(folder: &Path) -> PathBuf {
+    let nodes =
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+    let nodes: String = (1..)
+        .zip(nodes)
+        .map(|(i, x)| format!("{i} {}\n", x.map(|x: i32| (100 * x).to_string()).join(" ")))
+        .collect();
+    let mesh = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n{nodes}$EndNodes\n$Elements\n5\n\
+         1 4 2 3 1 1 2 3 6\n2 4 2 3 1 1 3 4 8\n3 4 2 3 1 1 6 8 5\n4 4 2 4 1 3 6 7 8\n5 4 2 4 1 1 3 8 6\n\
+         $EndElements\n"
+    );
+    let file = folder.join("cube.msh");
+    fs::write(&file, mesh).unwrap();
+    let scene = r#"
+        name = "cube"
+        [[materials]]
+        label = 3
+        young_modulus_pa = 5e3
+        poisson_ratio = 0.3
+        density_kg_m3 = 1000
+        [[materials]]
+        label = 4
+        young_modulus_pa = 5e3
+        poisson_ratio = 0.3
+        density_kg_m3 = 1000
+        [mesh]
+        path = FILE
+        [[fixed]]
+        shape = "box"
+        min = [0.0, 0.0, 0.0]
+        max = [0.1, 1.0, 1.0]
+        [support]
+        hold = "vertices"
+        [time]
+        steps = 1
+        step_s = 0.01
+    "#;
+    let scene = scene.replace("FILE", &format!("{file:?}"));
+    fs::write(folder.join("cube.toml"), scene).unwrap();
+    folder.join("cube.toml")
+}
+
+#[test]
+fn bodies_of_mesh_files_go_beside_each_other_led_from_the_second_picture() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(page) = Browser::open(1400, 760) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cube(folder.path());
+    let stiffer = ["materials.0.young_modulus_pa=1e4", "materials.1.young_modulus_pa=1e4"];
+    let beside = ["--beside", stiffer[0], "--beside", stiffer[1]];
+    let view = View::start(&[&[scene.to_str().unwrap()][..], &beside].concat());
+    page.go(&view.url);
+    page.wait(READY);
+    page.wait(BOTH);
+    let option = "document.querySelector('#colour [value=difference]').disabled";
+    assert_eq!(page.run(&format!("return {option}")), true);
+    let from = pair(&page.run(
+        "const { low, high } = yawara.body.box;
+         const at = [low[0] + 0.8 * (high[0] - low[0]), high[1], 0.5 * (low[2] + high[2])];
+         const [x, y] = yawara.beside.project(at);
+         const place = document.getElementById('view_beside').getBoundingClientRect();
+         return [place.left + x, place.top + y]",
+    ));
+    page.drag(from, &[[from[0] + 40.0, from[1]]]);
+    page.wait(
+        "[yawara.last, yawara.last.beside].every((one) => Math.hypot(...one.force_n) > 0.05)",
+    );
+    page.run("document.getElementById('pause').click()");
+    page.wait("yawara.state.paused && !yawara.body.is_stale && !yawara.beside.is_stale");
+    let both = page.run(
+        "return [yawara.last, yawara.last.beside].map((one) => [one.tools[0].reference_mm, Math.hypot(...one.force_n)])",
+    );
+    assert_eq!(both[0][0], both[1][0], "led to the same place");
+    // Linear but for what turns: twice the modulus is twice the force.
+    let ratio = number(&both[1][1]) / number(&both[0][1]);
+    assert!((1.9..2.1).contains(&ratio), "{both}");
+    // Without voxels a cut has the labels of its tetrahedra.
+    page.run("document.getElementById('cut').click()");
+    page.wait("!yawara.body.is_stale && !yawara.beside.is_stale");
+    let cut = page.run(
+        "return [yawara.body, yawara.beside].map((one) => {
+           const { array, count } = one.cut.mesh.geometry.attributes.color;
+           return [count > 9, new Set(Array.from({ length: count }, (_, i) => array.slice(3 * i, 3 * i + 3).join())).size];
+         })",
+    );
+    assert_eq!(cut, json!([[true, 2], [true, 2]]));
 }

@@ -2,6 +2,7 @@
 
 mod beside;
 mod browser;
+mod cut;
 mod export;
 mod playback;
 mod screenshot;

@@ -2,6 +2,7 @@
 
 import * as THREE from './three.js';
 import { LABELS, nice, viridis } from './colour.js';
+import { Cut } from './cut.js';
 
 /** What is told by colour: unit, factor to it, and whether it is of the coarse mesh. */
 export const COLOURS = {
@@ -17,7 +18,7 @@ const MM_PER_N = 18;
 const FLASH_MS = 700;
 
 /** What two bodies beside each other are seen by alike. */
-const SHARED = ['controls', 'plane', 'colour', 'opacity', 'range', 'shows_lines', 'is_cut', 'where', 'hidden', 'labels', 'box', 'size', 'is_framed', 'is_unpainted'];
+const SHARED = ['controls', 'plane', 'colour', 'opacity', 'range', 'shows_lines', 'is_cut', 'cut_shows', 'where', 'hidden', 'labels', 'box', 'size', 'is_framed', 'is_unpainted'];
 
 export class Body {
   /** One that is shown beside a `first` is seen as that is. */
@@ -43,6 +44,7 @@ export class Body {
       this.range = 1;
       this.shows_lines = false;
       this.is_cut = false;
+      this.cut_shows = 'label';
       this.where = 0.5;
       this.hidden = new Set();
     }
@@ -52,6 +54,8 @@ export class Body {
     this.camera.add(this.lamp);
     this.lamp.position.set(-0.4, 0.6, 1);
     this.scene.add(this.camera);
+    this.cut = new Cut();
+    this.scene.add(this.cut.mesh);
     this.surfaces = [];
     this.tools = [];
     this.sharpness = 1;
@@ -69,6 +73,7 @@ export class Body {
     this.drop(this.faces);
     this.drop(this.lines);
     this.drop(this.flash);
+    this.cut.clear();
     this.coarse();
     this.range = 0;
     this.is_framed = false;
@@ -100,6 +105,8 @@ export class Body {
       else if (block.kind === 2) { this.move(block); changed.add(block.surface); }
       else if (block.kind === 3) { this.topology = block; mesh = true; this.connect(block); }
       else if (block.kind === 4) { this.points = block.rows; mesh = true; }
+      else if (block.kind === 7) this.cut.voxels = block;
+      else if (block.kind === 8) this.cut.tets = block.tets;
       else { this.values = block.rows; mesh = true; }
     }
     for (const number of changed) {
@@ -219,11 +226,18 @@ export class Body {
       this.amount.forEach((x, i) => colours.array.set(this.shade(x / this.range), 3 * i));
       colours.needsUpdate = true;
     });
+    this.cut.mesh.visible = this.is_cut;
+    if (this.is_cut) this.lay_cut();
     this.faces.visible = is_coarse && Boolean(this.topology);
     this.faces.material.clippingPlanes = planes;
     this.lines.material.clippingPlanes = planes;
     if (is_coarse && this.values && this.topology) this.paint_faces();
     this.is_stale = true;
+  }
+
+  lay_cut() {
+    const { labels, hidden } = this;
+    this.cut.lay(this.points, this.plane.constant, { labels, hidden, is_grey: this.cut_shows === 'grey' });
   }
 
   /** What the vertices of the skin show: their displacement, or what the outer face nearest at rest has. */

@@ -64,6 +64,7 @@ function seen(buffer) {
   }
   body.take(blocks);
   second?.take(beside.blocks);
+  if (is_first) offer_grey();
   if (second && is_first) compare();
   undrawn += 1;
   const is_new = !last || last.step !== text.step || last.generation !== text.generation;
@@ -109,6 +110,16 @@ function begin_pair() {
   lead_from(second);
   plots[0].series.push({ name: 'beside', colour: '#0072b2' });
   plots[0].plot.name();
+}
+
+/** Offers grey values for the cut where there are some, and shows them. */
+function offer_grey() {
+  const option = document.querySelector('#cut_shows [value=grey]');
+  const voxels = body.cut.voxels;
+  option.hidden = option.disabled = !voxels?.grey;
+  if (voxels?.grey) option.textContent = `grey, ${short(voxels.range[0])} to ${short(voxels.range[1])}`;
+  body.cut_shows = voxels?.grey ? 'grey' : 'label';
+  get('cut_shows').value = body.cut_shows;
 }
 
 /** Says whether the difference of displacements can be seen. */
@@ -493,6 +504,7 @@ get('copy').onclick = async () => {
 get('colour').onchange = ({ target }) => { body.colour = target.value; body.range = 0; body.paint(); };
 get('lines').onchange = ({ target }) => { body.shows_lines = target.checked; body.pair.forEach((one) => { one.place(); one.is_stale = true; }); };
 get('cut').onchange = ({ target }) => { body.is_cut = target.checked; body.slice(); };
+get('cut_shows').onchange = ({ target }) => { body.cut_shows = target.value; body.slice(); };
 get('where').oninput = ({ target }) => { body.where = Number(target.value); body.slice(); };
 get('opacity').oninput = ({ target }) => { body.opacity = target.value / 100; get('opacity_out').textContent = `${target.value} %`; body.paint(); };
 get('radius').oninput = ({ target }) => { get('radius_out').textContent = `${target.value} mm`; };

@@ -29,6 +29,16 @@ export function decode(buffer) {
       block.edges = new Uint32Array(buffer, at, 3 * count);
       block.faces = new Uint32Array(buffer, at + 12 * count, 3 * other);
       at += 12 * (count + other);
+    } else if (kind === 7) {
+      block.dims = new Uint32Array(buffer, at, 3);
+      block.map = new Float32Array(buffer, at + 12, 12);
+      block.range = new Float32Array(buffer, at + 60, 2);
+      block.labels = new Uint8Array(buffer, at + 68, count);
+      block.grey = other ? new Uint8Array(buffer, at + 68 + count, count) : null;
+      at += 68 + Math.ceil((count * (1 + other)) / 4) * 4;
+    } else if (kind === 8) {
+      block.tets = new Uint32Array(buffer, at, 5 * count);
+      at += 20 * count;
     } else {
       const width = kind === 4 ? 6 : 4;
       block.rows = new Float32Array(buffer, at, width * count);
