@@ -1,6 +1,6 @@
 //! A headless Chromium, driven by WebDriver (W3C), as much of it as the tests need.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -67,38 +67,42 @@ impl Browser {
     }
 
     fn ask(&self, method: &str, path: &str, body: Option<&Value>) -> Value {
+        let text = self.send(method, path, body).expect("chromedriver answers");
+        let value: Value = serde_json::from_slice(&text).expect("JSON");
+        let value = value["value"].clone();
+        assert!(value["error"].is_null(), "{path}: {} {}", value["error"], value["message"]);
+        value
+    }
+
+    /// The body of the answer.
+    fn send(&self, method: &str, path: &str, body: Option<&Value>) -> io::Result<Vec<u8>> {
         let body = body.map_or(String::new(), Value::to_string);
-        let mut stream =
-            TcpStream::connect(("127.0.0.1", self.port)).expect("chromedriver answers");
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port))?;
         let head = format!(
             "{method} {path} HTTP/1.1\r\nHost: localhost:{}\r\nContent-Type: application/json\r\n\
              Content-Length: {}\r\nConnection: close\r\n\r\n",
             self.port,
             body.len()
         );
-        stream.write_all((head + &body).as_bytes()).expect("it takes requests");
-        stream.set_read_timeout(Some(PATIENCE)).expect("a time limit");
+        stream.write_all((head + &body).as_bytes())?;
+        stream.set_read_timeout(Some(PATIENCE))?;
         let mut answer = BufReader::new(stream);
         let mut length = 0;
         loop {
             let mut line = String::new();
-            answer.read_line(&mut line).expect("it answers");
+            answer.read_line(&mut line)?;
             if let Some((name, value)) = line.split_once(':')
                 && name.eq_ignore_ascii_case("content-length")
             {
-                length = value.trim().parse().expect("a length");
+                length = value.trim().parse().map_err(io::Error::other)?;
             }
             if line.trim().is_empty() {
                 break;
             }
         }
         let mut text = vec![0; length];
-        answer.read_exact(&mut text).expect("all of it");
-        let text = std::str::from_utf8(&text).expect("UTF-8");
-        let value: Value = serde_json::from_str(text).expect("JSON");
-        let value = value["value"].clone();
-        assert!(value["error"].is_null(), "{path}: {} {}", value["error"], value["message"]);
-        value
+        answer.read_exact(&mut text)?;
+        Ok(text)
     }
 
     fn command(&self, path: &str, body: &Value) -> Value {
@@ -182,8 +186,9 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        if !self.session.is_empty() && !std::thread::panicking() {
-            self.ask("DELETE", &format!("/session/{}", self.session), None);
+        if !self.session.is_empty() {
+            // Of a test that fails the browser would live on, and keep the cores busy.
+            let _ = self.send("DELETE", &format!("/session/{}", self.session), None);
         }
         let _ = self.driver.kill();
         let _ = self.driver.wait();
