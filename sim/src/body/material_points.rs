@@ -13,6 +13,9 @@ use super::organ_box::{OrganBox, Zone};
 const NEAR: f64 = 0.585_410_196_624_968_5;
 const FAR: f64 = (1.0 - NEAR) / 3.0;
 
+/// How often a tetrahedron of a mesh file is divided until a region that has one of its corners has a point of it.
+const THINNEST: u32 = 6;
+
 /// How far the two points of a quadrature along an edge of 1 are from its middle: 1/(2√3).
 const OFF: f64 = 0.288_675_134_594_812_9;
 
@@ -208,7 +211,8 @@ impl<'a> Voxels<'a> {
     }
 }
 
-/// Four points of each tetrahedron, those in `zone`. In a flat region three of each outer face
+/// Four points of each tetrahedron, those in `zone`; of one that has a corner but no point in it the same of its
+/// eighths, and so on, so that a thin region holds something of coarse tetrahedra. In a flat region three of each outer face
 /// whose corners lie in it, which stand for a layer as thick as `thickness`, m.
 ///
 /// Cost: O(tetrahedra).
@@ -231,15 +235,46 @@ pub(crate) fn of_mesh(
         }
         return points;
     }
+    let is_inside = |x: &Vector3<f64>| zone.contains(organ, x);
     for tet in 0..mesh.tets().len() {
-        let x = mesh.corners(tet);
-        let weight = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0])).abs() / 24.0;
-        let sum: Vector3<f64> = x.iter().sum();
-        let inner = x.map(|x| FAR * sum + (NEAR - FAR) * x);
-        let inside = inner.into_iter().filter(|x| zone.contains(organ, x));
-        points.extend(inside.map(|rest| WeightedPoint { rest, weight }));
+        add_tet(&mesh.corners(tet), &is_inside, THINNEST, &mut points);
     }
     points
+}
+
+/// Adds the points of a tetrahedron, which may be divided so many times.
+fn add_tet(
+    x: &[Vector3<f64>; 4],
+    is_inside: &impl Fn(&Vector3<f64>) -> bool,
+    times: u32,
+    points: &mut Vec<WeightedPoint>,
+) {
+    let weight = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0])).abs() / 24.0;
+    let sum: Vector3<f64> = x.iter().sum();
+    let inner = x.map(|x| FAR * sum + (NEAR - FAR) * x);
+    let before = points.len();
+    let inside = inner.into_iter().filter(is_inside);
+    points.extend(inside.map(|rest| WeightedPoint { rest, weight }));
+    if points.len() == before && times > 0 && x.iter().any(is_inside) {
+        eighths(x).iter().for_each(|part| add_tet(part, is_inside, times - 1, points));
+    }
+}
+
+/// A tetrahedron in eight of equal volume: four at its corners, four around a diagonal between them.
+fn eighths(x: &[Vector3<f64>; 4]) -> [[Vector3<f64>; 4]; 8] {
+    let half = |i: usize, j: usize| 0.5 * (x[i] + x[j]);
+    let [a, b, c] = [half(0, 1), half(0, 2), half(0, 3)];
+    let [d, e, f] = [half(1, 2), half(1, 3), half(2, 3)];
+    [
+        [x[0], a, b, c],
+        [x[1], a, d, e],
+        [x[2], b, d, f],
+        [x[3], c, e, f],
+        [a, f, b, c],
+        [a, f, c, e],
+        [a, f, e, d],
+        [a, f, d, b],
+    ]
 }
 
 /// The point nearest to `x` of all voxels that are not void, as whole cubes; none without any.
@@ -353,6 +388,36 @@ mod tests {
             assert_eq!(nearest_of_mesh(&mesh, &Vector3::from(x)), Some(Vector3::from(want)));
         }
     }
+
+    /// A cube of five tetrahedra of 1 m, whose own points are .138 m away from its sides.
+    #[test]
+    fn a_thin_region_holds_material_of_coarse_tetrahedra() {
+        let corner = |i: usize| Vector3::from([i & 1, i >> 1 & 1, i >> 2 & 1].map(|x| x as f64));
+        let tets = vec![[0, 1, 3, 5], [0, 3, 2, 6], [5, 6, 4, 0], [3, 7, 6, 5], [0, 3, 6, 5]];
+        let (mesh, _) = PlainMesh::new((0..8).map(corner).collect(), tets, vec![1; 5]).unwrap();
+        let organ = OrganBox { low: Vector3::zeros(), high: Vector3::repeat(1.0) };
+        let held = |depth: f64| {
+            let zone = Zone::Box { min: [0.0; 3], max: [depth, 1.0, 1.0] };
+            moments(&of_mesh(&mesh, &organ, &zone, 0.25))
+        };
+        let (all, first, _) = held(1.0);
+        assert!((all - 1.0).abs() < 1e-12 && (first - Vector3::repeat(0.5)).norm() < 1e-12);
+        for depth in [0.3, 0.1, 0.03, 0.01] {
+            let (weight, first, second) = held(depth);
+            assert!((0.3..3.0).contains(&(weight / depth)), "{depth}: {weight} m³");
+            // Spread over the whole side, about its middle.
+            let middle = first / weight;
+            assert!((middle.yz() - nalgebra::Vector2::repeat(0.5)).norm() < 0.05, "{middle}");
+            let spread = second / weight - middle * middle.transpose();
+            assert!(spread[(1, 1)].min(spread[(2, 2)]) > 0.03, "{spread}");
+        }
+        let parts = eighths(&[0, 1, 2, 4].map(corner));
+        for x in parts {
+            let volume = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0])).abs();
+            assert!((volume - 0.125).abs() < 1e-15, "{volume}");
+        }
+    }
+
     /// A ball with a hole, of 29³ voxels of 2 mm.
     fn hollow() -> LabelVolume {
         let n = 29;
