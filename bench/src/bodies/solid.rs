@@ -1,6 +1,6 @@
 //! Bodies of linear tetrahedra over simple shapes, for studies with a known solution.
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_corot::{Body, Element};
 use yawara_embed::LinearTet;
 use yawara_mesh::TetId;
@@ -90,14 +90,20 @@ impl Solid {
     }
 
     /// The same in an empty `body` of either kind of element.
-    pub fn fill(&self, mut body: Body) -> Body {
+    pub fn fill(&self, body: Body) -> Body {
+        self.fill_made_of(body, &[])
+    }
+
+    /// The same under a law that has to know of each element what it is made of.
+    pub fn fill_made_of(&self, mut body: Body, made_of: &[f64]) -> Body {
         for (tet, &vertices) in self.tets.iter().enumerate() {
-            body.insert(Element {
+            let element = Element {
                 tet: TetId(tet as u32),
                 vertices,
                 geometry: self.geometry(tet),
                 elasticity: self.elasticity[tet],
-            });
+            };
+            body.insert_made_of(element, &Matrix3::identity(), made_of);
         }
         body
     }

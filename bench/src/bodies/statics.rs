@@ -1,8 +1,12 @@
 //! A held [`Solid`] with the inverse of its stiffness: what an equilibrium solver works on.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use yawara::inverse::{Assembly, SlotMap};
-use yawara_corot::{Body, Equilibrium, InternalForces, Outcome, Problem, Tolerance};
+use yawara_corot::{
+    Body, ConstitutiveLaw, Equilibrium, InternalForces, Outcome, Problem, Tolerance,
+};
 use yawara_embed::{ElementFormulation, P1, P1P1};
 use yawara_inverse_update::{InverseMaintainer, build};
 use yawara_mesh::{Lattice, VertexId};
@@ -48,10 +52,32 @@ impl Statics {
         held: impl Fn(&Vector3<f64>) -> bool,
         mixed: Option<P1P1>,
     ) -> Result<Self> {
-        let (body, element): (Body, Box<dyn ElementFormulation>) = match mixed {
-            Some(element) => (solid.fill(Body::mixed(element)), Box::new(element)),
-            None => (solid.body(), Box::new(P1)),
-        };
+        match mixed {
+            Some(element) => {
+                Self::of(solid, held, solid.fill(Body::mixed(element)), Box::new(element))
+            }
+            None => Self::of(solid, held, solid.body(), Box::new(P1)),
+        }
+    }
+
+    /// With pressures, under a law that knows of each element what it is `made_of`.
+    pub(crate) fn under(
+        solid: &Solid,
+        held: impl Fn(&Vector3<f64>) -> bool,
+        element: P1P1,
+        law: Arc<dyn ConstitutiveLaw>,
+        made_of: &[f64],
+    ) -> Result<Self> {
+        let body = solid.fill_made_of(Body::mixed(element).with_law(law), made_of);
+        Self::of(solid, held, body, Box::new(element))
+    }
+
+    fn of(
+        solid: &Solid,
+        held: impl Fn(&Vector3<f64>) -> bool,
+        body: Body,
+        element: Box<dyn ElementFormulation>,
+    ) -> Result<Self> {
         let free: Vec<bool> = solid.points.iter().map(|x| !held(x)).collect();
         let order_key = order_keys(solid);
         let is_fixed = |v: VertexId| !free[v.index()];

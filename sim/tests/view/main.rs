@@ -1,5 +1,6 @@
 //! The page of `yawara view`: who is let in, and in a real browser what a hand does.
 
+mod bare;
 mod beside;
 mod browser;
 mod cut;

@@ -12,6 +12,7 @@ use std::time::Instant;
 use clap::Args;
 use serde::Serialize;
 use yawara::Simulation;
+use yawara::report::EnergySummary;
 use yawara::scene::Scene;
 
 use self::scenes::{KINDS, Liver};
@@ -37,7 +38,7 @@ const MOST_STEPS: usize = 1_000_000_000;
 /// What is said of each row.
 const COLUMNS: &str = "scenes steps converged not_finite out_of_iterations no_equilibrium \
                        iterations_p50 iterations_p99 iterations_max step_p50_ms step_p99_ms \
-                       step_max_ms splits merges force_max_n";
+                       step_max_ms splits merges force_max_n created_j work_least_j";
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// What all scenes follow from: that number I has the seed S + I.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
+    /// Gives each label of each scene a law by chance: linear, prony, plastic or creep.
+    #[arg(long)]
+    pub laws: bool,
 }
 
 /// A step that found no equilibrium, or a scene that ended.
@@ -70,7 +74,7 @@ struct Unsolved {
 /// # Errors
 /// `BenchError::OutOfRange`; those of the folder. What a scene refuses is listed beside the steps.
 pub fn run(arguments: &Arguments) -> Result<String> {
-    let Arguments { common, steps, seed } = arguments;
+    let Arguments { common, steps, seed, laws } = arguments;
     let (all, each) = match common.quick {
         true => (QUICK_STEPS, QUICK_SCENE_STEPS),
         false => (STEPS, SCENE_STEPS),
@@ -78,7 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     let all = steps.unwrap_or(all);
     in_range("--steps", all, (1, MOST_STEPS))?;
     let folder = common.folder()?;
-    let liver = Liver::new()?;
+    let liver = Liver::new(*laws)?;
     let mut progress = Progress::new(all as f64);
     let mut tallies: Vec<((&str, String), Tally)> = Vec::new();
     let (mut total, mut memory) = (Tally::with_capacity(all), Memory::new(all));
@@ -109,11 +113,12 @@ pub fn run(arguments: &Arguments) -> Result<String> {
             memory.look(total.steps());
             progress.advance(kind, 1.0);
         });
-        if let Err((step, error)) = run {
+        let energy = run.unwrap_or_else(|(step, error)| {
             note(step, error.to_string(), None);
-        }
+            None
+        });
         for tally in [&mut *own, &mut total] {
-            tally.end_scene();
+            tally.end_scene(energy.as_ref());
         }
         if unsolved.len() > before {
             let text = toml::to_string(&scene);
@@ -133,7 +138,8 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     let machine = Machine::here();
     let text = text(&machine, &rows, &unsolved, &memory);
     let summary = Summary { table: Some(lines(&rows)), ..Summary::new(text) };
-    let summary = summary.with("study", "endurance").with("seed", seed).with("scene_steps", each);
+    let summary = summary.with("study", "endurance").with("seed", seed).with("laws", laws);
+    let summary = summary.with("scene_steps", each);
     report::write(
         &folder,
         "endurance",
@@ -143,11 +149,11 @@ pub fn run(arguments: &Arguments) -> Result<String> {
 }
 
 /// Makes all steps of a scene; `visit` sees each with its time in ms. An error comes with the number of
-/// the step, 0 for the start.
+/// the step, 0 for the start. Returns the ledger of energy.
 fn one(
     scene: &Scene,
     mut visit: impl FnMut(&Simulation, &yawara::report::StepReport, f64),
-) -> std::result::Result<(), (usize, yawara::SimError)> {
+) -> std::result::Result<Option<EnergySummary>, (usize, yawara::SimError)> {
     let mut simulation = Simulation::builder(scene).build().map_err(|error| (0, error))?;
     while simulation.steps_left() > 0 {
         let step = scene.time.steps - simulation.steps_left() + 1;
@@ -155,7 +161,7 @@ fn one(
         let report = simulation.step().map_err(|error| (step, error))?;
         visit(&simulation, &report, milliseconds_since(begin));
     }
-    Ok(())
+    Ok(simulation.summary().map_err(|error| (scene.time.steps, error))?.energy)
 }
 
 /// What is printed.
@@ -183,7 +189,7 @@ mod tests {
     /// tangent its twelfth step uses up all iterations.
     #[test]
     fn balls_in_matter_softer_than_their_force_is_curved() {
-        let (kind, mut scene) = Liver::new().unwrap().scene(214, SCENE_STEPS, 215);
+        let (kind, mut scene) = Liver::new(false).unwrap().scene(214, SCENE_STEPS, 215);
         assert_eq!((kind, scene.stages.element.as_str()), ("probe", "p1p1"));
         scene.time.steps = 18;
         one(&scene, |simulation, report, _| {

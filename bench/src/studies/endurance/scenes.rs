@@ -3,7 +3,10 @@
 use std::f64::consts::FRAC_PI_3;
 
 use nalgebra::Vector3;
-use yawara::scene::{GrabEntry, GrabHold, Key, ProbeEntry, Region, Scene, ToolEntry};
+use yawara::scene::{
+    GrabEntry, GrabHold, Key, LawEntry, ProbeEntry, PronyEntry, Region, RelaxingPart, Scene,
+    ToolEntry,
+};
 use yawara::{Simulation, scene_file};
 use yawara_embed::FORMULATIONS;
 
@@ -50,12 +53,16 @@ pub(super) struct Liver {
     outline: Vec<Vector3<f64>>,
     low: Vector3<f64>,
     high: Vector3<f64>,
+    /// Whether labels get laws by chance.
+    laws: bool,
 }
 
 impl Liver {
+    /// Whose labels get `laws` by chance, if that is asked for.
+    ///
     /// # Errors
     /// Those of the scene `liver`.
-    pub fn new() -> Result<Self> {
+    pub fn new(laws: bool) -> Result<Self> {
         let keys = LIVER.map(str::to_owned);
         let (scene, _) = scene_file::load("liver", &keys)?;
         let labels = "output.surfaces=[{label=1}, {label=2}, {label=3}, {label=4}]".to_owned();
@@ -65,7 +72,7 @@ impl Liver {
         let outline: Vec<Vector3<f64>> = points.map(|x| x * 1e-3).collect();
         let low = outline.iter().fold(Vector3::repeat(f64::MAX), |low, x| low.inf(x));
         let high = outline.iter().fold(Vector3::repeat(f64::MIN), |high, x| high.sup(x));
-        Ok(Self { scene, outline, low, high })
+        Ok(Self { scene, outline, low, high, laws })
     }
 
     fn middle(&self) -> Vector3<f64> {
@@ -120,6 +127,10 @@ impl Liver {
         }
         for _ in 0..balls {
             scene.tools.push(ToolEntry::Probe(self.probe(clock, &mut random)));
+        }
+        if self.laws {
+            let labels = scene.materials.iter_mut();
+            labels.for_each(|one| one.law = Some(law(one.young_modulus_pa, &mut random)));
         }
         (kind, scene)
     }
@@ -224,6 +235,33 @@ impl Liver {
     }
 }
 
+/// A law of a material of a modulus (Pa), by chance; strains of some percent yield and creep.
+fn law(young_modulus_pa: f64, random: &mut SplitMix64) -> LawEntry {
+    match random.below(4) {
+        0 => LawEntry::Linear,
+        1 => {
+            let terms = (0..=random.below(3)).map(|_| PronyEntry {
+                fraction: random.between(0.05, 0.3),
+                time_s: 10f64.powf(random.between(-2.0, 1.0)),
+            });
+            LawEntry::Prony {
+                terms: terms.collect(),
+                power_law: None,
+                relaxing: [RelaxingPart::Deviator, RelaxingPart::Whole][random.below(2)],
+            }
+        }
+        2 => LawEntry::Plastic {
+            yield_pa: young_modulus_pa * random.between(0.02, 0.2),
+            hardening_pa: young_modulus_pa * random.between(0.05, 0.5),
+        },
+        _ => LawEntry::Creep {
+            yield_strain: random.between(0.01, 0.1),
+            rate_per_s: 10f64.powf(random.between(-1.0, 1.0)),
+            max_strain: random.between(0.02, 0.2),
+        },
+    }
+}
+
 /// The steps of a scene.
 #[derive(Clone, Copy)]
 struct Clock {
@@ -250,9 +288,11 @@ mod tests {
 
     #[test]
     fn a_scene_follows_from_its_seed_and_reads_back() {
-        let liver = Liver::new().unwrap();
         let root = tempfile::tempdir().unwrap();
-        for number in 0..2 * KINDS.len() {
+        let livers = [false, true].map(|laws| Liver::new(laws).unwrap());
+        for (liver, number) in
+            livers.iter().flat_map(|one| (0..2 * KINDS.len()).map(move |n| (one, n)))
+        {
             let (kind, scene) = liver.scene(number, 60, 5);
             assert_eq!(kind, KINDS[number % KINDS.len()]);
             assert_eq!(liver.scene(number, 60, 5).1, scene);
@@ -266,7 +306,7 @@ mod tests {
 
     #[test]
     fn balls_start_out_of_touch_and_grabs_apart() {
-        let liver = Liver::new().unwrap();
+        let liver = Liver::new(false).unwrap();
         let far = liver.outline.iter().map(|x| (x - liver.middle()).norm()).fold(0.0, f64::max);
         // What is passed in a straight line a sixth of a circle apart.
         assert!(far + BALL_M < AROUND_M * (0.5 * FRAC_PI_3).cos(), "{far} m");

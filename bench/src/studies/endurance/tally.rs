@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use yawara::Simulation;
-use yawara::report::StepReport;
+use yawara::report::{EnergySummary, StepReport};
 use yawara::scene::Scene;
 
 use crate::harness::cases::Row;
@@ -47,6 +47,9 @@ pub(super) struct Tally {
     merges: usize,
     vertices_max: usize,
     force_max: f64,
+    /// What has come from nowhere in all scenes, and the least that tools had put in at any time in one, J.
+    created_j: f64,
+    work_least_j: f64,
 }
 
 impl Tally {
@@ -72,8 +75,12 @@ impl Tally {
         }
     }
 
-    pub fn end_scene(&mut self) {
+    pub fn end_scene(&mut self, energy: Option<&EnergySummary>) {
         self.scenes += 1;
+        if let Some(energy) = energy {
+            self.created_j += energy.created_j;
+            self.work_least_j = self.work_least_j.min(energy.tools_work_least_j);
+        }
     }
 
     pub fn row(&self, group: &str, case: &str) -> Row {
@@ -93,6 +100,8 @@ impl Tally {
         figures.put("merges", self.merges);
         figures.put("vertices_max", self.vertices_max);
         figures.put("force_max_n", self.force_max);
+        figures.put("created_j", self.created_j);
+        figures.put("work_least_j", self.work_least_j);
         for (name, percent) in [("p50", 50.0), ("p99", 99.0), ("max", 100.0)] {
             row.measured.put(&format!("step_{name}_ms"), percentile(&self.step_ms, percent));
         }

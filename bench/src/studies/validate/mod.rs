@@ -1,12 +1,13 @@
 //! `validate`: cases with a known solution, and how the error falls under refinement.
 //!
-//! `beams.rs`, `spheres.rs` and `corotated.rs` hold the cases (`figure.rs`: how one is solved, and
+//! `beams.rs`, `spheres.rs`, `shells.rs` and `corotated.rs` hold the cases (`figure.rs`: how one is solved, and
 //! what it says), `paper_failure.rs` says where the paper's forces fail.
 
 mod beams;
 mod corotated;
 mod figure;
 mod paper_failure;
+mod shells;
 mod spheres;
 
 use serde::Serialize;
@@ -40,6 +41,8 @@ impl Report {
             rows.push(spheres::lame(n)?);
             rows.push(spheres::coated(n)?);
             rows.push(spheres::eshelby(n)?);
+            rows.push(shells::hill(n)?);
+            rows.push(shells::inflation(n)?);
         }
         for &n in if quick { &[2, 4, 8] } else { &[2, 4, 8, 16][..] } {
             rows.extend(beams::elastica(n)?);
@@ -47,7 +50,17 @@ impl Report {
         rows.extend(corotated::stretch()?);
         rows.extend(corotated::invariance()?);
         let order = |row: &Row| {
-            let cases = ["patch", "timoshenko", "torsion", "lame", "coated", "eshelby", "elastica"];
+            let cases = [
+                "patch",
+                "timoshenko",
+                "torsion",
+                "lame",
+                "coated",
+                "eshelby",
+                "hill",
+                "inflation",
+                "elastica",
+            ];
             cases.iter().position(|case| *case == row.case).unwrap_or(cases.len())
         };
         rows.sort_by(|a, b| {
