@@ -10,7 +10,7 @@ const REFINED: [(&str, f64, f64); 8] = [
     ("lame", 0.12, 1.3),
     ("coated", 0.15, 1.0),
     ("eshelby", 0.15, 1.0),
-    ("hill", 0.02, 1.0),
+    ("hill", 0.03, 1.2),
     ("inflation", 0.02, 1.5),
     ("elastica", 0.12, 1.0),
 ];
