@@ -11,7 +11,7 @@ const REFINED: [(&str, f64, f64); 8] = [
     ("coated", 0.15, 1.0),
     ("eshelby", 0.15, 1.0),
     ("hill", 0.03, 1.2),
-    ("inflation", 0.02, 1.5),
+    ("inflation", 0.04, 1.8),
     ("elastica", 0.12, 1.0),
 ];
 
