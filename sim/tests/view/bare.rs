@@ -97,13 +97,13 @@ fn how_fast_the_server_is() {
         // Six seconds to and fro, 120 moves a second; a stamp is the time of its move, ms.
         let to = Arc::clone(&page.to);
         let start = Instant::now();
-        let ms = move || start.elapsed().as_secs_f64() * 1e3;
+        let ms = move || begin.elapsed().as_secs_f64() * 1e3;
         let hand = thread::spawn(move || {
             for i in 0..720 {
                 let due = start + Duration::from_secs_f64(f64::from(i) / 120.0);
                 thread::sleep(due.saturating_duration_since(Instant::now()));
                 let turn = f64::from(i) / 720.0 * 2.0 * std::f64::consts::TAU;
-                let at = [25.0 * turn.sin(), 0.0, 25.0 * (1.0 - turn.cos())].map(f64::round);
+                let at = [8.0 * turn.sin(), 0.0, 8.0 * (1.0 - turn.cos())];
                 let stamp = (ms() as u32).max(1);
                 say(&to, json!({ "do": "move", "hand": 0, "move_mm": at, "stamp": stamp }));
             }
@@ -131,7 +131,7 @@ fn how_fast_the_server_is() {
         hand.join().unwrap();
         if !takes_pictures {
             // Of the steps that were made the pictures tell that come once the others are drawn.
-            let end = ms();
+            let end = start.elapsed().as_secs_f64();
             let mut before = None;
             for _ in 0..4 {
                 say(&page.to, drawn.clone());
@@ -140,7 +140,7 @@ fn how_fast_the_server_is() {
                 last.1 = step;
             }
             let made = last.1 - before.unwrap_or_default();
-            println!("{what}: {:.0} steps a second", made / end * 1e3);
+            println!("{what}: {:.0} steps a second", made / end);
             continue;
         }
         latencies.sort_by(f64::total_cmp);
