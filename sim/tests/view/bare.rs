@@ -2,13 +2,13 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::{View, number};
+use super::{ALONE, View, number};
 
 /// What a page has: a socket that pictures come from and requests go to.
 struct Bare {
@@ -83,6 +83,7 @@ fn frame(to: &Mutex<TcpStream>, kind: u8, bytes: &[u8]) {
 #[test]
 #[ignore = "measures, and proves nothing"]
 fn how_fast_the_server_is() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let begin = Instant::now();
     let view = View::start(&["liver"]);
     let mut page = Bare::open(&view);
