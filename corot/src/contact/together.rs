@@ -2,13 +2,11 @@
 
 use super::run::{Place, Run};
 use crate::equilibrium::anderson::{Anderson, MIN_DAMPING, Memory};
+use crate::equilibrium::fallback::CLOSER;
 use crate::field::Field;
 
 /// Changes of the set of points that push, in one solve, after which the set is settled first.
 const FLIPS: usize = 3;
-
-/// An iterate with so much left, of what was left at the start, is a better start.
-const CLOSER: f64 = 0.1;
 
 /// Iterations in which what is left has to become half at least.
 const PATIENCE: usize = 20;

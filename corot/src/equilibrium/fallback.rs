@@ -32,7 +32,7 @@ impl Fallback {
 
 /// The next method starts at the last one's best iterate if its residual is this small a part of
 /// the first one; farther away a small residual may be that of a tangled body.
-const CLOSER: f64 = 0.1;
+pub(crate) const CLOSER: f64 = 0.1;
 
 impl Equilibrium for Fallback {
     fn name(&self) -> &'static str {

@@ -7,7 +7,7 @@
 
 pub(crate) mod anderson;
 mod direct;
-mod fallback;
+pub(crate) mod fallback;
 mod following;
 mod inverse;
 mod iteration;
