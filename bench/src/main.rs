@@ -78,12 +78,13 @@ enum Study {
 
 impl Study {
     /// Updates of the inverse are compared with direct methods that run in one thread: so does all
-    /// else beside them.
+    /// else beside them. This thread steps, and is one of those that share the work, as in `yawara run`.
     fn set_threads(&self) -> Result<(), rayon::ThreadPoolBuildError> {
+        let mut pool = rayon::ThreadPoolBuilder::new().use_current_thread();
         if matches!(self, Self::Table1 { .. } | Self::Drift(_) | Self::Scaling(_)) {
-            rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
+            pool = pool.num_threads(1);
         }
-        Ok(())
+        pool.build_global()
     }
 
     /// Whether processes of one mpirun share its cases.

@@ -39,6 +39,9 @@ pub struct BodyState {
     pub(crate) velocities: Vec<Vector3<f64>>,
     /// By vertex number, m/s²; zero unless the time integrator uses them.
     pub(crate) accelerations: Vec<Vector3<f64>>,
+    /// By vertex number, how fast the pressures q of a quasi-static body changed in the last step if the next
+    /// one may continue it, else zero, 1/s.
+    pub(crate) pressure_rates: Vec<f64>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub(crate) masses: Vec<f64>,
     /// Of each of the body's grips the tool that it is of; none for a support.
@@ -52,6 +55,7 @@ pub struct BodyState {
 }
 
 /// Where the body stands, to come back to: positions, and pressures if it has any.
+#[derive(Default)]
 pub(crate) struct Standing {
     pub positions: Vec<Vector3<f64>>,
     pub pressures: Vec<f64>,
@@ -181,13 +185,14 @@ impl BodyState {
             self.holds.resize(at + 1, Hold::Free);
             self.velocities.resize(at + 1, Vector3::zeros());
             self.accelerations.resize(at + 1, Vector3::zeros());
+            self.pressure_rates.resize(at + 1, 0.0);
             self.masses.resize(at + 1, 0.0);
         }
         self.is_active[at] = true;
         self.vertex_count += 1;
         (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
         (self.velocities[at], self.masses[at]) = (Vector3::zeros(), 0.0);
-        self.accelerations[at] = Vector3::zeros();
+        (self.accelerations[at], self.pressure_rates[at]) = (Vector3::zeros(), 0.0);
     }
 
     /// `vertex` goes out.

@@ -88,6 +88,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
     match command {
         Command::Init(arguments) => init::run(&arguments, &mut out)?,
         Command::Run(arguments) => {
+            join_pool();
             if !run::run(&arguments, &mut out)? {
                 return Ok(ExitCode::from(NOT_CONVERGED));
             }
@@ -97,7 +98,10 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Mesh(arguments) => mesh::run(&arguments, &mut out)?,
         Command::Labels(arguments) => labels::run(&arguments, &mut out)?,
         Command::Surface(arguments) => surface::run(&arguments, &mut out)?,
-        Command::Haptic(arguments) => haptic::run(&arguments, &mut out)?,
+        Command::Haptic(arguments) => {
+            join_pool();
+            haptic::run(&arguments, &mut out)?;
+        }
         #[cfg(feature = "view")]
         Command::View(arguments) => view::run(&arguments, &mut out)?,
         #[cfg(feature = "view")]
@@ -108,6 +112,13 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Devices => devices(&mut out)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Makes this thread, which steps, one of those that share the work of a step: besides as many of them as there are
+/// cores it would wait for one of these.
+fn join_pool() {
+    // Where the pool is there already, work is shared all the same.
+    let _ = rayon::ThreadPoolBuilder::new().use_current_thread().build_global();
 }
 
 fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {

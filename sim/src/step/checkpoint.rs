@@ -45,16 +45,16 @@ impl Checkpoint {
     /// Whether all that is told by vertex, tetrahedron, grip and tool is told of this many, vertices numbered below
     /// `capacity`.
     pub(super) fn is_of(&self, [vertices, capacity, tets, grips]: [usize; 4]) -> bool {
-        let KeptVertices { holds, positions, velocities, accelerations, pressures } =
+        let KeptVertices { holds, positions, velocities, accelerations, pressures, pressure_rates } =
             &self.vertices;
-        let lengths = [holds.len(), positions.len(), velocities.len(), accelerations.len()];
+        let fields = [positions, velocities, accelerations].map(Vec::len);
+        let scalars = [holds.len(), pressures.len(), pressure_rates.len()];
         let KeptTets { rotations, law } = &self.tets;
         let KeptSolver { tool_loads, fading, easing: (_, eased), grips: held, .. } = &self.solver;
         let mut forces = [tool_loads, fading, eased].into_iter().chain(&held.forces).flatten();
         let leaving = self.refiner.as_ref().map_or(&[][..], |refiner| &refiner.leaving);
         let mut numbers = held.held.iter().map(|(number, _)| number).chain(&held.free);
-        lengths.iter().all(|length| *length == vertices)
-            && pressures.len() == vertices
+        fields.iter().chain(&scalars).all(|length| *length == vertices)
             && rotations.len() == tets
             && (law.is_empty() || law.len() == tets)
             && self.poses.len() == grips
@@ -74,6 +74,7 @@ pub(super) struct KeptVertices {
     pub velocities: Vec<[f64; 3]>,
     pub accelerations: Vec<[f64; 3]>,
     pub pressures: Vec<f64>,
+    pub pressure_rates: Vec<f64>,
 }
 
 /// By tetrahedron, in the order of the mesh made again.

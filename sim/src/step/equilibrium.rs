@@ -282,7 +282,7 @@ impl StepSolver {
             _ => 0,
         };
         self.set_off(step, acting.state);
-        self.predictor.begin(&acting.state.positions);
+        self.predictor.begin(acting.state);
         acting.contact.begin();
         while self.reached_s < step.to {
             let span = self.pace.next(self.reached_s, step);

@@ -162,6 +162,7 @@ impl Simulation {
                 velocities: of(&state.velocities),
                 accelerations: of(&state.accelerations),
                 pressures: vertices.iter().map(|&v| state.body.pressure(v)).collect(),
+                pressure_rates: vertices.iter().map(|&v| state.pressure_rates[v]).collect(),
             },
             tets: KeptTets {
                 rotations: rotations.collect(),
@@ -242,7 +243,7 @@ impl Simulation {
         };
         let other = || SimError::OtherCheckpoint(scene.name.clone());
         let empty = body.state.body.emptied();
-        let KeptVertices { holds, positions, velocities, accelerations, pressures } =
+        let KeptVertices { holds, positions, velocities, accelerations, pressures, pressure_rates } =
             &kept.vertices;
         let mut state = match (&beginning.mesh, &mut body.refiner) {
             (StartMesh::Forest(start), Some(refiner)) => {
@@ -274,6 +275,7 @@ impl Simulation {
             state.velocities[v] = velocities[i].into();
             state.accelerations[v] = accelerations[i].into();
             state.body.set_pressure(v, pressures[i]);
+            state.pressure_rates[v] = pressure_rates[i];
         }
         self.solver_turns(&mut state, &kept.tets.rotations);
         Ok(state)

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::contact::Probing;
-use crate::body::{BodyState, Hold};
+use crate::body::{BodyState, Hold, Standing};
 
 /// The largest part of the probes' moves, as a fraction, that may lie off the direction of their
 /// last ones. Beyond it they have turned, and the last step says nothing about this one.
@@ -15,8 +15,8 @@ const LONGEST: f64 = 2.0;
 /// How probes moved in the last step and move in the current one.
 #[derive(Default)]
 pub(crate) struct Predictor {
-    /// Where vertices were when the step began, m.
-    from: Vec<Vector3<f64>>,
+    /// Where the body stood when the step began.
+    from: Standing,
     /// The move of each probe in the last step, m; empty if it does not count.
     last: Vec<(usize, Vector3<f64>)>,
     /// The same in this step.
@@ -56,13 +56,12 @@ impl Predictor {
         Self { last, ..Self::default() }
     }
 
-    /// Begins a step at `positions`.
-    pub fn begin(&mut self, positions: &[Vector3<f64>]) {
-        self.from.clear();
-        self.from.extend_from_slice(positions);
+    /// Begins a step where the body stands.
+    pub fn begin(&mut self, state: &BodyState) {
+        self.from = state.standing();
     }
 
-    /// Moves the free vertices as the last step did, scaled as the moves of the probes are. Returns
+    /// Moves the free vertices, and pressures, as the last step did, scaled as the moves of the probes are. Returns
     /// that factor, which also holds for the growth of the probes' forces; 0 if the probes move
     /// otherwise than before.
     ///
@@ -70,24 +69,33 @@ impl Predictor {
     pub fn follow(&mut self, probing: &[Probing], state: &mut BodyState, step_s: f64) -> f64 {
         self.now = probing.iter().map(|probe| (probe.tool, probe.moved)).collect();
         let share = self.share();
+        if share == 0.0 {
+            return share;
+        }
         for v in 0..state.positions.len() {
-            if share > 0.0 && state.holds[v] == Hold::Free {
+            if state.holds[v] == Hold::Free {
                 state.positions[v] += share * step_s * state.velocities[v];
             }
+            let pressure = state.body.pressure(v) + share * step_s * state.pressure_rates[v];
+            state.body.set_pressure(v, pressure);
         }
         share
     }
 
     /// Ends a step; `continues` tells whether the next one may start as this one went. Sets the
-    /// velocities that it then starts with.
+    /// velocities and rates of pressures that it then starts with.
     pub fn end(&mut self, continues: bool, state: &mut BodyState, step_s: f64) {
         self.last.clear();
         if continues {
             std::mem::swap(&mut self.last, &mut self.now);
         }
-        for (v, from) in self.from.iter().enumerate() {
+        for (v, from) in self.from.positions.iter().enumerate() {
             let moved = state.positions[v] - from;
             state.velocities[v] = if continues { moved / step_s } else { Vector3::zeros() };
+        }
+        for (v, from) in self.from.pressures.iter().enumerate() {
+            let changed = state.body.pressure(v) - from;
+            state.pressure_rates[v] = if continues { changed / step_s } else { 0.0 };
         }
     }
 }
@@ -98,7 +106,7 @@ mod tests {
 
     fn trend(last: [f64; 3], now: [f64; 3]) -> f64 {
         let one = |x: [f64; 3]| vec![(3, Vector3::from(x))];
-        Predictor { from: vec![], last: one(last), now: one(now) }.share()
+        Predictor { last: one(last), now: one(now), ..Predictor::default() }.share()
     }
 
     #[test]

@@ -555,6 +555,8 @@ impl Refiner {
         state.add_vertex(vertex, rest, position, hold);
         let [a, b] = delta.edge.map(|v| state.body.pressure(v.index()));
         state.body.set_pressure(vertex.index(), 0.5 * (a + b));
+        let [a, b] = delta.edge.map(|v| state.pressure_rates[v.index()]);
+        state.pressure_rates[vertex.index()] = 0.5 * (a + b);
         for motion in [&mut state.velocities, &mut state.accelerations] {
             let [a, b] = delta.edge.map(|v| motion[v.index()]);
             motion[vertex.index()] = 0.5 * (a + b);
