@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, drift, elements, endurance, estimates,
-    homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, validate,
+    homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, touch, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -67,6 +67,9 @@ enum Study {
     Extremes(CaseArguments),
     /// Stiff and extreme cases, by element and equilibrium: steps that converge, iterations, times.
     Robust(robust::Arguments),
+    /// The rate and the force of palpate beside evenly laid meshes of the same scene, and what a change of the mesh
+    /// does to the force (quick: 60 of 390 steps, a coarser reference).
+    Touch(touch::Arguments),
     /// Random grabs, pads and balls on the refining liver for 100000 steps: what does not converge, times,
     /// memory (quick: 320 steps).
     Endurance(endurance::Arguments),
@@ -125,6 +128,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Stiff(arguments) => stiff::run(arguments),
         Study::Extremes(arguments) => extremes::run(arguments),
         Study::Robust(arguments) => robust::run(arguments),
+        Study::Touch(arguments) => touch::run(arguments),
         Study::Endurance(arguments) => endurance::run(arguments),
         Study::Ablation(arguments) => ablation::run(arguments),
         Study::Compare(arguments) => {

@@ -36,9 +36,9 @@ pub use forces::{
 pub use grip::{Constraints, EdgeLoad, Grip, Loads, Responses, WeightedPoint};
 pub use kernels::element::StiffnessPacket;
 pub use law::{
-    ConstitutiveLaw, Creep, Flow, Inelastic, InelasticMaterial, LAWS, LawHalf, LinearElastic,
-    MaterialPoint, NeoHookean, Plastic, Prony, PronyTerm, Rayleigh, Relaxing, StepStart,
-    law_by_name,
+    ConstitutiveLaw, Creep, Flow, Inelastic, InelasticMaterial, LAWS, Lanes, LawHalf,
+    LinearElastic, MaterialPoint, NeoHookean, PacketLaw, Plastic, PointPacket, Prony, PronyTerm,
+    Rayleigh, Relaxing, StepStart, law_by_name,
 };
 pub use time::{
     INTEGRATORS, ImplicitEuler, Inertia, Newmark, QuasiStatic, TimeIntegrator, TimeStep,

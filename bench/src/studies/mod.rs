@@ -24,6 +24,7 @@ pub mod robust;
 pub mod scaling;
 pub mod sweep;
 pub mod table1;
+pub mod touch;
 pub mod validate;
 
 pub use crate::harness::arguments::Common;

@@ -119,8 +119,14 @@ impl Body {
             .map(|(run, ((packets, elements), sums))| {
                 let stiffness = stiffness.next().unwrap_or_default();
                 let (first, pressures) = (LANES * length * run, pressures.as_ref());
-                let pass = Pass { packets, positions, elements, first, sums, stiffness, pressures };
-                (pass, laws.next())
+                let (law, states) = match laws.next().map(StateRun::into_packets) {
+                    Some(Ok(law)) => (Some(law), None),
+                    Some(Err(states)) => (None, Some(states)),
+                    None => (None, None),
+                };
+                let pass =
+                    Pass { packets, positions, elements, first, sums, stiffness, pressures, law };
+                (pass, states)
             })
             .collect();
         drop(laws);

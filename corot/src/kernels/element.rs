@@ -13,6 +13,8 @@ use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::turning::LEAST;
 use crate::field::Field;
+use crate::law::PointPacket;
+use crate::law::states::PacketRun;
 
 /// R K Rᵀ of the eight elements of a packet: entry (i, j) of the 12×12 matrix of lane l is
 /// `[12 i + j][l]`, N/m.
@@ -32,6 +34,8 @@ pub(crate) struct Pass<'a> {
     pub stiffness: &'a mut [StiffnessPacket],
     /// Of mixed elements.
     pub pressures: Option<&'a Pressures>,
+    /// What takes the place of D ε.
+    pub law: Option<PacketRun<'a>>,
 }
 
 /// What passes between the steps of one packet.
@@ -42,10 +46,15 @@ struct Buffers {
     /// F.
     gradient: Rows,
     squares: Row,
-    /// V μ q̄, which pressures add to the scaled normal stresses; 0 without.
+    /// V μ q̄, which pressures add to the scaled normal stresses; 0 without, and where a law has it in its own.
     pull: Row,
-    /// tr(RᵀF) − 3.
-    dilation: Row,
+    /// tr(RᵀF) − 3, or the growth that a law has in its place.
+    growth: Row,
+    /// ε, and V D ε or V σ by a law, J.
+    strain: [Row; 6],
+    stress: [Row; 6],
+    /// What a law derived from D.
+    moduli: Vec<Row>,
 }
 
 impl WithSimd for &mut Pass<'_> {
@@ -53,8 +62,11 @@ impl WithSimd for &mut Pass<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Pass { packets, positions, elements, first, sums, stiffness, pressures } = self;
+        let Pass { packets, positions, elements, first, sums, stiffness, pressures, law } = self;
         let mut buffers = Buffers::default();
+        if let Some(law) = law {
+            buffers.moduli.resize(law.length, Row::default());
+        }
         for number in 0..packets.len() {
             let lanes = LANES.min(elements.len() - LANES * number);
             let packet = &mut packets[number];
@@ -70,6 +82,12 @@ impl WithSimd for &mut Pass<'_> {
                 }
             }
             for part in 0..LANES / S::F64_LANES {
+                elastic_stress(simd, packet, &mut buffers, part);
+            }
+            if let Some(law) = law {
+                law_stress(packet, &mut buffers, law, number, lanes, pressures.is_some());
+            }
+            for part in 0..LANES / S::F64_LANES {
                 element_forces(simd, packet, &mut buffers, part);
                 if let Some(blocks) = stiffness.get_mut(number) {
                     rotated_stiffness(simd, packet, blocks, part);
@@ -79,9 +97,9 @@ impl WithSimd for &mut Pass<'_> {
                 sums.squares += buffers.squares[lane];
                 scatter(packet, &buffers.edges, lane, &mut sums.forces);
                 if let Some(pressures) = pressures {
-                    let (corners, dilation) = (corners(packet, lane), buffers.dilation[lane]);
+                    let (corners, growth) = (corners(packet, lane), buffers.growth[lane]);
                     let residuals = &mut sums.pressure_residuals;
-                    pressures.add_residual(first + lane, corners, dilation, residuals);
+                    pressures.add_residual(first + lane, corners, growth, residuals);
                 }
                 add_gradient(packet, &buffers.gradient, lane, &mut sums.gradients);
             }
@@ -128,13 +146,17 @@ fn deformation_gradients<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffer
     store33(&f, &mut buffers.gradient, part);
 }
 
-/// V R (σ − b× + μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of
-/// corner 0.
+/// S = RᵀF.
 #[inline(always)]
-fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+fn stretch<S: Simd>(simd: S, packet: &Packet, buffers: &Buffers, part: usize) -> M3<S> {
     let f = load33(simd, &buffers.gradient, part);
-    let r = load33(simd, &packet.rotation, part);
-    let s = transposed_product(&r, &f);
+    transposed_product(&load33(simd, &packet.rotation, part), &f)
+}
+
+/// ε, tr ε and V D ε.
+#[inline(always)]
+fn elastic_stress<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+    let s = stretch(simd, packet, buffers, part);
     let one = V::splat(simd, 1.0);
     let strain = [
         s[0][0] - one,
@@ -144,13 +166,71 @@ fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part
         s[1][2] + s[2][1],
         s[0][2] + s[2][0],
     ];
+    (strain[0] + strain[1] + strain[2]).store(&mut buffers.growth, part);
     let volume = V::load(simd, &packet.volume, part);
     let stress = stress_of(simd, packet, &strain, volume, part);
+    for i in 0..6 {
+        strain[i].store(&mut buffers.strain[i], part);
+        stress[i].store(&mut buffers.stress[i], part);
+    }
+}
+
+/// V σ and the growth by a law in the place of those of linear elasticity; keeps what σ has beyond D ε̃.
+#[inline(always)]
+fn law_stress(
+    packet: &Packet,
+    buffers: &mut Buffers,
+    run: &mut PacketRun<'_>,
+    number: usize,
+    lanes: usize,
+    is_mixed: bool,
+) {
+    let Buffers { strain, stress, growth, pull, moduli, .. } = buffers;
+    for i in 0..6 {
+        for lane in 0..LANES {
+            stress[i][lane] /= packet.volume[lane];
+        }
+    }
+    for lane in 0..LANES {
+        pull[lane] /= packet.volume[lane];
+        // Lanes behind the last element have its moduli.
+        let at = run.length * (LANES * number + lane.min(lanes - 1));
+        for k in 0..run.length {
+            moduli[k][lane] = run.moduli[at + k];
+        }
+    }
+    let (elastic, pressure) = (*stress, *pull);
+    let points =
+        PointPacket { strain, elastic: &elastic, moduli, pressure: is_mixed.then_some(&pressure) };
+    run.law.stress(&points, stress, growth);
+    for lane in 0..lanes {
+        let beyond = &mut run.beyond[LANES * number + lane];
+        for i in 0..6 {
+            let more = if i < 3 { pressure[lane] } else { 0.0 };
+            beyond[i] = stress[i][lane] - elastic[i][lane] - more;
+        }
+    }
+    for i in 0..6 {
+        for lane in 0..LANES {
+            stress[i][lane] *= packet.volume[lane];
+        }
+    }
+    *pull = Row::default();
+}
+
+/// R (V σ − b× + V μ q̄ I) ∇λ_i of corners 1 to 3 into the place of the edges; minus their sum is that of corner 0.
+#[inline(always)]
+fn element_forces<S: Simd>(simd: S, packet: &Packet, buffers: &mut Buffers, part: usize) {
+    let s = stretch(simd, packet, buffers, part);
+    let r = load33(simd, &packet.rotation, part);
+    let mut stress = [V::splat(simd, 0.0); 6];
+    for i in 0..6 {
+        stress[i] = V::load(simd, &buffers.stress[i], part);
+    }
     let [x, y, z] = turning_stress(simd, &stress, &s);
     let [xx, yy, zz, xy, yz, zx] = stress;
     let pull = V::load(simd, &buffers.pull, part);
     let (xx, yy, zz) = (xx + pull, yy + pull, zz + pull);
-    (strain[0] + strain[1] + strain[2]).store(&mut buffers.dilation, part);
     let scaled = product(&r, &[[xx, xy + z, zx - y], [xy - z, yy, yz + x], [zx + y, yz - x, zz]]);
     let mut sum = [V::splat(simd, 0.0); 3];
     let mut squares = V::splat(simd, 0.0);

@@ -92,6 +92,12 @@ impl<S: Simd> V<S> {
         Self(self.0, self.0.max_f64s(self.1, other.1))
     }
 
+    /// The smaller of both.
+    #[inline(always)]
+    pub fn or_less(self, other: Self) -> Self {
+        Self(self.0, self.0.min_f64s(self.1, other.1))
+    }
+
     /// NaN lanes are lost here: what must show them is added up, not compared.
     #[inline(always)]
     pub fn largest(self) -> f64 {

@@ -3,6 +3,8 @@
 use nalgebra::Matrix6;
 use yawara_embed::Strain;
 
+use super::packet_law::PacketLaw;
+
 /// One element in its co-rotated frame, as a law sees it. Voigt order xx yy zz xy yz zx,
 /// engineering shear.
 #[derive(Clone, Copy, Debug)]
@@ -130,6 +132,12 @@ pub trait ConstitutiveLaw: Send + Sync {
     /// Whether σ = D ε̃ always: then the vector kernels do all of it and nothing else here is asked.
     fn is_linear(&self) -> bool {
         false
+    }
+
+    /// The same law for eight elements at once, if it has no states and says so; only worth having where steps take too
+    /// long.
+    fn packets(&self) -> Option<&dyn PacketLaw> {
+        None
     }
 
     /// By how much an element has grown, as part of its volume, with its derivative by ε, for a law that does not

@@ -4,7 +4,8 @@
 //! stiffness and is the model of a law with a state; `neo_hookean.rs` is for strains of any size; `inelastic.rs` is for
 //! materials that remember, each element by what it is made of: moduli that relax (`prony.rs`) and strain that
 //! stays (`flow.rs`, as `plastic.rs` or `creep.rs`). `states.rs` keeps the states of a body's
-//! elements and adds to the forces what a law has beyond D ε. Open `constitutive_law.rs` first. To
+//! elements and adds to the forces what a law has beyond D ε; one that answers for eight elements at once
+//! (`packet_law.rs`) is asked by the vector kernels instead. Open `constitutive_law.rs` first. To
 //! add one: a file with a type that implements the trait, a line in [`law_by_name`].
 
 mod constitutive_law;
@@ -13,6 +14,7 @@ mod flow;
 mod inelastic;
 mod linear;
 mod neo_hookean;
+mod packet_law;
 mod plastic;
 mod prony;
 mod rayleigh;
@@ -24,6 +26,7 @@ pub use flow::Flow;
 pub use inelastic::{Inelastic, InelasticMaterial};
 pub use linear::LinearElastic;
 pub use neo_hookean::NeoHookean;
+pub use packet_law::{Lanes, PacketLaw, PointPacket};
 pub use plastic::Plastic;
 pub use prony::{Prony, PronyTerm, Relaxing};
 pub use rayleigh::Rayleigh;

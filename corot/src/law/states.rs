@@ -8,6 +8,7 @@ use yawara_embed::Strain;
 
 use super::constitutive_law::{ConstitutiveLaw, MaterialPoint, StepStart};
 use super::linear::LinearElastic;
+use super::packet_law::PacketLaw;
 use crate::element::Element;
 use crate::element::pressures::Pressures;
 use crate::element::tetrahedron::stress_matrix;
@@ -42,6 +43,15 @@ pub(crate) struct StateRun<'a> {
     beyond: &'a mut [Strain],
     moduli: &'a [f64],
     prepared: &'a [f64],
+}
+
+/// A law that answers for eight elements at once, with σ − D ε̃ and the moduli of those of a [`StateRun`].
+pub(crate) struct PacketRun<'a> {
+    pub law: &'a dyn PacketLaw,
+    pub beyond: &'a mut [Strain],
+    /// Of each element as many as `length`.
+    pub moduli: &'a [f64],
+    pub length: usize,
 }
 
 /// What a law knows of an element before it is strained.
@@ -92,7 +102,18 @@ impl Question<'_> {
     }
 }
 
-impl StateRun<'_> {
+impl<'a> StateRun<'a> {
+    /// For the vector kernels, if the law can answer them; else itself.
+    pub fn into_packets(self) -> Result<PacketRun<'a>, Self> {
+        match self.law.packets().filter(|_| self.law.state_len() == 0) {
+            Some(law) => {
+                let Self { beyond, moduli, .. } = self;
+                Ok(PacketRun { law, beyond, moduli, length: self.law.moduli_len() })
+            }
+            None => Err(self),
+        }
+    }
+
     /// σ of an element, with the state that it leaves, and by how much its growth is more than tr ε.
     pub fn stress(&mut self, question: &Question<'_>) -> (Strain, f64) {
         let i = question.number - self.first;
@@ -113,9 +134,9 @@ impl StateRun<'_> {
     /// Adds what the law has beyond linear elasticity, V R (σ − D ε̃) ∇λ of each element with its
     /// rotation, to `forces`, and beyond tr ε to the `residuals` of pressures; returns Σ ‖·‖² of the elements'
     /// shares.
-    pub fn add_to<'a>(
+    pub fn add_to<'e>(
         mut self,
-        elements: impl Iterator<Item = (&'a Element, Matrix3<f64>)>,
+        elements: impl Iterator<Item = (&'e Element, Matrix3<f64>)>,
         pressures: Option<&Pressures>,
         turning: Turning,
         positions: &Field,
