@@ -14,7 +14,7 @@ pub struct Elements<'a> {
     pub body: &'a Body,
     /// Density of a tetrahedron, kg/m³; asked where the element's
     /// [matrix](ElementFormulation::matrix) has a mass.
-    pub density: &'a dyn Fn(TetId) -> f64,
+    pub density: &'a (dyn Fn(TetId) -> f64 + Sync),
 }
 
 /// Which unknowns there are, and what an element has of them.
@@ -80,10 +80,12 @@ impl Layout {
     pub fn rows(
         &self,
         elements: &Elements<'_>,
-        vertices: Vec<VertexId>,
+        vertices: &[VertexId],
     ) -> Result<FreshRows, InverseError> {
         let all = elements.body.elements();
-        self.assembly(elements, |assembly| assembly.rows(all, &self.slots, vertices))
+        self.assembly(elements, |assembly| {
+            assembly.rows(all, &self.slots, vertices.iter().copied())
+        })
     }
 
     fn assembly<T>(&self, elements: &Elements<'_>, make: impl FnOnce(&Assembly<'_>) -> T) -> T {
