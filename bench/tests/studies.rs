@@ -6,7 +6,7 @@ use serde_json::Value;
 use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
     Arguments, Common, drift, elements, endurance, estimates, homogenisation, meshes, robust,
-    scaling, table1,
+    scaling, table1, touch,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -46,6 +46,38 @@ fn number(row: &Value, key: &str) -> f64 {
 
 fn maintainers() -> impl Iterator<Item = &'static str> {
     CHOICES.iter().copied().filter(|name| DIRECT.iter().all(|direct| direct.name() != *name))
+}
+
+#[test]
+fn touch_compares_rates_and_forces_and_makes_steps_again_without_their_change() {
+    let (_root, common) = scratch();
+    let out = common.out.clone();
+    let set = vec!["time.steps=30".to_owned()];
+    let text = touch::run(&touch::Arguments { common, set, finest: None }).unwrap();
+    let value = files(&out, "touch", &text);
+    let [is, even] = &rows(&value)[..] else { panic!("{value}") };
+    assert_eq!(
+        (is["mesh"].as_str(), even["mesh"].as_str()),
+        (Some("as it is"), Some("even level 2"))
+    );
+    for row in [is, even] {
+        assert_eq!((number(row, "converged"), number(row, "steps")), (30.0, 30.0));
+        let (error, worst) = (number(row, "force_error"), number(row, "worst_force_error"));
+        assert!(0.0 < error && error <= worst && worst < 1.0, "{row}");
+        assert!(number(row, "p50_ms") <= number(row, "p99_ms"), "{row}");
+    }
+    // Eased over .06 s: without that it is a tenth.
+    let jumps = &value["jumps"];
+    assert!(number(jumps, "changes") > 5.0, "{jumps}");
+    assert!(0.0 < number(jumps, "mean") && number(jumps, "largest") < 0.05, "{jumps}");
+}
+
+#[test]
+fn touch_refuses_what_has_no_reference() {
+    let (root, common) = scratch();
+    let set = vec!["time.steps=9".to_owned()];
+    let error = refused(root.path(), touch::run(&touch::Arguments { common, set, finest: None }));
+    assert!(error.to_string().contains("time.steps"), "{error}");
 }
 
 /// A study that refuses leaves nothing behind.

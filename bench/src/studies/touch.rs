@@ -103,6 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<String> {
         format!("mesh.max_level={level}"),
         format!("refinement.near_probe={{level={level},within_m={within}}}"),
     ];
+    in_range("time.steps", is.time.steps, (REFERENCE_EVERY, 100_000))?;
     let mut reference = scene(&[&REFERENCE.map(String::from)[..], &near].concat())?;
     reference.time.steps = is.time.steps / REFERENCE_EVERY;
     reference.time.step_s *= REFERENCE_EVERY as f64;
@@ -123,7 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<String> {
             "mesh.max_vertices=90000".into(),
             format!("refinement.near_probe={{level={level},within_m=0.002}}"),
         ];
-        rows.push(Row::new(&format!("even, level {level}"), &course(&scene(&keys)?)?, &forces));
+        rows.push(Row::new(&format!("even level {level}"), &course(&scene(&keys)?)?, &forces));
         progress.advance("even", 1.0);
     }
     let jumps = jumps(&is, &still, largest(&forces))?;
