@@ -42,5 +42,5 @@ pub use dense::{
 pub use error::{InverseError, StorageError};
 pub use maintained::Maintained;
 pub use maintainer::{Counts, InverseMaintainer, Load, drift};
-pub use matrix::{FreshRows, RowsToCome, SYMMETRY_LIMIT, SparseStiffness};
+pub use matrix::{FreshRows, SYMMETRY_LIMIT, SparseStiffness};
 pub use sparse::{RebaseOptions, Sparse, elimination_order};

@@ -9,9 +9,7 @@ use crate::InverseError;
 use crate::accuracy::{DRIFT_LIMIT, is_too_far, refine_columns, refine_each, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update, UpdateRef};
 use crate::maintainer::{Counts, InverseMaintainer, Load, compliance_by_columns, reply_by_two};
-use crate::matrix::{
-    FreshRows, RowsToCome, SparseStiffness, check_length, check_range, check_vector,
-};
+use crate::matrix::{FreshRows, SparseStiffness, check_length, check_range, check_vector};
 
 /// How an inverse is kept: as a dense C, or as a factor of K. K itself is passed in.
 pub trait Method: Send + Sized {
@@ -111,10 +109,10 @@ pub trait Method: Send + Sized {
     fn batch_to(
         whole: &mut Maintained<Self>,
         updates: &[Update],
-        rows: &RowsToCome<'_>,
+        rows: &FreshRows,
     ) -> Result<(), InverseError> {
         Self::batch(whole, updates)?;
-        whole.refresh(rows.get()?)
+        whole.refresh(rows)
     }
 }
 
@@ -325,7 +323,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         M::batch(self, updates)
     }
 
-    fn batch_to(&mut self, updates: &[Update], rows: &RowsToCome<'_>) -> Result<(), InverseError> {
+    fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
         unlocked(&mut self.kept).is_rebuilt = false;
         M::batch_to(self, updates, rows)
     }

@@ -7,7 +7,7 @@ use faer::{Mat, MatRef};
 use crate::InverseError;
 use crate::accuracy::{DRIFT_LIMIT, drift_of_columns, is_too_far, watched_drift};
 use crate::change::{RingChange, StiffnessChange, Update};
-use crate::matrix::{FreshRows, RowsToCome, SparseStiffness, check_range};
+use crate::matrix::{FreshRows, SparseStiffness, check_range};
 
 /// Forces on some rows of K, N: by row number.
 pub type Load = Vec<(usize, f64)>;
@@ -249,16 +249,15 @@ pub trait InverseMaintainer: Send {
     }
 
     /// A [`batch`](Self::batch), and the rows of K that it leads to: those of all vertices that an
-    /// update concerns and that are left, in the slots at the end. Another thread may be adding them up
-    /// while the updates are made.
+    /// update concerns and that are left, in the slots at the end.
     ///
     /// A maintainer that inverts the last K from scratch may take that K from `rows`, and not look at
     /// what the updates say about it.
     /// # Errors
     /// As [`batch`](Self::batch) and [`refresh`](Self::refresh).
-    fn batch_to(&mut self, updates: &[Update], rows: &RowsToCome<'_>) -> Result<(), InverseError> {
+    fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError> {
         self.batch(updates)?;
-        self.refresh(rows.get()?)
+        self.refresh(rows)
     }
 
     /// Whether columns of C are stored and only read. If not, C_:p w costs less as one solve with

@@ -8,8 +8,8 @@ use faer::{Mat, MatRef};
 use yawara::{InverseFactory, SimError};
 use yawara_embed::EmbedError;
 use yawara_inverse_update::{
-    Counts, FreshRows, InverseError, InverseMaintainer, Load, RingChange, RowsToCome,
-    SparseStiffness, StiffnessChange, StorageError, Update,
+    Counts, FreshRows, InverseError, InverseMaintainer, Load, RingChange, SparseStiffness,
+    StiffnessChange, StorageError, Update,
 };
 
 /// The time of a case is up.
@@ -107,11 +107,7 @@ impl InverseMaintainer for Guarded {
             fn fix(&mut self, slot: usize) -> Result<Option<usize>, InverseError>;
             fn change(&mut self, change: &StiffnessChange) -> Result<(), InverseError>;
             fn batch(&mut self, updates: &[Update]) -> Result<(), InverseError>;
-            fn batch_to(
-                &mut self,
-                updates: &[Update],
-                rows: &RowsToCome<'_>,
-            ) -> Result<(), InverseError>;
+            fn batch_to(&mut self, updates: &[Update], rows: &FreshRows) -> Result<(), InverseError>;
             fn refresh(&mut self, rows: &FreshRows) -> Result<(), InverseError>;
             fn rebuild(&mut self) -> Result<(), InverseError>;
         }

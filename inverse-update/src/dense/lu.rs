@@ -8,7 +8,7 @@ use crate::InverseError;
 use crate::InverseMaintainer;
 use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
-use crate::matrix::{RowsToCome, SparseStiffness};
+use crate::matrix::{FreshRows, SparseStiffness};
 
 /// Keeps K and its inverse by LU with partial pivoting, computed anew after every change.
 ///
@@ -51,10 +51,10 @@ impl Method for LuMethod {
     fn batch_to(
         whole: &mut Maintained<Self>,
         updates: &[Update],
-        rows: &RowsToCome<'_>,
+        rows: &FreshRows,
     ) -> Result<(), InverseError> {
         whole.batch(updates)?;
-        whole.refresh(rows.get()?)?;
+        whole.refresh(rows)?;
         whole.rebuild()
     }
 }

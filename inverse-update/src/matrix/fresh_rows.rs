@@ -1,7 +1,5 @@
 //! Block rows of K, summed anew from all elements that there are.
 
-use std::sync::OnceLock;
-
 use faer::MatRef;
 
 use super::checks::{check_range, check_slots};
@@ -101,26 +99,6 @@ impl FreshRows {
             columns,
             values: order.iter().flat_map(|&number| block(number)).copied().collect(),
         }
-    }
-}
-
-/// [`FreshRows`] that are summed when they are first asked for, by one thread while others wait.
-pub struct RowsToCome<'a> {
-    sum: &'a (dyn Fn() -> Result<FreshRows, InverseError> + Sync),
-    rows: OnceLock<Result<FreshRows, InverseError>>,
-}
-
-impl<'a> RowsToCome<'a> {
-    /// That `sum` adds up.
-    pub fn new(sum: &'a (dyn Fn() -> Result<FreshRows, InverseError> + Sync)) -> Self {
-        Self { sum, rows: OnceLock::new() }
-    }
-
-    /// The rows.
-    /// # Errors
-    /// What adding them up met.
-    pub fn get(&self) -> Result<&FreshRows, InverseError> {
-        self.rows.get_or_init(self.sum).as_ref().map_err(Clone::clone)
     }
 }
 

@@ -11,6 +11,6 @@ pub(crate) use checks::{
     check_length, check_matrix, check_range, check_slots, check_symmetry, check_vector,
     scaled_difference,
 };
-pub use fresh_rows::{FreshRows, RowsToCome};
+pub use fresh_rows::FreshRows;
 pub(crate) use stiffness::RowsBefore;
 pub use stiffness::SparseStiffness;

@@ -19,7 +19,7 @@ use crate::InverseError;
 use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
 use crate::maintainer::{InverseMaintainer, Load};
-use crate::matrix::{RowsToCome, SparseStiffness};
+use crate::matrix::{FreshRows, SparseStiffness};
 
 /// The most rows per vertex that the kernels are made for.
 const MOST_ROWS: usize = 4;
@@ -303,7 +303,7 @@ impl Method for SparseMethod {
     fn batch_to(
         whole: &mut Maintained<Self>,
         updates: &[Update],
-        rows: &RowsToCome<'_>,
+        rows: &FreshRows,
     ) -> Result<(), InverseError> {
         whole.update_all(updates, Some(rows))
     }
@@ -314,7 +314,7 @@ impl Sparse {
     fn update_all(
         &mut self,
         updates: &[Update],
-        rows: Option<&RowsToCome<'_>>,
+        rows: Option<&FreshRows>,
     ) -> Result<(), InverseError> {
         let scratch = &self.method().scratch;
         let before = (scratch.walks, scratch.operations);
@@ -327,7 +327,7 @@ impl Sparse {
                 self.method().old = None;
                 let mut k = self.stiffness.clone();
                 let changed = match rows {
-                    Some(rows) => k.arrange(rest, rows.get()?),
+                    Some(rows) => k.arrange(rest, rows),
                     None => rest.iter().try_for_each(|update| k.update(update)),
                 };
                 if changed.is_ok() && self.replace(k).is_ok() {
@@ -339,6 +339,6 @@ impl Sparse {
             }
             update.make(self).map_err(|source| InverseError::in_batch(done, source))?;
         }
-        rows.map_or(Ok(()), |rows| self.refresh(rows.get()?))
+        rows.map_or(Ok(()), |rows| self.refresh(rows))
     }
 }

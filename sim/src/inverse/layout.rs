@@ -14,7 +14,7 @@ pub struct Elements<'a> {
     pub body: &'a Body,
     /// Density of a tetrahedron, kg/m³; asked where the element's
     /// [matrix](ElementFormulation::matrix) has a mass.
-    pub density: &'a (dyn Fn(TetId) -> f64 + Sync),
+    pub density: &'a dyn Fn(TetId) -> f64,
 }
 
 /// Which unknowns there are, and what an element has of them.
@@ -80,12 +80,10 @@ impl Layout {
     pub fn rows(
         &self,
         elements: &Elements<'_>,
-        vertices: &[VertexId],
+        vertices: Vec<VertexId>,
     ) -> Result<FreshRows, InverseError> {
         let all = elements.body.elements();
-        self.assembly(elements, |assembly| {
-            assembly.rows(all, &self.slots, vertices.iter().copied())
-        })
+        self.assembly(elements, |assembly| assembly.rows(all, &self.slots, vertices))
     }
 
     fn assembly<T>(&self, elements: &Elements<'_>, make: impl FnOnce(&Assembly<'_>) -> T) -> T {

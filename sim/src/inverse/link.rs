@@ -8,9 +8,7 @@ use faer::Mat;
 use nalgebra::Matrix4;
 use serde::{Deserialize, Serialize};
 use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
-use yawara_inverse_update::{
-    Counts, InverseError, InverseMaintainer, RowsToCome, SparseStiffness, Update,
-};
+use yawara_inverse_update::{Counts, InverseError, InverseMaintainer, SparseStiffness, Update};
 use yawara_mesh::{Change, VertexId};
 
 use super::DISPLACEMENTS;
@@ -194,12 +192,8 @@ impl InverseLink {
         self.updates += count;
         self.batches += 1;
         let (updates, touched) = (take(&mut self.pending), take(&mut self.touched));
-        let Self { layout, maintainer, .. } = self;
-        // Whoever comes first adds the rows of K up: updates ask for them when all of them are made.
-        let sum = || layout.rows(elements, &touched);
-        let rows = RowsToCome::new(&sum);
-        let (made, _) = rayon::join(|| maintainer.batch_to(&updates, &rows), || rows.get().is_ok());
-        if let Err(cause) = made {
+        let rows = self.layout.rows(elements, touched)?;
+        if let Err(cause) = self.maintainer.batch_to(&updates, &rows) {
             self.reassemble(cause, elements)?;
         }
         let before_ms = take(&mut self.pending_ms);
