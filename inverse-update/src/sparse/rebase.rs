@@ -1,8 +1,9 @@
 //! A factor with a fresh elimination order, made while the old one is in use.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Sender, channel};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use rayon::ThreadPoolBuilder;
 
 use super::bennett::Scratch;
 use super::dissection;
@@ -69,7 +70,7 @@ impl Based {
 /// work, or when.
 pub(crate) enum Rebase {
     /// A thread makes the factor and follows the edits that are sent to it.
-    Thread { edits: Sender<Arc<Edit>>, worker: JoinHandle<Option<Based>> },
+    Thread { edits: Sender<Arc<Edit>>, made: Receiver<Option<Based>> },
     /// All work is done at the end.
     Later { pattern: Arc<Pattern>, edits: Vec<Arc<Edit>> },
 }
@@ -77,22 +78,32 @@ pub(crate) enum Rebase {
 impl Rebase {
     /// Starts from a snapshot. If no thread is wanted, or none can be started, the work is done at
     /// the end. The thread also frees the old factor, which takes time too.
+    ///
+    /// It is a pool of its own: products of matrices that it shared with the pool of whoever waits for it in
+    /// [`finish`](Self::finish) would wait for that one.
     pub(crate) fn start(pattern: Pattern, background: bool, old: Option<Based>) -> Self {
         let pattern = Arc::new(pattern);
         if background {
             let (edits, received) = channel();
             let snapshot = Arc::clone(&pattern);
-            let thread = std::thread::Builder::new().name("yawara-rebase".to_owned());
+            let (make, made) = channel();
+            let pool = ThreadPoolBuilder::new().num_threads(1);
+            let pool = pool.thread_name(|_| "yawara-rebase".to_owned());
+            // Who waits for it sees that it is gone.
+            let pool = pool.panic_handler(|_| {});
             #[cfg(test)]
             let slow = SLOW_MS.with(std::cell::Cell::get);
             let work = move || {
                 drop(old);
                 #[cfg(test)]
                 std::thread::sleep(std::time::Duration::from_millis(slow));
-                Based::new(&snapshot).ok()?.replay(received)
+                let based = Based::new(&snapshot).ok().and_then(|based| based.replay(received));
+                // Nobody may want it any more.
+                let _ = make.send(based);
             };
-            if let Ok(worker) = thread.spawn(work) {
-                return Self::Thread { edits, worker };
+            if let Ok(pool) = pool.build() {
+                pool.spawn(work);
+                return Self::Thread { edits, made };
             }
         }
         Self::Later { pattern, edits: Vec::new() }
@@ -110,9 +121,9 @@ impl Rebase {
     /// Waits for the work; none if the matrix or an edit can't be factored.
     pub(crate) fn finish(self) -> Option<Based> {
         match self {
-            Self::Thread { edits, worker } => {
+            Self::Thread { edits, made } => {
                 drop(edits);
-                worker.join().ok().flatten()
+                made.recv().ok().flatten()
             }
             Self::Later { pattern, edits } => Based::new(&pattern).ok()?.replay(edits),
         }
