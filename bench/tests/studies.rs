@@ -50,11 +50,14 @@ fn maintainers() -> impl Iterator<Item = &'static str> {
 
 #[test]
 fn touch_compares_rates_and_forces_and_makes_steps_again_without_their_change() {
-    let (_root, common) = scratch();
-    let out = common.out.clone();
-    let set = vec!["time.steps=30".to_owned()];
-    let text = touch::run(&touch::Arguments { common, set, finest: None }).unwrap();
-    let value = files(&out, "touch", &text);
+    let touched = |ease: &str| {
+        let (_root, common) = scratch();
+        let out = common.out.clone();
+        let set = vec!["time.steps=30".to_owned(), ease.to_owned()];
+        let text = touch::run(&touch::Arguments { common, set, finest: None }).unwrap();
+        files(&out, "touch", &text)
+    };
+    let value = touched("refinement.ease_s=0.06");
     let [is, even] = &rows(&value)[..] else { panic!("{value}") };
     assert_eq!(
         (is["mesh"].as_str(), even["mesh"].as_str()),
@@ -66,10 +69,15 @@ fn touch_compares_rates_and_forces_and_makes_steps_again_without_their_change() 
         assert!(0.0 < error && error <= worst && worst < 1.0, "{row}");
         assert!(number(row, "p50_ms") <= number(row, "p99_ms"), "{row}");
     }
-    // Eased over .06 s: without that it is a tenth.
-    let jumps = &value["jumps"];
-    assert!(number(jumps, "changes") > 5.0, "{jumps}");
-    assert!(0.0 < number(jumps, "mean") && number(jumps, "largest") < 0.05, "{jumps}");
+    // What a change does to the force at once is what easing is for.
+    let [eased, at_once] =
+        [value, touched("refinement.ease_s=0")].map(|value| value["jumps"].clone());
+    assert!(
+        number(&eased, "changes") > 5.0 && number(&at_once, "changes") > 5.0,
+        "{eased} {at_once}"
+    );
+    assert!(number(&eased, "mean") <= number(&eased, "largest"), "{eased}");
+    assert!(number(&eased, "mean") < 0.5 * number(&at_once, "mean"), "{eased} {at_once}");
 }
 
 #[test]
