@@ -80,7 +80,8 @@ fn a_program_presses_and_feels_the_body() {
     let last = forces.last().unwrap();
     assert!(last.answers + 100 > sequence, "{last:?} of {sequence}");
     // The tool goes as far as the body lets it. It pushes back upwards, no harder than allowed.
-    assert_eq!(forces[0].tool_m[2].abs(), 0.0);
+    // By the first force a pose or two after the first may have come.
+    assert!(forces[0].tool_m[2].abs() < 1e-3, "{:?}", forces[0]);
     assert!((-0.01..-0.001).contains(&last.tool_m[2]), "{last:?}");
     let size = |force: &ForcePacket| force.force_n.iter().map(|x| x * x).sum::<f64>().sqrt();
     assert!(last.force_n[2] > 0.0 && (size(last) - 0.03).abs() < 1e-12, "{last:?}");
