@@ -292,6 +292,16 @@ fn a_mesh_that_changes_now_and_then_is_measured_in_one_step_and_changed_in_those
     assert!(reports.iter().all(|r| r.converged));
 }
 
+#[test]
+fn a_pressed_body_takes_its_pressures_along() {
+    let mut simulation = simulation("palpate", &["time.steps=60", "output.frames_every=1000"]);
+    let reports = run(&mut simulation);
+    assert!(reports.iter().all(|report| report.converged));
+    // With pressures that begin where they were it takes 95.
+    let iterations: usize = reports.iter().map(|report| report.iterations).sum();
+    assert!(iterations < 84, "{iterations}");
+}
+
 /// The levels of the tetrahedra with a corner within 10 mm of the ball of `palpate` and not of void for the most part, at rest.
 fn levels_near_the_ball(simulation: &mut Simulation) -> Vec<u8> {
     let [x, y, z] = simulation.tool_pose(0, 0.0).unwrap().move_m.map(|m| 1e3 * m);
