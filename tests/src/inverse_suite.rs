@@ -19,10 +19,14 @@ pub use refusals::*;
 
 /// Instantiates the suite for the maintainer of a scene name.
 ///
-/// `inverse_suite!(woodbury, "woodbury");` makes a module `woodbury` of tests.
+/// `inverse_suite!(woodbury, "woodbury");` makes a module `woodbury` of tests; a number after the name is how many
+/// random histories of each kind it goes through in place of 48.
 #[macro_export]
 macro_rules! inverse_suite {
     ($module:ident, $name:expr) => {
+        $crate::inverse_suite!($module, $name, 48);
+    };
+    ($module:ident, $name:expr, $histories:expr) => {
         mod $module {
             $crate::inverse_suite!(@case $name,
                 a_vertex_alone_is_a_division
@@ -61,7 +65,7 @@ macro_rules! inverse_suite {
 
             proptest::proptest! {
                 #![proptest_config(proptest::test_runner::Config {
-                    cases: 48,
+                    cases: $histories,
                     max_shrink_iters: 2000,
                     ..Default::default()
                 })]

@@ -8,7 +8,7 @@ use super::vectors::dot;
 const TRIALS: usize = 12;
 
 /// The longest step tried, in units of the direction.
-const LONGEST: f64 = 8.0;
+pub(crate) const LONGEST: f64 = 8.0;
 
 /// Moves `point` along `direction` to where the slope φ'(α) = −r(x + αd)·d of the energy is no more than `flat` of
 /// φ'(0), in either direction: the strong curvature condition. Returns α; where the slope jumps from below zero to

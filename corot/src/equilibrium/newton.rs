@@ -1,7 +1,7 @@
 //! `newton`: down the energy with its exact second derivative.
 
 use super::iteration::Iteration;
-use super::line_search::search;
+use super::line_search::{LONGEST, search};
 use super::problem::{Problem, Tolerance};
 use super::solver::Equilibrium;
 use super::tangent_system::{Kind, Pattern, TangentSystem};
@@ -29,7 +29,8 @@ pub struct Newton {
 }
 
 /// In so many iterations what a step promises of the energy has to fall to [`ENOUGH`] of the least before: a residual
-/// is that of stiff elements, whatever soft ones still have before them.
+/// is that of stiff elements, whatever soft ones still have before them. It is counted anew from where the slope goes
+/// on down far beyond a step: what was promised there was that of a saddle.
 const PATIENCE: usize = 25;
 
 const ENOUGH: f64 = 0.5;
@@ -97,11 +98,18 @@ impl Newton {
             let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
             let direction = system.direction(&point.residual, accuracy);
             let promise = dot(&point.residual, &direction);
-            let is_down = search(problem, point, &direction, FLAT) > 0.0;
-            if !is_down && !(search(problem, point, &system.solve(&point.residual), FLAT) > 0.0) {
+            let mut length = search(problem, point, &direction, FLAT);
+            if !(length > 0.0) {
+                length = search(problem, point, &system.solve(&point.residual), FLAT);
+            }
+            if !(length > 0.0) {
                 break;
             }
             point.keep_if_best(problem);
+            if length >= LONGEST {
+                least.truncate(1);
+                continue;
+            }
             let before = least.len().checked_sub(PATIENCE).map(|at| least[at]);
             least.push(promise.min(least[least.len() - 1]));
             if before.is_some_and(|before| least[least.len() - 1] > ENOUGH * before) {

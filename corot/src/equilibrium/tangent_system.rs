@@ -3,6 +3,7 @@
 use faer::Mat;
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use nalgebra::Matrix4;
+use rayon::prelude::*;
 use yawara_embed::{LdlPattern, SparseLdl};
 
 use super::following::Following;
@@ -29,6 +30,8 @@ pub(super) struct TangentSystem<'a> {
     pattern: Option<Pattern>,
     /// What they added the last time: its memory is used again.
     values: Vec<f64>,
+    /// Of the elements, where the problem's body stands.
+    tangents: Vec<ElementTangent>,
     kind: Kind,
     factor: Option<Factor>,
     /// N = Σ d dᵀ, by the vertices that elements and pushed points have it on.
@@ -96,6 +99,9 @@ struct Entries<'a> {
     values: Vec<f64>,
 }
 
+/// Elements that a thread takes at once.
+const AT_LEAST: usize = 32;
+
 /// Products with S at most in a direction.
 const PRODUCTS: usize = 40;
 
@@ -115,15 +121,15 @@ impl<'a> TangentSystem<'a> {
     pub fn new(problem: &Problem<'a>, kind: Kind, kept: Option<Pattern>) -> Self {
         let unknowns = Unknowns::new(problem);
         let shape = Shape::new(problem, &unknowns);
-        let (values, dents) = (Vec::new(), Vec::new());
         Self {
             pattern: kept.filter(|kept| kept.shape == shape),
             unknowns,
             shape,
-            values,
+            values: Vec::new(),
+            tangents: Vec::new(),
             kind,
             factor: None,
-            dents,
+            dents: Vec::new(),
             wait: 0,
             pause: 0,
             constraints: None,
@@ -146,10 +152,17 @@ impl<'a> TangentSystem<'a> {
     /// was not.
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
         self.dents.clear();
+        let (body, tangent_of) = (&*problem.body, problem.forces.tangent()?);
+        (0..body.elements().len())
+            .into_par_iter()
+            .with_min_len(AT_LEAST)
+            .map(|number| tangent_of(body, number, positions))
+            .collect_into_vec(&mut self.tangents);
         if self.kind == Kind::Whole {
             self.factor_of(problem, positions, None)?;
         } else if !self.is_definite(problem, positions) {
             let mut dents = std::mem::take(&mut self.dents);
+            self.raise(problem.body, &mut dents);
             self.factor_of(problem, positions, Some(&mut dents))?;
             self.dents = dents;
         }
@@ -177,6 +190,18 @@ impl<'a> TangentSystem<'a> {
         is_definite
     }
 
+    /// Makes the elements' tangents positive semi-definite, and adds what they have then too much to `dents`.
+    fn raise(&mut self, body: &Body, dents: &mut Dents) {
+        let of_element = |(tangent, element): (&mut ElementTangent, &Element)| {
+            let mut own = Vec::new();
+            each_dent(tangent, |dent| own.push((element.vertices, dent)));
+            own.iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
+            own
+        };
+        let each = self.tangents.par_iter_mut().zip(body.elements()).with_min_len(AT_LEAST);
+        dents.par_extend(each.flat_map_iter(of_element));
+    }
+
     /// Factors M where the problem's body stands, with N into `dents`; without these S.
     fn factor_of(
         &mut self,
@@ -186,7 +211,7 @@ impl<'a> TangentSystem<'a> {
     ) -> Option<()> {
         let values = std::mem::take(&mut self.values);
         let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none(), values);
-        assemble(problem, positions, &mut entries, dents)?;
+        assemble(problem, positions, &self.tangents, &mut entries, dents);
         let Entries { places, values, .. } = entries;
         self.refactor(places, &values)?;
         self.values = values;
@@ -288,25 +313,19 @@ impl<'a> TangentSystem<'a> {
     }
 }
 
-/// Enters all that the matrix is made of; with `dents` that of M, and what it has too much into these. None without
-/// tangents.
+/// Enters all that the matrix is made of, tangents of elements as they are; with `dents` obstacles as in M, and what
+/// that has too much into these.
 fn assemble(
     problem: &Problem<'_>,
     positions: &Field,
+    tangents: &[ElementTangent],
     entries: &mut Entries<'_>,
     mut dents: Option<&mut Dents>,
-) -> Option<()> {
-    let tangent_of = problem.forces.tangent()?;
+) {
     let body = &*problem.body;
     let is_convex = entries.kind == Kind::Convex;
-    for (number, element) in body.elements().iter().enumerate() {
-        let vertices = element.vertices;
-        let mut tangent = tangent_of(body, number, positions);
-        if let Some(dents) = dents.as_deref_mut() {
-            let first = dents.len();
-            each_dent(&tangent, |dent| dents.push((vertices, dent)));
-            dents[first..].iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
-        }
+    for (number, (element, tangent)) in body.elements().iter().zip(tangents).enumerate() {
+        let (vertices, mut tangent) = (element.vertices, *tangent);
         if let Some(inertia) = problem.inertia {
             add_alike(&mut tangent, &inertia.matrix(number));
         }
@@ -344,7 +363,6 @@ fn assemble(
     for (row, sign) in unknowns.signs.iter().enumerate() {
         entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);
     }
-    Some(())
 }
 
 impl Unknowns {

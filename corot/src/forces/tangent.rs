@@ -18,7 +18,7 @@ use crate::field::Field;
 pub type ElementTangent = SMatrix<f64, 12, 12>;
 
 /// The tangent, N/m, of the element with a number in a body at positions (m, by vertex number).
-pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &Field) -> ElementTangent + 'a>;
+pub type TangentOf<'a> = Box<dyn Fn(&Body, usize, &Field) -> ElementTangent + Sync + 'a>;
 
 /// What an eigenvalue may be below zero, as part of the trace.
 const ROUNDING: f64 = 1e-13;
