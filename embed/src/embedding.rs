@@ -90,6 +90,41 @@ impl Embedding {
         })
     }
 
+    /// Homogenises anew what is in `cells`, the root cubes in which `tree`, an
+    /// [edited](LabelTree::edited) one on the same grid, differs from the tree before.
+    ///
+    /// Cost: one [`Homogenisation::combine`] per heterogeneous tetrahedron of these cubes.
+    ///
+    /// # Errors
+    /// [`EmbedError::Edit`] under a global homogenisation; those of [`new`](Self::new). Then nothing has changed.
+    pub fn relabel(&mut self, tree: Arc<LabelTree>, cells: &[usize]) -> Result<(), EmbedError> {
+        let (homogenisation, materials) = (self.homogenisation.as_ref(), &self.materials);
+        if homogenisation.global().is_some() {
+            return Err(EmbedError::Edit { name: homogenisation.name().to_owned() });
+        }
+        check_labels(&tree, materials, cells.iter().copied())?;
+        let body = FineBody::new(&tree, materials);
+        let rule = Rule { body, homogenisation, given: None };
+        let build = |&cell: &usize| CellPart::build(&rule, cell);
+        let parts: Vec<CellPart<'_>> = cells.par_iter().map(build).collect::<Result<_, _>>()?;
+        let nodes = tree.node_count();
+        self.elasticity_of_node.resize(nodes, Packed6::new(&Matrix6::zeros()));
+        self.density_of_node.resize(nodes, 0.0);
+        if self.materials.void() == VoidRule::Volume {
+            self.solid_of_node.resize(nodes, 0.0);
+        }
+        for part in parts {
+            let own = part.first..part.first + part.elasticity.len();
+            self.elasticity_of_node[own.clone()].copy_from_slice(&part.elasticity);
+            self.density_of_node[own.clone()].copy_from_slice(&part.density);
+            if !part.solid.is_empty() {
+                self.solid_of_node[own].copy_from_slice(&part.solid);
+            }
+        }
+        self.tree = tree;
+        Ok(())
+    }
+
     /// What the same homogenisation makes of the same labels with other materials: elasticities alone, 21
     /// numbers per heterogeneous tetrahedron.
     ///
@@ -234,10 +269,13 @@ fn solid_fraction(label: u16) -> f64 {
     if label == 0 { 0.0 } else { 1.0 }
 }
 
-fn check_labels(tree: &LabelTree, materials: &Materials) -> Result<(), EmbedError> {
+fn check_labels(
+    tree: &LabelTree,
+    materials: &Materials,
+    cells: impl Iterator<Item = usize>,
+) -> Result<(), EmbedError> {
     let given = materials.by_label().len();
-    let cell_count: usize = tree.grid().cells.iter().product();
-    for cell in 0..cell_count {
+    for cell in cells {
         for order in 0..ROOTS_PER_CELL {
             for &label in tree.labels(tree.root(cell, order)).as_slice() {
                 if usize::from(label) >= given {
@@ -280,7 +318,7 @@ impl<'a> Rule<'a> {
         homogenisation: &'a dyn Homogenisation,
         progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, EmbedError> {
-        check_labels(tree, materials)?;
+        check_labels(tree, materials, 0..tree.grid().cells.iter().product())?;
         let body = FineBody::new(tree, materials);
         let global = homogenisation.global();
         let given = global.map(|global| global.homogenise(&body, progress)).transpose()?;

@@ -95,6 +95,15 @@ pub enum EmbedError {
         /// The residual asked for.
         want: f64,
     },
+    /// A global homogenisation, which knows no part of a body by itself.
+    #[error(
+        "homogenisation `{name}` solves the whole body at once: labels can't change under it, take a local one such as \
+         `laminate`"
+    )]
+    Edit {
+        /// The homogenisation.
+        name: String,
+    },
     /// Whoever watches the work stopped it.
     #[error("homogenising was stopped, {:.0} % done", 100.0 * done)]
     Stopped {

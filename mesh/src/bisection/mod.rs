@@ -3,7 +3,8 @@
 //!
 //! Open `forest` first: the data, and how a forest starts. `split_merge` is the one step that all
 //! changes are made of; `closure` finds what a split needs before it, `closure_queue` serves split
-//! requests within a budget, `refine` splits wherever a question is answered with yes. `kuhn`
+//! requests within a budget, `refine` splits wherever a question is answered with yes, `relabel` gives the mesh
+//! other labels. `kuhn`
 //! holds the bisection rule, `lattice` which vertices exist and which depend on which, `diamond`
 //! what is stored per ring, `ring_shape` the table that replaces geometry in a split.
 
@@ -22,6 +23,7 @@ mod memory_order;
 mod point_map;
 mod queries;
 mod refine;
+mod relabel;
 mod ring_shape;
 mod split_merge;
 

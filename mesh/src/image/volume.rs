@@ -204,6 +204,21 @@ impl LabelVolume {
         self.grid.index(x, y, z).map_or(0, |index| self.labels[index])
     }
 
+    /// Gives a voxel, by its position in [`labels`](Self::labels), another dense id; returns the one that it had.
+    ///
+    /// # Errors
+    /// [`ImageError::UnknownId`] if the table has no such id; then it keeps its own.
+    ///
+    /// # Panics
+    /// If there is no such voxel.
+    pub fn set(&mut self, index: usize, id: u16) -> Result<u16, ImageError> {
+        let count = self.values.len();
+        match usize::from(id) < count {
+            true => Ok(std::mem::replace(&mut self.labels[index], id)),
+            false => Err(ImageError::UnknownId { index, id, count }),
+        }
+    }
+
     /// Number of voxels of each dense id. Cost: O(voxels).
     pub fn counts(&self) -> Vec<u64> {
         let mut counts = vec![0; self.values.len()];

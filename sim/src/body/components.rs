@@ -13,20 +13,10 @@ pub(crate) fn solid_voxels(volume: &LabelVolume, grid: &CellGrid) -> Vec<u64> {
     for (row, ids) in volume.labels().chunks_exact(nx).enumerate() {
         let (y, z) = (row % ny, row / ny);
         for x in (0..nx).filter(|&x| ids[x] != 0) {
-            counts[cell_of(grid, [x, y, z].map(|voxel| voxel as i64))] += 1;
+            counts[grid.cell_of([x, y, z].map(|voxel| voxel as i64))] += 1;
         }
     }
     counts
-}
-
-/// The base cell of a voxel, the nearest one if it lies beside the grid, which covers all voxels that
-/// are not void.
-pub(crate) fn cell_of(grid: &CellGrid, voxel: [i64; 3]) -> usize {
-    let [x, y, z] = [0, 1, 2].map(|axis| {
-        let cell = (voxel[axis] - grid.first_voxel[axis]).max(0) as usize / grid.voxels_per_cell;
-        cell.min(grid.cells[axis] - 1)
-    });
-    x + grid.cells[0] * (y + grid.cells[1] * z)
 }
 
 /// Groups of cells with the number of their voxels and whether each is kept.

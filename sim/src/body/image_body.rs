@@ -134,7 +134,7 @@ impl ImageBody {
                     // A face between two voxels, up to rounding, belongs to the cells of both.
                     let [below, above] = [-1e-6, 1e-6].map(|off| {
                         let voxel = point.rest.map(|x| (x / voxel_m + off).floor() as i64);
-                        components::cell_of(self.tree.grid(), voxel.into())
+                        self.tree.grid().cell_of(voxel.into())
                     });
                     places.entry(below).or_default().push(point.rest);
                     if above != below {

@@ -46,6 +46,16 @@ impl CellGrid {
         }
     }
 
+    /// The linear number of the root cube of a voxel, of the nearest one if it lies beside the grid.
+    pub fn cell_of(&self, voxel: [i64; 3]) -> usize {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let cell =
+                (voxel[axis] - self.first_voxel[axis]).max(0) as usize / self.voxels_per_cell;
+            cell.min(self.cells[axis] - 1)
+        });
+        x + self.cells[0] * (y + self.cells[1] * z)
+    }
+
     /// Coordinates of a linear cell number.
     pub(super) fn cell_coordinates(&self, cell: usize) -> [usize; 3] {
         let [nx, ny, _] = self.cells;

@@ -21,9 +21,12 @@ pub struct LabelTree {
     roots: Vec<NodeRef>,
     children: Vec<[NodeRef; 2]>,
     label_sets: Vec<Vec<u16>>,
+    set_numbers: HashMap<Vec<u16>, u32>,
     set_of_node: Vec<u32>,
     majority: Vec<u16>,
     cell_ranges: Vec<std::ops::Range<usize>>,
+    /// Where the nodes of a cell may lie: its range, and what an edit has left free behind it.
+    cell_ends: Vec<usize>,
 }
 
 impl LabelTree {
@@ -66,45 +69,103 @@ impl LabelTree {
             roots: vec![NodeRef::label(label); cell_count * ROOTS_PER_CELL],
             children: Vec::new(),
             label_sets: Vec::new(),
+            set_numbers: HashMap::new(),
             set_of_node: Vec::new(),
             majority: Vec::new(),
             cell_ranges: vec![0..0; cell_count],
+            cell_ends: vec![0; cell_count],
         }
+    }
+
+    /// The tree of `volume` after some of its voxels have changed, all of them in `cells`, of `varies` as in
+    /// [`per_voxel`](Self::per_voxel).
+    ///
+    /// Nodes of other cells keep their numbers. What no longer fits where a cell's nodes are moves to the end, with
+    /// half as much room again: [`node_count`](Self::node_count) counts what that leaves empty. Cost: O(voxels) of
+    /// these cells, and a copy of the tree.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn edited(
+        &self,
+        volume: &LabelVolume,
+        cells: &[usize],
+        varies: &(dyn Fn(u16) -> bool + Sync),
+    ) -> Result<Self, BisectionError> {
+        let build = |&cell: &usize| CellPart::build(volume, &self.grid, cell, varies);
+        let parts: Vec<CellPart> = cells.par_iter().map(build).collect();
+        let mut tree = self.clone();
+        for (&cell, part) in cells.iter().zip(parts) {
+            let count = part.children.len();
+            let mut start = tree.cell_ranges[cell].start;
+            if start + count > tree.cell_ends[cell] {
+                start = tree.children.len();
+                tree.cell_ends[cell] = start + count + count / 2;
+                tree.resize(tree.cell_ends[cell])?;
+            }
+            tree.cell_ranges[cell] = start..start + count;
+            tree.put(cell, start, part);
+        }
+        Ok(tree)
+    }
+
+    /// Room for so many nodes.
+    fn resize(&mut self, total: usize) -> Result<(), BisectionError> {
+        if total >= HOMOGENEOUS as usize {
+            return Err(BisectionError::TooManyNodes { count: total, limit: HOMOGENEOUS as usize });
+        }
+        self.children.resize(total, [NodeRef::VOID; 2]);
+        self.set_of_node.resize(total, 0);
+        self.majority.resize(total, 0);
+        Ok(())
+    }
+
+    /// Enters what is in a cell, its nodes from `start` on.
+    fn put(&mut self, cell: usize, start: usize, part: CellPart) {
+        let shift = |r: NodeRef| match r.open() {
+            Content::Node(i) => NodeRef::node(i + start),
+            Content::Label(_) => r,
+        };
+        let first = cell * ROOTS_PER_CELL;
+        self.roots[first..first + ROOTS_PER_CELL].copy_from_slice(&part.roots.map(shift));
+        for (i, halves) in part.children.iter().enumerate() {
+            self.children[start + i] = halves.map(shift);
+        }
+        self.majority[start..start + part.majority.len()].copy_from_slice(&part.majority);
+        for (i, set) in part.sets.into_iter().enumerate() {
+            self.set_of_node[start + i] = self.set_number(set);
+        }
+    }
+
+    fn set_number(&mut self, set: Vec<u16>) -> u32 {
+        let next = self.label_sets.len() as u32;
+        *self.set_numbers.entry(set).or_insert_with_key(|set| {
+            self.label_sets.push(set.clone());
+            next
+        })
     }
 
     fn concatenate(grid: CellGrid, parts: Vec<CellPart>) -> Result<Self, BisectionError> {
         let total: usize = parts.iter().map(|p| p.children.len()).sum();
-        if total >= HOMOGENEOUS as usize {
-            return Err(BisectionError::TooManyNodes { count: total, limit: HOMOGENEOUS as usize });
-        }
         let mut tree = Self {
             grid,
-            roots: Vec::with_capacity(parts.len() * ROOTS_PER_CELL),
-            children: Vec::with_capacity(total),
+            roots: vec![NodeRef::VOID; parts.len() * ROOTS_PER_CELL],
+            children: Vec::new(),
             label_sets: Vec::new(),
-            set_of_node: Vec::with_capacity(total),
-            majority: Vec::with_capacity(total),
+            set_numbers: HashMap::new(),
+            set_of_node: Vec::new(),
+            majority: Vec::new(),
             cell_ranges: Vec::with_capacity(parts.len()),
+            cell_ends: Vec::with_capacity(parts.len()),
         };
-        let mut set_numbers: HashMap<Vec<u16>, u32> = HashMap::new();
-        for part in parts {
-            let offset = tree.children.len();
-            let shift = |r: NodeRef| match r.open() {
-                Content::Node(i) => NodeRef::node(i + offset),
-                Content::Label(_) => r,
-            };
-            tree.roots.extend(part.roots.map(shift));
-            tree.children.extend(part.children.iter().map(|c| c.map(shift)));
-            tree.majority.extend(&part.majority);
-            for set in part.sets {
-                let next = tree.label_sets.len() as u32;
-                let number = *set_numbers.entry(set).or_insert_with_key(|set| {
-                    tree.label_sets.push(set.clone());
-                    next
-                });
-                tree.set_of_node.push(number);
-            }
-            tree.cell_ranges.push(offset..tree.children.len());
+        tree.resize(total)?;
+        let mut start = 0;
+        for (cell, part) in parts.into_iter().enumerate() {
+            let end = start + part.children.len();
+            tree.cell_ranges.push(start..end);
+            tree.cell_ends.push(end);
+            tree.put(cell, start, part);
+            start = end;
         }
         Ok(tree)
     }
@@ -119,7 +180,7 @@ impl LabelTree {
         self.roots[cell * ROOTS_PER_CELL + order]
     }
 
-    /// Number of heterogeneous tetrahedra, all levels.
+    /// Number of heterogeneous tetrahedra, all levels, and of those that an [edit](Self::edited) left empty.
     pub fn node_count(&self) -> usize {
         self.children.len()
     }
