@@ -1,5 +1,6 @@
 //! Pressures of a body of mixed elements: one per vertex, beside the displacements.
 
+use faer::reborrow::ReborrowMut;
 use faer::sparse::{SparseColMat, Triplet};
 use nalgebra::{Matrix6, Vector3};
 use yawara_embed::{LinearTet, MixedModuli, P1P1, SparseLdl, Strain};
@@ -177,8 +178,8 @@ impl Pressures {
                 triplets.extend((v >= w).then(|| Triplet::new(v, w, entry)));
             }
         }
-        let lower = SparseColMat::try_new_from_triplets(n, n, &triplets).ok()?;
-        SparseLdl::new(lower, &vec![1; n], None)
+        let mut lower = SparseColMat::try_new_from_triplets(n, n, &triplets).ok()?;
+        SparseLdl::new(lower.rb_mut(), &vec![1; n], None)
     }
 
     /// Takes P q − G u of all vertices, times the law's `stiffening`.

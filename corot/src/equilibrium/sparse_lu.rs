@@ -1,7 +1,7 @@
 //! A sparse matrix that is not symmetric, factored.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SparseColMat;
+use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::{Conj, Mat, Par};
 
@@ -13,14 +13,14 @@ pub(super) struct SparseLu {
 
 impl SparseLu {
     /// Factors A, n × n. None where it is singular, or for want of memory.
-    pub fn new(matrix: &SparseColMat<usize, f64>) -> Option<Self> {
+    pub fn new(matrix: SparseColMatRef<'_, usize, f64>) -> Option<Self> {
         let symbolic = factorize_symbolic_lu(matrix.symbolic(), Default::default()).ok()?;
         let mut numeric = NumericLu::new();
         let scratch = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
         symbolic
             .factorize_numeric_lu(
                 &mut numeric,
-                matrix.as_ref(),
+                matrix,
                 Par::Seq,
                 MemStack::new(&mut MemBuffer::try_new(scratch).ok()?),
                 Default::default(),

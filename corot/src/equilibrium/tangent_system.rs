@@ -1,7 +1,8 @@
 //! The tangent of a problem where it stands: a factor of its convex part, and what is beside that.
 
 use faer::Mat;
-use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
+use faer::reborrow::Reborrow;
+use faer::sparse::{Pair, SparseColMatMut, SymbolicSparseColMat};
 use nalgebra::Matrix4;
 use rayon::prelude::*;
 use yawara_embed::{LdlPattern, SparseLdl};
@@ -28,7 +29,7 @@ pub(super) struct TangentSystem<'a> {
     unknowns: Unknowns,
     shape: Shape,
     pattern: Option<Pattern>,
-    /// What they added the last time: its memory is used again.
+    /// Of the matrix last made: its memory is used again.
     values: Vec<f64>,
     /// Of the elements, where the problem's body stands.
     tangents: Vec<ElementTangent>,
@@ -42,12 +43,12 @@ pub(super) struct TangentSystem<'a> {
     constraints: Option<Turned<'a>>,
 }
 
-/// Where the entries that elements add, in their order, are in the matrix, and where its factor has some. It serves all
-/// problems of the same shape.
+/// Where the entries that elements add, in their order, are among those of the matrix, and where its factor has some.
+/// It serves all problems of the same shape.
 pub(super) struct Pattern {
     shape: Shape,
     matrix: SymbolicSparseColMat<usize>,
-    order: Argsort<usize>,
+    at: Vec<u32>,
     /// None while a factor has it.
     factor: Option<LdlPattern>,
 }
@@ -90,13 +91,19 @@ struct Unknowns {
     signs: Vec<i8>,
 }
 
-/// Entries, one after the other, in the lower half alone of what is symmetric; their places too unless they
-/// are known.
+/// Takes entries, in the lower half alone of what is symmetric.
 struct Entries<'a> {
     unknowns: &'a Unknowns,
     kind: Kind,
-    places: Option<Vec<Pair<usize, usize>>>,
-    values: Vec<f64>,
+    sink: Sink<'a>,
+}
+
+/// Where entries go.
+enum Sink<'a> {
+    /// Their places in a list, to make a pattern of.
+    Places(Vec<Pair<usize, usize>>),
+    /// Their values to the matrix's, by what is left of [`Pattern::at`].
+    Values(std::slice::Iter<'a, u32>, &'a mut [f64]),
 }
 
 /// Elements that a thread takes at once.
@@ -169,9 +176,9 @@ impl<'a> TangentSystem<'a> {
         self.constraints = None;
         let m = self.unknowns.per_vertex;
         if let Some(constraints) = problem.constraints {
-            let column = |k: usize| self.solve(&problem.force_of(constraints.row(k)));
-            let columns = (0..constraints.len()).map(column).collect();
-            self.constraints = Some(constraints.answered_by(columns, m));
+            let force = |k: usize| problem.force_of(constraints.row(k));
+            let forces: Vec<Vec<f64>> = (0..constraints.len()).map(force).collect();
+            self.constraints = Some(constraints.answered_by(self.solve_all(&forces), m));
         }
         Some(())
     }
@@ -209,27 +216,22 @@ impl<'a> TangentSystem<'a> {
         positions: &Field,
         dents: Option<&mut Dents>,
     ) -> Option<()> {
-        let values = std::mem::take(&mut self.values);
-        let mut entries = Entries::new(&self.unknowns, self.kind, self.pattern.is_none(), values);
-        assemble(problem, positions, &self.tangents, &mut entries, dents);
-        let Entries { places, values, .. } = entries;
-        self.refactor(places, &values)?;
-        self.values = values;
-        Some(())
-    }
-
-    /// Factors the matrix of these entries.
-    fn refactor(&mut self, places: Option<Vec<Pair<usize, usize>>>, values: &[f64]) -> Option<()> {
-        if let Some(places) = places {
-            let n = self.unknowns.at.len();
-            let (matrix, order) = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok()?;
-            let shape = self.shape.clone();
-            self.pattern = Some(Pattern { shape, matrix, order, factor: None });
+        if self.pattern.is_none() {
+            let sink = Sink::Places(Vec::new());
+            let mut entries = Entries { unknowns: &self.unknowns, kind: self.kind, sink };
+            assemble(problem, positions, &self.tangents, &mut entries, None);
+            let Sink::Places(places) = entries.sink else { return None };
+            self.pattern = Some(Pattern::new(&self.shape, self.unknowns.at.len(), &places)?);
         }
-        let Pattern { matrix, order, factor, .. } = self.pattern.as_mut()?;
-        let matrix = SparseColMat::new_from_argsort(matrix.clone(), order, values).ok()?;
+        let Pattern { matrix, at, factor, .. } = self.pattern.as_mut()?;
+        self.values.clear();
+        self.values.resize(matrix.row_idx().len(), 0.0);
+        let sink = Sink::Values(at.iter(), &mut self.values);
+        let mut entries = Entries { unknowns: &self.unknowns, kind: self.kind, sink };
+        assemble(problem, positions, &self.tangents, &mut entries, dents);
+        let matrix = SparseColMatMut::new(matrix.as_ref(), &mut self.values);
         self.factor = Some(match (self.kind, self.factor.take()) {
-            (Kind::Whole, _) => Factor::Whole(SparseLu::new(&matrix)?),
+            (Kind::Whole, _) => Factor::Whole(SparseLu::new(matrix.rb())?),
             (Kind::Convex, before) => {
                 let of_before = match before {
                     Some(Factor::Convex(factor)) => Some(factor.into_pattern()),
@@ -243,19 +245,27 @@ impl<'a> TangentSystem<'a> {
 
     /// M⁻¹ r, or S⁻¹ r of the whole; zero without a factor.
     pub fn solve(&self, residual: &[f64]) -> Vec<f64> {
-        let Unknowns { at, per_vertex, .. } = &self.unknowns;
-        let mut step = vec![0.0; residual.len()];
-        let Some(factor) = &self.factor else { return step };
-        let mut x = Mat::from_fn(at.len(), 1, |i, _| residual[at[i]]);
+        let mut step = self.solve_all(&[residual]).swap_remove(0);
+        if let Some(constraints) = &self.constraints {
+            constraints.correct(&mut step, self.unknowns.per_vertex, None);
+        }
+        step
+    }
+
+    /// The same of several at once, whatever constraints ask for.
+    fn solve_all<R: AsRef<[f64]>>(&self, residuals: &[R]) -> Vec<Vec<f64>> {
+        let at = &self.unknowns.at;
+        let mut steps: Vec<_> = residuals.iter().map(|r| vec![0.0; r.as_ref().len()]).collect();
+        let Some(factor) = &self.factor else { return steps };
+        let mut x = Mat::from_fn(at.len(), steps.len(), |i, k| residuals[k].as_ref()[at[i]]);
         match factor {
             Factor::Convex(factor) => factor.solve_in_place(&mut x),
             Factor::Whole(factor) => factor.solve_in_place(&mut x),
         }
-        at.iter().enumerate().for_each(|(i, &at)| step[at] = x[(i, 0)]);
-        if let Some(constraints) = &self.constraints {
-            constraints.correct(&mut step, *per_vertex, None);
+        for (step, x) in steps.iter_mut().zip(x.col_iter()) {
+            at.iter().zip(x.iter()).for_each(|(&at, x)| step[at] = *x);
         }
-        step
+        steps
     }
 
     /// S⁻¹ r by conjugate gradients, to `accuracy` of what r asks for in the norm of M⁻¹; where they meet a direction
@@ -380,6 +390,20 @@ impl Unknowns {
     }
 }
 
+impl Pattern {
+    /// Of n × n entries that come in this order.
+    fn new(shape: &Shape, n: usize, places: &[Pair<usize, usize>]) -> Option<Self> {
+        let (matrix, _) = SymbolicSparseColMat::try_new_from_indices(n, n, places).ok()?;
+        let at = |place: &Pair<usize, usize>| {
+            let column = matrix.col_range(place.col);
+            let rows = &matrix.row_idx()[column.clone()];
+            Some((column.start + rows.binary_search(&place.row).ok()?) as u32)
+        };
+        let at = places.iter().map(at).collect::<Option<_>>()?;
+        Some(Self { shape: shape.clone(), matrix, at, factor: None })
+    }
+}
+
 impl Shape {
     fn new(problem: &Problem<'_>, unknowns: &Unknowns) -> Self {
         let pushed = problem.pushes.map_or(&[][..], |pushes| pushes.points);
@@ -394,12 +418,7 @@ impl Shape {
     }
 }
 
-impl<'a> Entries<'a> {
-    fn new(unknowns: &'a Unknowns, kind: Kind, with_places: bool, mut values: Vec<f64>) -> Self {
-        values.clear();
-        Self { unknowns, kind, places: with_places.then(Vec::new), values }
-    }
-
+impl Entries<'_> {
     /// Adds an entry of the whole matrix, by rows of the problem.
     fn add(&mut self, row: usize, column: usize, value: f64) {
         let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
@@ -424,9 +443,13 @@ impl<'a> Entries<'a> {
     }
 
     fn push(&mut self, row: usize, col: usize, value: f64) {
-        self.values.push(value);
-        if let Some(places) = &mut self.places {
-            places.push(Pair { row, col });
+        match &mut self.sink {
+            Sink::Places(places) => places.push(Pair { row, col }),
+            Sink::Values(at, values) => {
+                if let Some(&at) = at.next() {
+                    values[at as usize] += value;
+                }
+            }
         }
     }
 }

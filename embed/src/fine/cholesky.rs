@@ -3,12 +3,15 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::perm::PermRef;
+use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
     SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
+use faer::sparse::{
+    SparseColMat, SparseColMatMut, SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef,
+};
 use faer::{Conj, Mat, Par, Side};
 
 use super::body::SixFields;
@@ -90,7 +93,7 @@ impl SparseCholesky {
         order: Option<&[usize]>,
         block: usize,
     ) -> Option<Self> {
-        let symbolic = symbolic(lower, order, block)?;
+        let symbolic = symbolic(lower.symbolic(), order, block)?;
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         symbolic
@@ -152,23 +155,23 @@ const LEAST_PIVOT: f64 = 1e-14;
 impl SparseLdl {
     /// Factors the lower half of K, n × n, by approximate minimum degree; `signs` has 1 for the rows of A and
     /// −1 for those of C. Pivots that are none are made small ones of that sign. A `pattern` of L is that of a
-    /// factor of a matrix with the same entries.
+    /// factor of a matrix with the same entries. `lower` is S K S afterwards.
     ///
     /// None for want of memory. Cost: as [`SparseCholesky::new`].
     ///
     /// # Panics
     /// If `signs` or `pattern` is of a matrix of another size.
     pub fn new(
-        mut lower: SparseColMat<usize, f64>,
+        mut lower: SparseColMatMut<'_, usize, f64>,
         signs: &[i8],
         pattern: Option<LdlPattern>,
     ) -> Option<Self> {
         let symbolic = match pattern {
             Some(LdlPattern(symbolic)) => symbolic,
-            None => symbolic(&lower, None, 1)?,
+            None => symbolic(lower.symbolic(), None, 1)?,
         };
-        let scale = scale(&lower);
-        let (pattern_of_k, entries) = lower.parts_mut();
+        let scale = scale(lower.rb());
+        let (pattern_of_k, entries) = lower.rb_mut().parts_mut();
         for (column, s) in scale.iter().enumerate() {
             let rows = pattern_of_k.row_idx_of_col_raw(column);
             for (entry, &row) in entries[pattern_of_k.col_range(column)].iter_mut().zip(rows) {
@@ -185,7 +188,7 @@ impl SparseLdl {
         symbolic
             .factorize_numeric_ldlt(
                 &mut values,
-                lower.as_ref(),
+                lower.rb(),
                 Side::Lower,
                 regular,
                 Par::Seq,
@@ -243,7 +246,7 @@ impl SparseLdl {
 }
 
 /// S by rows: one over the root of the largest entry of a row, to the next power of two below; 1 for a row of zeros.
-fn scale(lower: &SparseColMat<usize, f64>) -> Vec<f64> {
+fn scale(lower: SparseColMatRef<'_, usize, f64>) -> Vec<f64> {
     let mut largest = vec![0.0f64; lower.ncols()];
     for at in lower.triplet_iter() {
         let size = at.val.abs();
@@ -256,7 +259,7 @@ fn scale(lower: &SparseColMat<usize, f64>) -> Vec<f64> {
 
 /// The pattern of L.
 fn symbolic(
-    lower: &SparseColMat<usize, f64>,
+    lower: SymbolicSparseColMatRef<'_, usize>,
     order: Option<&[usize]>,
     block: usize,
 ) -> Option<SymbolicCholesky<usize>> {
@@ -273,7 +276,7 @@ fn symbolic(
         None => SymmetricOrdering::Amd,
     };
     let parameters = CholeskySymbolicParams::default();
-    factorize_symbolic_cholesky(lower.symbolic(), Side::Lower, ordering, parameters).ok()
+    factorize_symbolic_cholesky(lower, Side::Lower, ordering, parameters).ok()
 }
 
 #[cfg(test)]
@@ -295,7 +298,7 @@ mod tests {
     #[test]
     fn soft_pivots_beside_stiff_ones_are_pivots() {
         for softness in [1.0, 1e-9, 1e-18, 1e-27] {
-            let factor = SparseLdl::new(pair(softness), &[1, -1, 1, -1], None).unwrap();
+            let factor = SparseLdl::new(pair(softness).rb_mut(), &[1, -1, 1, -1], None).unwrap();
             // K x for x of ones, the second body's in its own units.
             let mut x = Mat::from_fn(4, 1, |i, _| match i {
                 0 => 5.0 - 0.5 * softness,
@@ -315,10 +318,10 @@ mod tests {
         let is_exact = |entries: &[(usize, usize, f64)], signs: &[i8]| {
             let n = signs.len();
             let entries: Vec<_> = entries.iter().map(|&(i, j, v)| Triplet::new(i, j, v)).collect();
-            let k = SparseColMat::try_new_from_triplets(n, n, &entries).unwrap();
-            SparseLdl::new(k, signs, None).is_none_or(|factor| factor.is_exact())
+            let mut k = SparseColMat::try_new_from_triplets(n, n, &entries).unwrap();
+            SparseLdl::new(k.rb_mut(), signs, None).is_none_or(|factor| factor.is_exact())
         };
-        assert!(SparseLdl::new(pair(1e-9), &[1, -1, 1, -1], None).unwrap().is_exact());
+        assert!(SparseLdl::new(pair(1e-9).rb_mut(), &[1, -1, 1, -1], None).unwrap().is_exact());
         // Full enough for supernodes, and not.
         for n in [2, 200] {
             for last in [1.0, -1.0] {
