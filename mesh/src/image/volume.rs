@@ -204,6 +204,24 @@ impl LabelVolume {
         self.grid.index(x, y, z).map_or(0, |index| self.labels[index])
     }
 
+    /// The same voxels, with a label in the table that none of them has yet.
+    ///
+    /// # Errors
+    /// [`ImageError::TooManyLabels`] above [`MAX_LABELS`].
+    pub fn with_label(mut self, label: i64) -> Result<Self, ImageError> {
+        if self.values.contains(&label) {
+            return Ok(self);
+        }
+        if self.values.len() > MAX_LABELS {
+            return Err(ImageError::TooManyLabels { found: self.values.len(), limit: MAX_LABELS });
+        }
+        let id = 1 + self.values[1..].partition_point(|&other| other < label);
+        self.values.insert(id, label);
+        let moved = self.labels.iter_mut().filter(|other| usize::from(**other) >= id);
+        moved.for_each(|other| *other += 1);
+        Ok(self)
+    }
+
     /// Gives a voxel, by its position in [`labels`](Self::labels), another dense id; returns the one that it had.
     ///
     /// # Errors

@@ -205,6 +205,8 @@ fn labels(
         let voxels = volume.labels().iter().map(|&id| kept[usize::from(id)]);
         LabelVolume::from_original(volume.grid().clone(), voxels)?
     };
+    let made = scene.tools.iter().filter_map(|tool| tool.ablation()?.becomes);
+    let volume = made.into_iter().try_fold(volume, LabelVolume::with_label)?;
     let of_label = |label| scene.material_of(label).unwrap_or_default();
     let material_of = count(scene, &volume, &mut summary, of_label);
     Ok(ImageSource { volume, material_of, axes, summary })

@@ -5,7 +5,6 @@ use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, Domain, Lattice};
 
-use super::image_body::ImageBody;
 use crate::error::SimError;
 use crate::scene::Scene;
 #[cfg(feature = "view")]
@@ -73,8 +72,8 @@ pub(crate) fn same_cells(coarse: &BisectionForest, level: u8) -> Domain {
 
 /// The finest level of the surfaces' mesh: one voxel, unless the scene says otherwise, and never
 /// coarser than what the simulation may refine to.
-pub(crate) fn surface_level(scene: &Scene, setup: &ImageBody) -> u8 {
-    let voxel = setup.tree.grid().embed_level();
+pub(crate) fn surface_level(scene: &Scene, forest: &BisectionForest) -> u8 {
+    let voxel = forest.tree().grid().embed_level();
     let asked = scene.output.surface_level.unwrap_or(voxel);
     // A whole lattice unit of the coarse mesh must be one of the fine mesh.
     asked.max(scene.mesh.finest_level()).min(MAX_LEVEL)

@@ -6,7 +6,7 @@ use super::axes::ScannerAxes;
 use super::organ_box::{OrganBox, Zone};
 use super::summary::ImageSummary;
 use crate::error::SimError;
-use crate::scene::{ProbeEntry, Region, Scene, Shape, Way};
+use crate::scene::{Region, Scene, Shape, Way};
 
 /// Fractions are rounded to its inverse: a place given in mm or voxels then has the same numbers as
 /// one given in fractions.
@@ -107,8 +107,11 @@ impl Places {
     ///
     /// # Errors
     /// As [`Self::zone`], but it may lie anywhere.
-    pub fn start_of(&self, probe: &ProbeEntry, key: &str) -> Result<Vector3<f64>, SimError> {
-        let (way, at) = probe.start(&self.name, key)?;
+    pub fn start_of(
+        &self,
+        (way, at): (Way, [f64; 3]),
+        key: &str,
+    ) -> Result<Vector3<f64>, SimError> {
         Ok(self.organ.at(self.fractions(way, at, &format!("{key}.centre"))?))
     }
 

@@ -372,7 +372,7 @@ fn surface(scene: &Scene, start: &Start) -> PlanRow {
     if asked.is_empty() {
         return row("surface", "none", false, "output.surfaces names no label");
     }
-    let level = surface_level(scene, setup);
+    let level = surface_level(scene, &setup.forest);
     let labels: Vec<String> = asked.iter().map(|one| one.label.to_string()).collect();
     let why = format!("labels {}, cut at level {level}", labels.join(", "));
     row("surface", "marching tetrahedra", true, why)

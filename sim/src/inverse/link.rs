@@ -152,6 +152,27 @@ impl InverseLink {
         self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
     }
 
+    /// Takes another matrix in the place of the one that a leaf with these corners had, N/m, in the unknowns of
+    /// [`element`](Self::element). [`flush`](Self::flush) gives it to the maintainer.
+    ///
+    /// # Errors
+    /// [`SimError::Embed`] if one of them is not finite.
+    pub fn change(
+        &mut self,
+        corners: [VertexId; 4],
+        matrices: [Mat<f64>; 2],
+    ) -> Result<(), SimError> {
+        let begin = Instant::now();
+        self.touched.extend(corners);
+        let held = corners.map(|v| self.layout.is_fixed(v));
+        let content = ContentStiffness::new(corners, held, matrices)?;
+        let change = self.layout.slots.content_change(&content);
+        self.pending.extend(change.map(Update::Content));
+        self.pending_count += 1;
+        self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
     /// Takes springs on the corners of tetrahedra out of the stiffness: κ Σ w λλᵀ of each, N/m, the
     /// same for each axis. `elements` are without them already.
     ///
@@ -167,12 +188,7 @@ impl InverseLink {
             let alike = |i: usize, j: usize| i % m == j % m && i % m < DISPLACEMENTS;
             let entry = |i, j| if alike(i, j) { springs[(i / m, j / m)] } else { 0.0 };
             let matrices = [Mat::from_fn(4 * m, 4 * m, entry), Mat::zeros(4 * m, 4 * m)];
-            let vertices = corners.map(|v| VertexId(v as u32));
-            self.touched.extend(vertices);
-            let content = ContentStiffness::new(vertices, [false; 4], matrices)?;
-            let change = self.layout.slots.content_change(&content);
-            self.pending.extend(change.map(Update::Content));
-            self.pending_count += 1;
+            self.change(corners.map(|v| VertexId(v as u32)), matrices)?;
         }
         self.flush(elements)
     }

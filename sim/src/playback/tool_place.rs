@@ -42,6 +42,9 @@ impl ToolPlace {
             ToolEntry::Probe(probe @ ProbeEntry { path, path_csv, .. }) => {
                 (probe.start("scene", key)?, read(path, path_csv.as_deref())?)
             }
+            ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => {
+                (one.start("scene", key)?, read(&one.path, one.path_csv.as_deref())?)
+            }
             ToolEntry::Pressure(pressure) => (of_region(&pressure.region)?, none()),
             ToolEntry::Load(load) => match (&load.region, load.at_mm) {
                 (_, Some(at)) => ((Way::Millimetres, at), none()),

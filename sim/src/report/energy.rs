@@ -19,6 +19,11 @@ impl EnergyChange {
         self.removed_j += (-change).max(0.0);
     }
 
+    /// Whether there was none.
+    fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// What was added less what was removed, J.
     pub fn net_j(&self) -> f64 {
         self.added_j - self.removed_j
@@ -27,7 +32,7 @@ impl EnergyChange {
 
 /// The energy of a quasi-static body over a run:
 ///
-/// tools + weight + splits + merges + holds = stored + released − created.
+/// tools + weight + splits + merges + holds + edits = stored + released − created.
 ///
 /// Work is the trapezoidal rule of forces at the ends of steps times motion between them, torques times
 /// turns too: its error is of second order in the step's length. Energies are those of the co-rotations
@@ -55,6 +60,9 @@ pub struct EnergySummary {
     /// Work of tools that stand still, in steps after splits and merges, as they bring material back that
     /// these have moved from where it is pressed or held: −½ (force before + force after) · move.
     pub holds: EnergyChange,
+    /// What other labels do by themselves: material that goes takes what it stores along.
+    #[serde(default, skip_serializing_if = "EnergyChange::is_none")]
+    pub edits: EnergyChange,
     /// What equilibrium has given off, J: Σ over the times between two rounds of splits and merges.
     pub released_j: f64,
     /// What has come from nowhere, J, over the times in which more did than was given off: the error of
@@ -67,7 +75,8 @@ pub struct EnergySummary {
 impl EnergySummary {
     /// Work and changes so far, J: what there is to store or to release.
     pub(crate) fn given_j(&self) -> f64 {
-        let changes = self.splits.net_j() + self.merges.net_j() + self.holds.net_j();
+        let changes = [self.splits, self.merges, self.holds, self.edits].map(|one| one.net_j());
+        let changes: f64 = changes.iter().sum();
         self.tools_work_j + self.weight_work_j + changes
     }
 

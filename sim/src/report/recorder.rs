@@ -1,5 +1,6 @@
 //! What a run keeps and adds up for its output.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -215,6 +216,14 @@ impl RunStatistics {
         self.estimate = names.estimate(*estimate);
         self.tools = names.tools(&kept.tools, &kept.error_shares);
         self.earlier_s += wall_s;
+    }
+
+    /// Adds how much (cm³) of each label tools have changed in a step that has been added.
+    pub fn change_labels(&mut self, changed: &[(usize, BTreeMap<i64, f64>)]) {
+        for (tool, counts) in changed {
+            let sums = &mut self.tools[*tool].changed_cm3;
+            counts.iter().for_each(|(label, cm3)| *sums.entry(*label).or_default() += cm3);
+        }
     }
 
     /// Adds a step, its report filled in, that took `step_ms` in all.

@@ -11,7 +11,7 @@ use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
 use yawara_mesh::volume::LabelVolume;
 
 use super::records::{SurfaceFrame, SurfaceSummary};
-use crate::body::{ImageBody, ScannerAxes, cut, cut_for_the_eye, surface_level};
+use crate::body::{ScannerAxes, cut, cut_for_the_eye, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -35,7 +35,8 @@ impl Surfaces {
     /// `output.surface_level`, cut at level ½ of each blurred label.
     pub fn new(
         scene: &Scene,
-        setup: &ImageBody,
+        coarse: &BisectionForest,
+        volume: &LabelVolume,
         embedding: &Embedding,
     ) -> Result<Option<Self>, SimError> {
         let asked = &scene.output.surfaces;
@@ -44,15 +45,15 @@ impl Surfaces {
         }
         let mut outlines = Vec::new();
         for (i, one) in asked.iter().enumerate() {
-            let label = dense_label(&setup.volume, one.label).ok_or_else(|| {
-                let want = format!("a label that occurs in {}", setup.image_name());
+            let label = dense_label(volume, one.label).ok_or_else(|| {
+                let want = "a label that occurs in the image";
                 let key = format!("output.surfaces[{i}].label");
                 SimError::value(&scene.name, &key, one.label, want)
             })?;
             outlines.push(Outline { label, sigma_voxels: one.sigma_voxels });
         }
         let Outlines { forest, placement, rest, surfaces } =
-            cut(&setup.forest, &setup.volume, surface_level(scene, setup), &outlines)?;
+            cut(coarse, volume, surface_level(scene, coarse), &outlines)?;
         let mut parts = Vec::new();
         for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
             if surface.triangles.is_empty() {

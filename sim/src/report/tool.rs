@@ -1,5 +1,7 @@
 //! Forces on tools.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// A tool after a step.
@@ -54,6 +56,9 @@ pub struct ToolSummary {
     pub contacts_max: usize,
     /// The deepest penetration, m.
     pub penetration_max_m: f64,
+    /// How much of each label it has changed, by label before, cm³.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub changed_cm3: BTreeMap<i64, f64>,
     /// The last estimate of a force's error over that force.
     #[serde(skip)]
     pub(crate) error_share: Option<f64>,

@@ -28,11 +28,12 @@ pub use library::{LibraryMaterial, library, library_material_of};
 pub use region::Region;
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{
-    GrabEntry, GrabHold, Key, LoadEntry, LoadKey, Normal, PressureEntry, PressureKey, ProbeEntry,
-    ToolEntry,
+    AblationEntry, GrabEntry, GrabHold, Key, LoadEntry, LoadKey, Normal, PressureEntry,
+    PressureKey, ProbeEntry, ToolEntry,
 };
 
 pub(crate) use input_files::{input_files, sha256, sha256_of};
 pub(crate) use law::MaterialLaw;
 pub(crate) use region::{Shape, Way};
 pub(crate) use stage_names::{AUTO, ON_DEVICE};
+pub(crate) use tool::Course;

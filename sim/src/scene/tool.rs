@@ -20,6 +20,18 @@ pub enum ToolEntry {
     Pressure(PressureEntry),
     /// A dead load: a force and a torque on material, or a traction on a part of the surface.
     Load(LoadEntry),
+    /// A ball that makes void of the material that it goes through.
+    Resect(AblationEntry),
+    /// A ball that makes another material of it.
+    Coagulate(AblationEntry),
+}
+
+/// Where a tool goes, and when it acts.
+pub(crate) struct Course<'a> {
+    pub path: &'a mut Vec<Key>,
+    pub path_csv: &'a mut Option<PathBuf>,
+    pub begin_s: &'a mut Option<f64>,
+    pub release_s: &'a mut Option<f64>,
 }
 
 impl ToolEntry {
@@ -30,6 +42,29 @@ impl ToolEntry {
             Self::Probe(_) => "probe",
             Self::Pressure(_) => "pressure",
             Self::Load(_) => "load",
+            Self::Resect(_) => "resect",
+            Self::Coagulate(_) => "coagulate",
+        }
+    }
+
+    /// Its course, if it moves.
+    pub(crate) fn course_mut(&mut self) -> Option<Course<'_>> {
+        let (path, path_csv, begin_s, release_s) = match self {
+            Self::Grab(it) => (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s),
+            Self::Probe(it) => (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s),
+            Self::Resect(it) | Self::Coagulate(it) => {
+                (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s)
+            }
+            Self::Pressure(_) | Self::Load(_) => return None,
+        };
+        Some(Course { path, path_csv, begin_s, release_s })
+    }
+
+    /// What changes labels.
+    pub(crate) fn ablation(&self) -> Option<&AblationEntry> {
+        match self {
+            Self::Resect(it) | Self::Coagulate(it) => Some(it),
+            _ => None,
         }
     }
 }
@@ -108,6 +143,49 @@ impl ProbeEntry {
     ///
     /// # Errors
     /// [`SimError::MissingKey`] or [`SimError::Value`] unless that is given in one way.
+    pub(crate) fn start(&self, place: &str, key: &str) -> Result<(Way, [f64; 3]), SimError> {
+        let ways = [self.centre, self.centre_mm, self.centre_voxel];
+        one(place, &format!("{key}.centre"), ways)
+    }
+}
+
+/// A ball that changes the labels of the material that it goes through, voxel by voxel, where the body is then. It
+/// is in nobody's way and feels nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AblationEntry {
+    /// Where its centre is before it moves, fractions of the organ's bounding box.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre: Option<[f64; 3]>,
+    /// The same in scanner RAS, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_mm: Option<[f64; 3]>,
+    /// The same as voxel indices of the image file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_voxel: Option<[f64; 3]>,
+    /// Its radius, m.
+    pub radius_m: f64,
+    /// The labels that it changes; all but void if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub labels: Vec<i64>,
+    /// The label that they become under `coagulate`, of a material of the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub becomes: Option<i64>,
+    /// As for a grab; turns do nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<Key>,
+    /// As for a grab.
+    pub path_csv: Option<PathBuf>,
+    /// When it begins to act, s; from the start if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub begin_s: Option<f64>,
+    /// When it ends, s; never if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub release_s: Option<f64>,
+}
+
+impl AblationEntry {
+    /// As [`ProbeEntry::start`].
     pub(crate) fn start(&self, place: &str, key: &str) -> Result<(Way, [f64; 3]), SimError> {
         let ways = [self.centre, self.centre_mm, self.centre_voxel];
         one(place, &format!("{key}.centre"), ways)

@@ -153,6 +153,10 @@ impl<'a> SimulationBuilder<'a> {
         });
         let goal_points = goal_points.transpose()?;
         let memory = if stages.law.is_none() { Memory::of(scene)? } else { None };
+        if memory.is_some() && scene.tools.iter().any(|tool| tool.ablation().is_some()) {
+            let want = "no law that remembers beside a tool that changes labels";
+            return Err(SimError::value(&scene.name, "materials", "with a law", want));
+        }
         let law = match &memory {
             Some(memory) => Box::new(memory.law()),
             None => stages.take_law(&law, scene)?,
@@ -202,7 +206,7 @@ impl<'a> SimulationBuilder<'a> {
                 #[cfg(not(feature = "view"))]
                 let drawn = scene;
                 self.begin("outlining");
-                surfaces = Surfaces::new(drawn, &setup, &embedding)?;
+                surfaces = Surfaces::new(drawn, &setup.forest, &setup.volume, &embedding)?;
                 let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
                 body_summary = Some(summary);
                 let label_values = labels.values().to_vec();
@@ -212,7 +216,15 @@ impl<'a> SimulationBuilder<'a> {
                 #[cfg(feature = "view")]
                 let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
-                let content = Content { forest, embedding, placement, memory, label_values };
+                let edits = scene.tools.iter().any(|tool| tool.ablation().is_some());
+                if edits && embedding.homogenisation().global().is_some() {
+                    let name = embedding.homogenisation().name();
+                    let want = "one of parts, such as laminate: a tool changes labels";
+                    return Err(SimError::value(&scene.name, "stages.homogenisation", name, want));
+                }
+                let volume = edits.then(|| Arc::clone(&labels));
+                let content =
+                    Content { forest, embedding, placement, memory, volume, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
                 if !is_asked && indicator.error_over_sum().is_none() {
                     let want =
@@ -281,6 +293,7 @@ impl<'a> SimulationBuilder<'a> {
                 statistics,
             },
             support: Vector3::zeros(),
+            are_surfaces_stale: false,
         })
     }
 

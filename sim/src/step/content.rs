@@ -1,10 +1,13 @@
 //! A mesh that can be refined, and what its tetrahedra are made of.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_corot::rotation::polar_warm;
 use yawara_corot::{Body, Element};
 use yawara_embed::{Embedding, LinearTet, MixedModuli};
 use yawara_mesh::kuhn::bisected_corner;
+use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{BisectionForest, Placement, Tet, VertexId};
 
 use super::indicator::RingMember;
@@ -17,6 +20,8 @@ pub(crate) struct Content {
     pub placement: Placement,
     /// What its tetrahedra remember; none of linear elastic ones.
     pub memory: Option<EmbeddedMemory>,
+    /// The labels as they are now, if a tool changes them.
+    pub volume: Option<Arc<LabelVolume>>,
     /// Labels as in the image, by dense label.
     pub label_values: Vec<i64>,
 }

@@ -9,7 +9,7 @@ use crate::body::Start;
 use crate::error::SimError;
 #[cfg(feature = "view")]
 use crate::report::{BodyOutline, Surfaces};
-use crate::scene::{AUTO, GrabEntry, GrabHold, Key, Scene, ToolEntry};
+use crate::scene::{AUTO, Course, GrabEntry, GrabHold, Key, Scene, ToolEntry};
 use crate::tools::{self, BodyAtRest, MaterialHold, Pose, path_of};
 
 /// A turn is known well enough when it changes by less, rad.
@@ -30,11 +30,10 @@ impl Simulation {
     pub fn add_tool(&mut self, mut entry: ToolEntry) -> Result<usize, SimError> {
         let now = self.time_after(self.recorder.statistics.steps());
         let stays = vec![Key { time_s: now, move_m: [0.0; 3], turn_deg: 0.0 }];
-        match &mut entry {
-            ToolEntry::Grab(grab) => (grab.begin_s, grab.path) = (Some(now), stays),
-            ToolEntry::Probe(probe) => (probe.begin_s, probe.path) = (Some(now), stays),
-            ToolEntry::Pressure(_) | ToolEntry::Load(_) => {
-                let want = "grab or probe: only these begin while the body moves";
+        match entry.course_mut() {
+            Some(course) => (*course.begin_s, *course.path) = (Some(now), stays),
+            None => {
+                let want = "a tool that moves: only these begin while the body does";
                 return Err(SimError::value(self.name(), "kind", entry.kind(), want));
             }
         }
@@ -142,10 +141,8 @@ impl Simulation {
         let count = self.tools.len();
         let missing = SimError::NoSuchTool { tool, reason: "is missing", count };
         self.tools.get_mut(tool).ok_or(missing)?.release(now);
-        match self.scene.tools.get_mut(tool) {
-            Some(ToolEntry::Grab(grab)) => grab.release_s = Some(now),
-            Some(ToolEntry::Probe(probe)) => probe.release_s = Some(now),
-            _ => {}
+        if let Some(course) = self.scene.tools.get_mut(tool).and_then(ToolEntry::course_mut) {
+            *course.release_s = Some(now);
         }
         Ok(())
     }
@@ -163,11 +160,7 @@ impl Simulation {
             scene.stages.law = law.into();
         }
         for (entry, tool) in scene.tools.iter_mut().zip(&self.tools) {
-            let (ToolEntry::Grab(GrabEntry { path, path_csv, .. })
-            | ToolEntry::Probe(crate::scene::ProbeEntry { path, path_csv, .. })) = entry
-            else {
-                continue;
-            };
+            let Some(Course { path, path_csv, .. }) = entry.course_mut() else { continue };
             if let Some(keys) = tool.path().map(|path| path.keys()).filter(|keys| !keys.is_empty())
             {
                 (*path, *path_csv) = (keys.to_vec(), None);

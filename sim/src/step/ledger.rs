@@ -241,6 +241,19 @@ impl Ledger {
         self.loads.clear();
     }
 
+    /// Takes into account that other labels have made the body store `change` J more.
+    pub fn edited(&mut self, change: f64) {
+        self.sums.edits.add(change);
+        self.stored += change;
+        self.given += change;
+        self.is_current = false;
+    }
+
+    /// Points of the surface have other numbers from now on: by how much they had moved does not count.
+    pub fn forget_points(&mut self) {
+        self.slips.forget_points();
+    }
+
     /// Everything so far.
     pub fn summary(&self, state: &BodyState) -> EnergySummary {
         let mut sums = self.sums;

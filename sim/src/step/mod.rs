@@ -7,7 +7,7 @@
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
 //! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
 //! energy, with what `slips` from under tools when the mesh changes. `hands` has tools come, go where they are led and
-//! let go while the simulation runs; `holding` puts what they hold into the body. `keeping` takes all of the state out as
+//! let go while the simulation runs, `editing` changes the labels that they change; `holding` puts what they hold into the body. `keeping` takes all of the state out as
 //! a `checkpoint` and makes it again from its `beginning`.
 
 mod beginning;
@@ -17,6 +17,7 @@ mod contact;
 mod content;
 mod dynamics;
 mod easing;
+mod editing;
 mod equilibrium;
 mod figures;
 mod grips;

@@ -35,7 +35,7 @@ pub(crate) struct Refiner {
     pub content: Content,
     rules: Rules,
     /// Where new vertices are held.
-    regions: Regions,
+    pub(super) regions: Regions,
     /// Step in which each vertex came in.
     born: Vec<usize>,
     /// Last measured indicator of each tetrahedron's ring, by tetrahedron number.

@@ -47,6 +47,8 @@ pub struct Simulation {
     pub(super) ledger: Ledger,
     /// Force of the fixed vertices on the body at the last equilibrium, solver axes, N.
     pub(super) support: Vector3<f64>,
+    /// Whether labels have changed since their surfaces were cut.
+    pub(super) are_surfaces_stale: bool,
 }
 
 /// The body with what keeps its stiffness inverted and its mesh as fine as needed.
@@ -138,8 +140,18 @@ impl Simulation {
             let failure = Failure::new(&outcome.report, &missed, reached_s, &self.scene, axes);
             outcome.report.failure = Some(failure);
         }
-        self.recorder.statistics.add(&outcome, state, milliseconds(begin));
+        let changed = self.edit(span)?;
+        if self.is_written(step) {
+            self.renew_surfaces()?;
+        }
+        self.recorder.statistics.add(&outcome, &self.body.state, milliseconds(begin));
+        self.recorder.statistics.change_labels(&changed);
         Ok(outcome.report)
+    }
+
+    /// Whether what is after a step is written.
+    fn is_written(&self, step: usize) -> bool {
+        step.is_multiple_of(self.scene.output.frames_every) || self.scene.time.steps == step
     }
 
     /// Refines the mesh at rest where a probe is about to touch.
@@ -166,9 +178,8 @@ impl Simulation {
         let refines = self.scene.mesh.refines();
         let turn = refines.then(|| Turn::of(step, self.scene.refinement.every_steps));
         let ranks = turn.is_some_and(|turn| turn.measures);
-        let is_written = step.is_multiple_of(self.scene.output.frames_every);
         let mut done = Remeshed::default();
-        if ranks || is_written || self.scene.time.steps == step {
+        if ranks || self.is_written(step) {
             done.stored_j = self.measure(step, ranks, felt, report)?;
         }
         let Self { body, tools, solver, ledger, .. } = self;

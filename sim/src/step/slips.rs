@@ -99,6 +99,11 @@ impl Slips {
         (points.collect(), self.means.iter().map(mean).collect())
     }
 
+    /// Drops the points.
+    pub fn forget_points(&mut self) {
+        self.points.clear();
+    }
+
     /// Of what was kept.
     pub fn resumed(points: &[KeptPoint], means: &[KeptMean]) -> Self {
         let points = points.iter().map(|(key, [a, b])| (*key, ((*a).into(), (*b).into())));

@@ -87,6 +87,14 @@ impl<'a> BodyAtRest<'a> {
         self.holds
     }
 
+    /// Whether the image or its materials have a label; void is one.
+    pub(crate) fn has_label(&self, label: i64) -> bool {
+        match &self.start.origin {
+            Origin::Image(setup) => setup.volume.values().contains(&label),
+            Origin::MeshFile(_) => false,
+        }
+    }
+
     pub(crate) fn places(&self) -> &Places {
         &self.start.places
     }

@@ -14,6 +14,7 @@ pub(crate) fn warnings(scene: &Scene, start: &Start) -> Vec<String> {
     let odd = |tool: &ToolEntry| match tool {
         ToolEntry::Grab(grab) => grab_of_fixed(grab, start),
         ToolEntry::Probe(probe) => probe_out_of_reach(probe, scene, start),
+        ToolEntry::Resect(_) | ToolEntry::Coagulate(_) => None,
         ToolEntry::Pressure(entry) => {
             let is_zero = entry.pressure.iter().all(|key| key.pressure_pa == 0.0);
             is_zero.then(|| "is a pressure of 0 Pa all the time".into())
@@ -43,7 +44,7 @@ fn probe_out_of_reach(probe: &ProbeEntry, scene: &Scene, start: &Start) -> Optio
     let path = ToolPath::read(&probe.path, probe.path_csv.as_deref(), start.places.axes).ok()?;
     let run_s = scene.time.steps as f64 * scene.time.step_s;
     let end_s = probe.release_s.unwrap_or(run_s).min(run_s);
-    let centre = start.places.start_of(probe, "").ok()?;
+    let centre = start.places.start_of(probe.start("", "").ok()?, "").ok()?;
     let distance = |i: usize| {
         let at: Vector3<f64> = centre + path.motion(end_s * i as f64 / PLACES as f64).0;
         start.nearest_material(&at).0.map_or(f64::INFINITY, |nearest| (nearest - at).norm())

@@ -5,6 +5,7 @@
 //! [`SimulationBuilder::tool`](crate::SimulationBuilder::tool). `at_rest` is what a tool is made
 //! from, `surface_points` the points of the surface that it acts on, `path` where it goes.
 
+mod ablation;
 mod at_rest;
 mod grab;
 mod holding;
@@ -26,12 +27,14 @@ pub use at_rest::BodyAtRest;
 pub use holding::Holding;
 pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
-pub use tool::{MaterialHold, Tool};
+pub use tool::{Edit, MaterialHold, Tool};
 
 pub(crate) use holding::holdings;
 pub(crate) use idle::warnings;
 pub(crate) use regions::Regions;
+pub(crate) use surface_source::points_of;
 
+use ablation::Ablation;
 use grab::Grab;
 use load::Load;
 use pressure::Pressure;
@@ -51,6 +54,9 @@ pub(crate) fn by_name(
         ToolEntry::Probe(probe) => Box::new(Probe::new(probe, key, body)?),
         ToolEntry::Pressure(pressure) => Box::new(Pressure::new(pressure, key, body)?),
         ToolEntry::Load(load) => Box::new(Load::new(load, key, body)?),
+        ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => {
+            Box::new(Ablation::new(one, entry.kind(), key, body)?)
+        }
     })
 }
 

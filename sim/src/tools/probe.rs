@@ -24,13 +24,14 @@ pub(super) struct Probe {
     path: ToolPath,
     begin_s: Option<f64>,
     release_s: Option<f64>,
+    spacing: f64,
     surface_points: SurfacePoints,
 }
 
 impl Probe {
     pub fn new(entry: &ProbeEntry, key: &str, body: &mut BodyAtRest<'_>) -> Result<Self, SimError> {
         let path = ToolPath::read(&entry.path, entry.path_csv.as_deref(), body.axes())?;
-        let centre = body.places().start_of(entry, key)?;
+        let centre = body.places().start_of(entry.start(body.name(), key)?, key)?;
         if body.is_inside(&(centre + path.motion(0.0).0)) {
             let (way, at) = entry.start(body.name(), key)?;
             let (key, value) = (format!("{key}.centre{}", way.suffix()), format!("{at:?}"));
@@ -47,6 +48,7 @@ impl Probe {
             path,
             begin_s: entry.begin_s,
             release_s: entry.release_s,
+            spacing,
             surface_points: body.surface_points(spacing)?,
         })
     }
@@ -83,6 +85,14 @@ impl Tool for Probe {
 
     fn obstacle(&self, t: f64) -> Option<Sphere> {
         self.acts_at(t).then(|| Sphere { centre: self.reference(t), radius: self.radius })
+    }
+
+    fn resurface(
+        &mut self,
+        points: &mut dyn FnMut(f64) -> Result<SurfacePoints, SimError>,
+    ) -> Result<(), SimError> {
+        self.surface_points = points(self.spacing)?;
+        Ok(())
     }
 
     fn surface_points(&self) -> Option<&SurfacePoints> {

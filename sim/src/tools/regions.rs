@@ -23,6 +23,13 @@ impl Regions {
         Self { organ, fixed: fixed.to_vec(), volume: grabs.then_some(volume) }
     }
 
+    /// The image has other labels now.
+    pub fn relabel(&mut self, volume: &Arc<LabelVolume>) {
+        if let Some(own) = &mut self.volume {
+            *own = Arc::clone(volume);
+        }
+    }
+
     /// What holds the new vertex at `rest` in a ring whose vertices are held by `ring`: what would
     /// hold it in a start mesh that has it. A mesh refined everywhere is then held as one that
     /// starts as fine.

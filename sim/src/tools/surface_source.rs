@@ -4,10 +4,12 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::Vector3;
+use yawara_mesh::BisectionForest;
 use yawara_mesh::isosurface::{Outline, Outlines};
+use yawara_mesh::volume::LabelVolume;
 
 use super::surface_points::SurfacePoints;
-use crate::body::{ImageBody, Origin, Start, Zone, cut, solid, surface_level};
+use crate::body::{Origin, Start, Zone, cut, solid, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
@@ -44,13 +46,13 @@ impl<'a> SurfaceSource<'a> {
     /// The triangles of the surface, for points `spacing` (m) apart.
     fn triangles(&mut self, spacing: f64) -> Result<&Triangles, SimError> {
         let level = match &self.start.origin {
-            Origin::Image(setup) => level_for(self.scene, setup, spacing),
+            Origin::Image(setup) => level_for(self.scene, &setup.forest, &setup.volume, spacing),
             Origin::MeshFile(_) => 0,
         };
         Ok(match self.made.entry(level) {
             Entry::Occupied(made) => made.into_mut(),
             Entry::Vacant(place) => place.insert(match &self.start.origin {
-                Origin::Image(setup) => outline(setup, level)?,
+                Origin::Image(setup) => outline(&setup.forest, &setup.volume, level)?,
                 Origin::MeshFile(mesh) => {
                     let faces = mesh.mesh.boundary_faces();
                     Triangles {
@@ -66,19 +68,7 @@ impl<'a> SurfaceSource<'a> {
     /// Points all over the surface, `spacing` (m) or a little more apart where it is smooth.
     pub fn points(&mut self, spacing: f64) -> Result<SurfacePoints, SimError> {
         let name = self.start.places.name.clone();
-        let Triangles { points, corners, off } = self.triangles(spacing)?;
-        let area: f64 = corners.iter().map(|face| area(&face.map(|i| points[i])).norm()).sum();
-        let least = (area / MOST_POINTS).sqrt();
-        if spacing < least {
-            let key = "spacing_m (a quarter of radius_m if absent)";
-            let want = format!("at least {least:.3e}: {MOST_POINTS} points on {area:.3e} m²");
-            return Err(SimError::value(&name, key, format!("{spacing:e}"), want));
-        }
-        let mut kept = Thinned::new(spacing);
-        for face in corners {
-            kept.cover(&face.map(|i| points[i]));
-        }
-        Ok(SurfacePoints::new(kept.points, Vec::new(), *off))
+        self.triangles(spacing)?.points(&name, spacing)
     }
 
     /// The triangles whose middles lie in `zone`: their middles with their area vectors.
@@ -101,22 +91,55 @@ impl<'a> SurfaceSource<'a> {
     }
 }
 
+impl Triangles {
+    /// Points all over them, `spacing` (m) or a little more apart where they are smooth.
+    fn points(&self, name: &str, spacing: f64) -> Result<SurfacePoints, SimError> {
+        let Self { points, corners, off } = self;
+        let area: f64 = corners.iter().map(|face| area(&face.map(|i| points[i])).norm()).sum();
+        let least = (area / MOST_POINTS).sqrt();
+        if spacing < least {
+            let key = "spacing_m (a quarter of radius_m if absent)";
+            let want = format!("at least {least:.3e}: {MOST_POINTS} points on {area:.3e} m²");
+            return Err(SimError::value(name, key, format!("{spacing:e}"), want));
+        }
+        let mut kept = Thinned::new(spacing);
+        for face in corners {
+            kept.cover(&face.map(|i| points[i]));
+        }
+        Ok(SurfacePoints::new(kept.points, Vec::new(), *off))
+    }
+}
+
+/// Points of the outline of all that is not void in `volume`, which has the grid of the labels of `forest`.
+///
+/// # Errors
+/// As [`SurfaceSource::points`].
+pub(crate) fn points_of(
+    scene: &Scene,
+    forest: &BisectionForest,
+    volume: &LabelVolume,
+    spacing: f64,
+) -> Result<SurfacePoints, SimError> {
+    let level = level_for(scene, forest, volume, spacing);
+    outline(forest, volume, level)?.points(&scene.name, spacing)
+}
+
 /// The area vector of a triangle.
 fn area([a, b, c]: &[Vector3<f64>; 3]) -> Vector3<f64> {
     0.5 * (b - a).cross(&(c - a))
 }
 
 /// Edges of the mesh that cuts a surface on `level`, voxels.
-fn edge_voxels(setup: &ImageBody, level: u8) -> f64 {
-    setup.tree.grid().voxels_per_cell as f64 / f64::from(level / 3).exp2()
+fn edge_voxels(forest: &BisectionForest, level: u8) -> f64 {
+    forest.tree().grid().voxels_per_cell as f64 / f64::from(level / 3).exp2()
 }
 
 /// The level of the surfaces, or a coarser one whose edges are still no longer than half of `spacing`, m.
-fn level_for(scene: &Scene, setup: &ImageBody, spacing: f64) -> u8 {
-    let voxel = setup.volume.grid().spacing_mm * 1e-3;
-    let mut level = surface_level(scene, setup);
+fn level_for(scene: &Scene, forest: &BisectionForest, volume: &LabelVolume, spacing: f64) -> u8 {
+    let voxel = volume.grid().spacing_mm * 1e-3;
+    let mut level = surface_level(scene, forest);
     while level >= scene.mesh.finest_level() + 3
-        && edge_voxels(setup, level - 3) * voxel <= 0.5 * spacing
+        && edge_voxels(forest, level - 3) * voxel <= 0.5 * spacing
     {
         level -= 3;
     }
@@ -124,16 +147,20 @@ fn level_for(scene: &Scene, setup: &ImageBody, spacing: f64) -> u8 {
 }
 
 /// The outline of all labels together.
-fn outline(setup: &ImageBody, level: u8) -> Result<Triangles, SimError> {
-    let volume = solid(&setup.volume)?;
+fn outline(
+    forest: &BisectionForest,
+    volume: &LabelVolume,
+    level: u8,
+) -> Result<Triangles, SimError> {
+    let volume = solid(volume)?;
     // Without a blur of half an edge the surface has stairs.
-    let sigma_voxels = (0.5 * edge_voxels(setup, level)).max(SIGMA_VOXELS);
+    let sigma_voxels = (0.5 * edge_voxels(forest, level)).max(SIGMA_VOXELS);
     let asked = [Outline { label: 1, sigma_voxels }];
-    let Outlines { rest, surfaces, .. } = cut(&setup.forest, &volume, level, &asked)?;
+    let Outlines { rest, surfaces, .. } = cut(forest, &volume, level, &asked)?;
     Ok(Triangles {
         points: surfaces[0].positions(&rest)?,
         corners: surfaces[0].triangles.iter().map(|t| t.map(|i| i as usize)).collect(),
-        off: volume.grid().spacing_mm * 1e-3 * edge_voxels(setup, level).max(1.0),
+        off: volume.grid().spacing_mm * 1e-3 * edge_voxels(forest, level).max(1.0),
     })
 }
 

@@ -20,9 +20,22 @@ pub struct MaterialHold {
     pub stiffness: Option<f64>,
 }
 
-/// What acts on the body from outside. A tool does one or more of four things: it holds material or
-/// vertices of the mesh, stands in the surface's way, or loads vertices with forces. What it does not do, it leaves at the
-/// default.
+/// Labels that change along a way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edit {
+    /// Where a ball's centre is at the beginning and at the end of the way, solver axes, m.
+    pub sweep: [Vector3<f64>; 2],
+    /// The ball's radius, m.
+    pub radius_m: f64,
+    /// The labels that change, as in the image; all but void if empty.
+    pub labels: Vec<i64>,
+    /// What they become; 0 is void.
+    pub becomes: i64,
+}
+
+/// What acts on the body from outside. A tool does one or more of five things: it holds material or
+/// vertices of the mesh, stands in the surface's way, loads vertices with forces, or changes labels. What it does not do,
+/// it leaves at the default.
 ///
 /// Positions are in solver axes, m; [`ScannerAxes`](crate::ScannerAxes) converts. Times are those
 /// of the scene, s. Within a step a tool is asked again and again, for times that also go back, so
@@ -160,6 +173,26 @@ pub trait Tool {
     /// The same, to bind them again after the mesh has changed.
     fn surface_points_mut(&mut self) -> Option<&mut SurfacePoints> {
         None
+    }
+
+    /// The labels that it changes on its way from where it is at `from` to where it is at `to`, s: asked once, at the end
+    /// of each step, for voxels where the body has them then.
+    fn edit(&self, from: f64, to: f64) -> Option<Edit> {
+        let _ = (from, to);
+        None
+    }
+
+    /// The body's surface is another since labels have changed: `points` gives points of it that lie so far (m) apart. A tool
+    /// with [`surface_points`](Self::surface_points) takes new ones; by default it keeps what it has.
+    ///
+    /// # Errors
+    /// Those of `points`.
+    fn resurface(
+        &mut self,
+        points: &mut dyn FnMut(f64) -> Result<SurfacePoints, SimError>,
+    ) -> Result<(), SimError> {
+        let _ = points;
+        Ok(())
     }
 
     /// The mesh of `body` is new or has changed: it carries what the tool acts on from now on. Called

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::SimError;
 use crate::output::write_file;
-use crate::scene::{GrabEntry, Key, ProbeEntry, Scene, ToolEntry};
+use crate::scene::{Course, Key, Scene};
 
 /// The most recordings of a session.
 const MOST: usize = 1000;
@@ -40,11 +40,7 @@ impl Recording {
         })?;
         fs::create_dir(&folder).map_err(io(&folder))?;
         for (number, tool) in scene.tools.iter_mut().enumerate() {
-            let (ToolEntry::Grab(GrabEntry { path, path_csv, .. })
-            | ToolEntry::Probe(ProbeEntry { path, path_csv, .. })) = tool
-            else {
-                continue;
-            };
+            let Some(Course { path, path_csv, .. }) = tool.course_mut() else { continue };
             if path.len() > 1 {
                 let file = folder.join(format!("tool{number}_path.csv"));
                 write_file(&file, csv(path))?;

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::check::Check;
 use crate::SimError;
 use crate::scene::{
-    AUTO, Adapter, GoalEntry, Image, NearProbe, ON_DEVICE, Phantom, Scene, StageNames, Support,
-    SupportHold, SurfaceEntry,
+    AUTO, Adapter, GoalEntry, Image, LoadEntry, NearProbe, ON_DEVICE, Phantom, Scene, StageNames,
+    Support, SupportHold, SurfaceEntry, ToolEntry,
 };
 
 /// The most steps of a run.
@@ -68,6 +68,7 @@ impl Scene {
         for (i, tool) in self.tools.iter().enumerate() {
             check.tool(tool, &format!("tools[{i}]"))?;
         }
+        check.ablations(self)?;
         check.stages(self)?;
         check.numbers(self)?;
         check.dynamics(self)?;
@@ -124,6 +125,36 @@ impl Check<'_> {
         self.that(length_mm.is_none(), "image.length_mm", length_mm, want)?;
         self.that(size_mm.is_none(), "image.size_mm", size_mm, want)?;
         self.that(voxel_mm.is_none(), "image.voxel_mm", voxel_mm, want)
+    }
+
+    /// What a tool that changes labels can't be beside.
+    fn ablations(&self, scene: &Scene) -> Result<(), SimError> {
+        for (i, tool) in scene.tools.iter().enumerate() {
+            let Some(one) = tool.ablation() else { continue };
+            let (key, kind) = (format!("tools[{i}].kind"), tool.kind());
+            let want = "no such tool beside mesh.path: a mesh from a file has no voxels";
+            self.that(scene.mesh.path.is_none(), &key, kind, want)?;
+            let steps = scene.output.checkpoint_steps;
+            let want = format!("0 beside a tool that changes labels ({kind})");
+            self.that(steps == 0, "output.checkpoint_steps", steps, &want)?;
+            let made = one.becomes.is_none_or(|label| scene.material_of(label).is_some());
+            let want = "a label of a material of the scene";
+            self.that(made, &format!("tools[{i}].becomes"), one.becomes, want)?;
+            for (j, other) in scene.tools.iter().enumerate() {
+                let pulls = |load: &LoadEntry| load.load.iter().any(|at| at.traction_pa.is_some());
+                let is_on_surface = match other {
+                    ToolEntry::Pressure(_) => true,
+                    ToolEntry::Load(load) => pulls(load),
+                    _ => false,
+                };
+                let want = format!(
+                    "no pressure or traction beside a tool that changes labels ({kind}): the \
+                     surface may go"
+                );
+                self.that(!is_on_surface, &format!("tools[{j}].kind"), other.kind(), &want)?;
+            }
+        }
+        Ok(())
     }
 
     /// A mesh from a file is what there is: no image beside it and no levels below it.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::check::Check;
 use crate::SimError;
-use crate::scene::{GrabHold, Key, LoadEntry, PressureKey, ToolEntry};
+use crate::scene::{AblationEntry, GrabHold, Key, LoadEntry, PressureKey, ToolEntry};
 
 /// The farthest a path goes in each axis, m.
 pub(crate) const FARTHEST_M: f64 = 1e3;
@@ -54,7 +54,27 @@ impl Check<'_> {
                 self.pressure(&pressure.pressure, key)
             }
             ToolEntry::Load(load) => self.load(load, key),
+            ToolEntry::Resect(one) => {
+                let want = "no such key for resect, which leaves void";
+                self.that(one.becomes.is_none(), &format!("{key}.becomes"), one.becomes, want)?;
+                self.ablation(one, key)
+            }
+            ToolEntry::Coagulate(one) => {
+                let want = "the label of what the material becomes";
+                self.that(one.becomes.is_some(), &format!("{key}.becomes"), one.becomes, want)?;
+                self.ablation(one, key)
+            }
         }
+    }
+
+    fn ablation(&self, one: &AblationEntry, key: &str) -> Result<(), SimError> {
+        let (way, centre) = one.start(self.place, key)?;
+        self.vector(&format!("{key}.centre{}", way.suffix()), &centre)?;
+        self.positive(&format!("{key}.radius_m"), one.radius_m)?;
+        let want = "other labels than 0, which is void already";
+        self.that(!one.labels.contains(&0), &format!("{key}.labels"), &one.labels, want)?;
+        self.path(&one.path, one.path_csv.as_ref(), key)?;
+        self.acts(one.begin_s, one.release_s, key)
     }
 
     fn path(&self, path: &[Key], csv: Option<&PathBuf>, key: &str) -> Result<(), SimError> {

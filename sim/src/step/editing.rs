@@ -1,0 +1,242 @@
+//! Labels that tools change while the body moves.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{Tet, VertexId};
+
+use super::contact::ContactState;
+use super::content::Content;
+use super::simulation::{SimulatedBody, Simulation};
+use super::span::Span;
+use crate::body::BodyState;
+use crate::error::SimError;
+use crate::inverse::{Elements, InverseLink};
+use crate::report::{BodyOutline, Surfaces};
+use crate::tools::{Edit, points_of};
+
+/// A voxel whose middle is this far outside of a tetrahedron, in barycentric coordinates, is in it.
+const ROUNDING: f64 = 1e-9;
+
+/// A tool, and how much of each label it has changed, by label before, cm³.
+type Changed = (usize, BTreeMap<i64, f64>);
+
+impl Simulation {
+    /// Changes the labels that tools change on their way through `span`, and all that follows from them; which tool how
+    /// much.
+    ///
+    /// Cost: for the root cubes with such voxels the label tree and its homogenisation made anew, an update of the
+    /// inverse for each tetrahedron whose material is another; if there are probes, the outline of the whole body.
+    ///
+    /// # Errors
+    /// [`SimError::Bisection`], [`SimError::Embed`] and [`SimError::Inverse`] where that can't be made or inverted.
+    pub(super) fn edit(&mut self, span: Span) -> Result<Vec<Changed>, SimError> {
+        let asked: Vec<(usize, Edit)> = (0..)
+            .zip(&self.tools)
+            .filter_map(|(number, tool)| Some((number, tool.edit(span.from, span.to)?)))
+            .collect();
+        let SimulatedBody { state, inverse, refiner } = &mut self.body;
+        let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
+            return Ok(Vec::new());
+        };
+        let content = &mut refiner.content;
+        let before = state.energy_j();
+        let mut changed = Vec::new();
+        for (tool, edit) in asked {
+            let voxels = content.swept(state, &edit);
+            if voxels.is_empty() {
+                continue;
+            }
+            let (leaves, counts) = content.relabel(&voxels, edit.becomes)?;
+            content.renew(&leaves, state, inverse)?;
+            changed.push((tool, counts));
+        }
+        if changed.is_empty() {
+            return Ok(changed);
+        }
+        inverse.flush(&Elements { body: &state.body, density: &|tet| state.density(tet) })?;
+        self.ledger.edited(state.energy_j() - before);
+        self.follow_labels()?;
+        Ok(changed)
+    }
+
+    /// Has all that depends on labels follow them.
+    fn follow_labels(&mut self) -> Result<(), SimError> {
+        let Self { scene, body, tools, contact, recorder, .. } = self;
+        let SimulatedBody { state, refiner: Some(refiner), .. } = body else { return Ok(()) };
+        let Content { forest, volume: Some(volume), .. } = &refiner.content else { return Ok(()) };
+        refiner.regions.relabel(volume);
+        if let Some(of_fields) = &mut recorder.volume {
+            *of_fields = Arc::clone(volume);
+        }
+        if let Some(outline) = &mut recorder.outline {
+            *outline = BodyOutline::new(Arc::clone(volume));
+        }
+        self.are_surfaces_stale = recorder.surfaces.is_some();
+        let mut points = |spacing: f64| points_of(scene, forest, volume, spacing);
+        for tool in tools.iter_mut() {
+            tool.resurface(&mut points)?;
+            if tool.surface_points().is_some() {
+                tool.follow(state)?;
+                // Points have other numbers now.
+                *contact = ContactState::default();
+                self.ledger.forget_points();
+            }
+        }
+        Ok(())
+    }
+
+    /// Cuts the surfaces of labels anew if these have changed since.
+    pub(super) fn renew_surfaces(&mut self) -> Result<(), SimError> {
+        if !std::mem::take(&mut self.are_surfaces_stale) {
+            return Ok(());
+        }
+        let Some(refiner) = &self.body.refiner else { return Ok(()) };
+        let Content { forest, embedding, volume: Some(volume), .. } = &refiner.content else {
+            return Ok(());
+        };
+        self.recorder.surfaces = Surfaces::new(&self.scene, forest, volume, embedding)?;
+        Ok(())
+    }
+}
+
+impl Content {
+    /// The voxels that an edit changes where the body is, by their position in the volume, ascending.
+    ///
+    /// Cost: O(tetrahedra), and the voxels of those that the ball meets.
+    fn swept(&self, state: &BodyState, edit: &Edit) -> Vec<usize> {
+        let Some(volume) = &self.volume else { return Vec::new() };
+        let changes: Vec<bool> = self
+            .label_values
+            .iter()
+            .map(|&label| match edit.labels.is_empty() {
+                true => label != 0 && label != edit.becomes,
+                false => label != edit.becomes && edit.labels.contains(&label),
+            })
+            .collect();
+        let [from, to] = edit.sweep;
+        let reach = Vector3::repeat(edit.radius_m);
+        let ball = [from.inf(&to) - reach, from.sup(&to) + reach];
+        let mut found = Vec::new();
+        for element in state.elements().iter().filter(|element| !state.is_void(element.tet)) {
+            let now = element.vertices.map(|v| state.positions[v]);
+            let [low, high] = box_of(&now);
+            if (0..3).any(|i| high[i] < ball[0][i] || low[i] > ball[1][i]) {
+                continue;
+            }
+            let rest = element.vertices.map(|v| state.rest[v]);
+            let gradients = &element.geometry.gradients;
+            each_voxel(volume, &rest, |index, x| {
+                let mut weights = gradients.map(|g| g.dot(&(x - rest[0])));
+                weights[0] += 1.0;
+                if !changes[usize::from(volume.labels()[index])]
+                    || weights.iter().any(|&weight| weight < -ROUNDING)
+                {
+                    return;
+                }
+                let at: Vector3<f64> = now.iter().zip(weights).map(|(x, w)| x * w).sum();
+                if distance(&at, &from, &to) <= edit.radius_m {
+                    found.push(index);
+                }
+            });
+        }
+        // A middle on a face lies in two tetrahedra.
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// Gives voxels a label; returns the leaves around them, and how many cubic centimetres there were of each label
+    /// before.
+    fn relabel(
+        &mut self,
+        voxels: &[usize],
+        becomes: i64,
+    ) -> Result<(Vec<Tet>, BTreeMap<i64, f64>), SimError> {
+        let mut counts = BTreeMap::new();
+        let Some(volume) = &mut self.volume else { return Ok((Vec::new(), counts)) };
+        let volume = Arc::make_mut(volume);
+        let id = self.label_values.iter().position(|&label| label == becomes).unwrap_or(0) as u16;
+        let voxel_cm3 = (0.1 * volume.grid().spacing_mm).powi(3);
+        let [nx, ny, _] = volume.grid().dims;
+        let grid = *self.embedding.tree().grid();
+        let mut cells = Vec::new();
+        for &index in voxels {
+            let before = volume.set(index, id)?;
+            *counts.entry(self.label_values[usize::from(before)]).or_insert(0.0) += voxel_cm3;
+            let voxel = [index % nx, index / nx % ny, index / (nx * ny)];
+            cells.push(grid.cell_of(voxel.map(|i| i as i64)));
+        }
+        cells.sort_unstable();
+        cells.dedup();
+        let tree = Arc::new(self.embedding.tree().edited(volume, &cells, &|_| false)?);
+        self.embedding.relabel(Arc::clone(&tree), &cells)?;
+        Ok((self.forest.relabel(tree, &cells), counts))
+    }
+
+    /// Brings what has become of leaves into the body and, where that is another stiffness or mass, to the inverse.
+    fn renew(
+        &self,
+        leaves: &[Tet],
+        state: &mut BodyState,
+        inverse: &mut InverseLink,
+    ) -> Result<(), SimError> {
+        for tet in leaves {
+            let density = state.density(tet.id);
+            let Some((before, rotation)) = state.remove_tet(tet.id) else { continue };
+            self.add_tet(state, tet, &rotation);
+            let elasticity = self.embedding.elasticity(tet.node);
+            let densities = [density, state.density(tet.id)];
+            if elasticity != before.elasticity || densities[0] != densities[1] {
+                let matrix = |elasticity, density| {
+                    inverse.element().matrix(&before.geometry, elasticity, density)
+                };
+                let matrices =
+                    [matrix(&before.elasticity, densities[0]), matrix(&elasticity, densities[1])];
+                inverse.change(before.vertices.map(|v| VertexId(v as u32)), matrices)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The least box around some points.
+fn box_of(points: &[Vector3<f64>; 4]) -> [Vector3<f64>; 2] {
+    let [first, ..] = points;
+    points.iter().fold([*first; 2], |[low, high], x| [low.inf(x), high.sup(x)])
+}
+
+/// Calls `visit` with the position in the volume and the middle, m, of each voxel whose middle lies in the box of a
+/// tetrahedron with these corners at rest, m.
+fn each_voxel(
+    volume: &LabelVolume,
+    corners: &[Vector3<f64>; 4],
+    mut visit: impl FnMut(usize, Vector3<f64>),
+) {
+    let voxel_m = volume.grid().spacing_mm * 1e-3;
+    let dims = volume.grid().dims;
+    let [low, high] = box_of(corners).map(|end| end / voxel_m - Vector3::repeat(0.5));
+    let range = |i: usize| {
+        let first = (low[i] - ROUNDING).ceil().max(0.0) as usize;
+        let last = (high[i] + ROUNDING).floor();
+        first..(last + 1.0).clamp(0.0, dims[i] as f64) as usize
+    };
+    for z in range(2) {
+        for y in range(1) {
+            for x in range(0) {
+                let middle = Vector3::new(x, y, z).map(|i| (i as f64 + 0.5) * voxel_m);
+                visit(x + dims[0] * (y + dims[1] * z), middle);
+            }
+        }
+    }
+}
+
+/// How far a point is from a segment, m.
+fn distance(x: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+    let along = to - from;
+    let length2 = along.norm_squared();
+    let part = if length2 > 0.0 { (x - from).dot(&along) / length2 } else { 0.0 };
+    (x - from - along * part.clamp(0.0, 1.0)).norm()
+}
