@@ -187,3 +187,76 @@ fn a_probe_feels_the_surface_that_is_left() {
     let labels = |it: &Simulation| it.fields().unwrap().unwrap().label;
     assert_eq!(labels(&edited), labels(&plain));
 }
+
+const RESECT: &str = "tools.1={kind=\"resect\", centre_mm=[0, 0, 0], radius_m=0.03, \
+                      path=[{time_s=0, move_m=[0, 0, 0]}]";
+
+#[test]
+fn a_label_that_is_gone_has_no_surface_and_no_mass() {
+    let all = format!("{RESECT}, labels=[2]}}");
+    let with = scene(&[
+        &all,
+        "dynamics={}",
+        "mesh.max_level=6",
+        "output.frames_every=2",
+        "output.surfaces=[{label=2, sigma_voxels=0.5}]",
+        "materials.1.density_kg_m3=4000.0",
+    ]);
+    let mut simulation = Simulation::builder(&with).volume(volume()).build().unwrap();
+    let mass = simulation.momentum().unwrap().mass_kg;
+    assert!(!simulation.frame().unwrap().surfaces[0].triangles.is_empty());
+    simulation.step().unwrap();
+    let left = simulation.momentum().unwrap().mass_kg;
+    let core = 8.0 * 4.0 * 4.0 * 5e-3_f64.powi(3);
+    assert!((mass - left - 4000.0 * core).abs() < 1e-9, "{mass} kg, then {left} kg");
+    // The surface is cut anew for the frames that are written.
+    simulation.step().unwrap();
+    assert!(simulation.frame().unwrap().surfaces[0].triangles.is_empty());
+    let summary = simulation.summary().unwrap();
+    assert_eq!(summary.tools[1].changed_cm3.keys().copied().collect::<Vec<_>>(), [2]);
+    assert_eq!(summary.steps.converged, 2);
+}
+
+#[test]
+fn what_can_not_be_beside_a_change_of_labels_is_refused() {
+    let refusal = |settings: &[&str]| {
+        let own = ["tools.0.path=[{time_s=0}, {time_s=2, move_m=[0.02, 0, 0]}]"];
+        let all: Vec<String> = own.iter().chain(settings).map(|&one| one.to_owned()).collect();
+        let built = scene_file::load("beam", &all)
+            .and_then(|(scene, _)| Simulation::builder(&scene).build().map(drop));
+        built.err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let resect = format!("{RESECT}}}");
+    let coagulate = RESECT.replace("resect", "coagulate");
+    let pressure = "tools.2={kind=\"pressure\", region={shape=\"box\", min=[0, 0, 1], max=[1, 1, 1]}, \
+                    pressure=[{time_s=0, pressure_pa=10}]}";
+    let prony = "materials.0.law={kind=\"prony\", terms=[{fraction=0.5, time_s=1.0}]}";
+    for (settings, words) in [
+        (vec![&*resect], ""),
+        (vec![&*format!("{RESECT}, becomes=1}}")], "tools[1].becomes is 1, want no such key"),
+        (vec![&*format!("{coagulate}}}")], "tools[1].becomes is None, want the label"),
+        (
+            vec![&*format!("{coagulate}, becomes=9}}")],
+            "tools[1].becomes is 9, want a label of a material",
+        ),
+        (
+            vec![&*format!("{RESECT}, labels=[0]}}")],
+            "tools[1].labels is [0], want other labels than 0",
+        ),
+        (
+            vec![&*format!("{RESECT}, labels=[5]}}")],
+            "tools[1].labels is 5, want a label of the image",
+        ),
+        (vec![&*resect.replace("0.03", "0.0")], "tools[1].radius_m is 0.0"),
+        (vec![&*resect, pressure], "tools[2].kind is \"pressure\", want no pressure or traction"),
+        (vec![&*resect, "output.checkpoint_steps=2"], "output.checkpoint_steps is 2, want 0"),
+        (vec![&*resect, "stages.homogenisation=kharevych"], "stages.homogenisation is kharevych"),
+        (vec![&*resect, prony], "materials is with a law, want no law that remembers"),
+    ] {
+        let found = refusal(&settings);
+        match words {
+            "" => assert_eq!(found, ""),
+            _ => assert!(found.contains(words), "{settings:?}: {found}"),
+        }
+    }
+}

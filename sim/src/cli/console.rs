@@ -84,6 +84,12 @@ pub fn summary(summary: &Summary) -> String {
                 format!("at most {:.4} N, off by {error:.4} N by estimate", tool.force_max_n);
             line("tool", format!("{number} ({}): {size}", tool.kind));
         }
+        if !tool.changed_cm3.is_empty() {
+            let each =
+                tool.changed_cm3.iter().map(|(label, cm3)| format!("{cm3:.2} cm³ of {label}"));
+            let all = each.collect::<Vec<_>>().join(", ");
+            line("labels", format!("{number} ({}) changed {all}", tool.kind));
+        }
     }
     if let Some(GoalReport { name, value, error }) = summary.error_estimate.goal_end {
         let error =

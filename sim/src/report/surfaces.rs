@@ -56,7 +56,11 @@ impl Surfaces {
             cut(coarse, volume, surface_level(scene, coarse), &outlines)?;
         let mut parts = Vec::new();
         for (i, (one, surface)) in asked.iter().zip(surfaces).enumerate() {
-            if surface.triangles.is_empty() {
+            let blurred_away = |label: i64| {
+                let dense = dense_label(volume, label);
+                dense.is_some_and(|dense| volume.labels().contains(&dense))
+            };
+            if surface.triangles.is_empty() && blurred_away(one.label) {
                 tracing::warn!(
                     "label {} has no surface: a blur of {} voxels takes it below one half \
                      everywhere; choose a smaller output.surfaces[{i}].sigma_voxels",
@@ -157,8 +161,9 @@ impl Surfaces {
                     triangles: surface.triangles.len(),
                     pieces: surface.component_count(),
                     area_rest_m2: surface.area(&rest)?,
-                    volume_rest_m3: surface.volume(&rest)?,
-                    volume_end_m3: surface.volume(&now)?,
+                    // Without a triangle it is −0.
+                    volume_rest_m3: surface.volume(&rest)? + 0.0,
+                    volume_end_m3: surface.volume(&now)? + 0.0,
                 })
             })
             .collect()

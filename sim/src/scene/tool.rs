@@ -26,11 +26,10 @@ pub enum ToolEntry {
     Coagulate(AblationEntry),
 }
 
-/// Where a tool goes, and when it acts.
+/// Where a tool goes, and when it lets go.
 pub(crate) struct Course<'a> {
     pub path: &'a mut Vec<Key>,
     pub path_csv: &'a mut Option<PathBuf>,
-    pub begin_s: &'a mut Option<f64>,
     pub release_s: &'a mut Option<f64>,
 }
 
@@ -49,15 +48,15 @@ impl ToolEntry {
 
     /// Its course, if it moves.
     pub(crate) fn course_mut(&mut self) -> Option<Course<'_>> {
-        let (path, path_csv, begin_s, release_s) = match self {
-            Self::Grab(it) => (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s),
-            Self::Probe(it) => (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s),
+        let (path, path_csv, release_s) = match self {
+            Self::Grab(it) => (&mut it.path, &mut it.path_csv, &mut it.release_s),
+            Self::Probe(it) => (&mut it.path, &mut it.path_csv, &mut it.release_s),
             Self::Resect(it) | Self::Coagulate(it) => {
-                (&mut it.path, &mut it.path_csv, &mut it.begin_s, &mut it.release_s)
+                (&mut it.path, &mut it.path_csv, &mut it.release_s)
             }
             Self::Pressure(_) | Self::Load(_) => return None,
         };
-        Some(Course { path, path_csv, begin_s, release_s })
+        Some(Course { path, path_csv, release_s })
     }
 
     /// What changes labels.

@@ -30,10 +30,11 @@ impl Simulation {
     pub fn add_tool(&mut self, mut entry: ToolEntry) -> Result<usize, SimError> {
         let now = self.time_after(self.recorder.statistics.steps());
         let stays = vec![Key { time_s: now, move_m: [0.0; 3], turn_deg: 0.0 }];
-        match entry.course_mut() {
-            Some(course) => (*course.begin_s, *course.path) = (Some(now), stays),
-            None => {
-                let want = "a tool that moves: only these begin while the body does";
+        match &mut entry {
+            ToolEntry::Grab(grab) => (grab.begin_s, grab.path) = (Some(now), stays),
+            ToolEntry::Probe(probe) => (probe.begin_s, probe.path) = (Some(now), stays),
+            _ => {
+                let want = "grab or probe: only these begin while the body moves";
                 return Err(SimError::value(self.name(), "kind", entry.kind(), want));
             }
         }

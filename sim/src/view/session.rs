@@ -422,6 +422,11 @@ fn changes(orders: &Orders) -> Result<Vec<String>, SimError> {
         let want = "a key that is not of `time`: both simulations make the same steps";
         return Err(SimError::value("yawara view", "--beside", one, want));
     }
+    if let Some(tool) = scene.tools.iter().find(|tool| tool.ablation().is_some()) {
+        let want =
+            "no tool that changes labels: the page shows those of the start; take `yawara run`";
+        return Err(SimError::value(&scene.name, "tools", tool.kind(), want));
+    }
     let mut changes = orders.set.clone();
     let is_set = |key: &str| orders.set.iter().any(|one| one.trim_start().starts_with(key));
     let is_hand = |tool: &ToolEntry| matches!(tool, ToolEntry::Grab(_) | ToolEntry::Probe(_));
