@@ -66,28 +66,31 @@ impl Embedding {
     ) -> Result<Self, EmbedError> {
         let rule = Rule::new(&tree, &materials, homogenisation.as_ref(), progress)?;
         let parts = rule.parts()?;
-        let mut elasticity_of_node = Vec::with_capacity(tree.node_count());
-        let mut density_of_node = Vec::with_capacity(tree.node_count());
-        let mut local_of_node = Vec::new();
-        let mut left_to_local_rule = 0;
-        let mut solid_of_node = Vec::new();
-        for part in parts {
-            elasticity_of_node.extend(part.elasticity);
-            density_of_node.extend(part.density);
-            local_of_node.extend(part.local);
-            left_to_local_rule += part.left;
-            solid_of_node.extend(part.solid);
-        }
-        Ok(Self {
+        let nodes = tree.node_count();
+        let mut embedding = Self {
             tree,
             homogenisation,
             materials,
-            elasticity_of_node,
-            density_of_node,
-            local_of_node,
-            left_to_local_rule,
-            solid_of_node,
-        })
+            elasticity_of_node: Vec::new(),
+            density_of_node: Vec::new(),
+            local_of_node: Vec::new(),
+            left_to_local_rule: 0,
+            solid_of_node: Vec::new(),
+        };
+        embedding.take(&parts, nodes);
+        Ok(embedding)
+    }
+
+    /// Enters what root cubes have found, of so many nodes in all.
+    fn take(&mut self, parts: &[Found], nodes: usize) {
+        let none = Packed6::new(&Matrix6::zeros());
+        for part in parts {
+            put(&mut self.elasticity_of_node, (nodes, none), part.first, &part.elasticity);
+            put(&mut self.density_of_node, (nodes, 0.0), part.first, &part.density);
+            put(&mut self.local_of_node, (nodes, none), part.first, &part.local);
+            put(&mut self.solid_of_node, (nodes, 0.0), part.first, &part.solid);
+            self.left_to_local_rule += part.left;
+        }
     }
 
     /// Homogenises anew what is in `cells`, the root cubes in which `tree`, an
@@ -106,21 +109,9 @@ impl Embedding {
         let body = FineBody::new(&tree, materials);
         let rule = Rule { body, homogenisation, given: None };
         let build = |&cell: &usize| CellPart::build(&rule, cell);
-        let parts: Vec<CellPart<'_>> = cells.par_iter().map(build).collect::<Result<_, _>>()?;
+        let parts: Vec<Found> = cells.par_iter().map(build).collect::<Result<_, _>>()?;
         let nodes = tree.node_count();
-        self.elasticity_of_node.resize(nodes, Packed6::new(&Matrix6::zeros()));
-        self.density_of_node.resize(nodes, 0.0);
-        if self.materials.void() == VoidRule::Volume {
-            self.solid_of_node.resize(nodes, 0.0);
-        }
-        for part in parts {
-            let own = part.first..part.first + part.elasticity.len();
-            self.elasticity_of_node[own.clone()].copy_from_slice(&part.elasticity);
-            self.density_of_node[own.clone()].copy_from_slice(&part.density);
-            if !part.solid.is_empty() {
-                self.solid_of_node[own].copy_from_slice(&part.solid);
-            }
-        }
+        self.take(&parts, nodes);
         self.tree = tree;
         Ok(())
     }
@@ -137,7 +128,10 @@ impl Embedding {
     ) -> Result<Elasticities, EmbedError> {
         let rule = Rule::new(&self.tree, materials, self.homogenisation(), progress)?;
         let parts = rule.parts()?;
-        let of_node = parts.into_iter().flat_map(|part| part.elasticity).collect();
+        let (mut of_node, none) = (Vec::new(), Packed6::new(&Matrix6::zeros()));
+        for part in &parts {
+            put(&mut of_node, (self.tree.node_count(), none), part.first, &part.elasticity);
+        }
         let of_label = materials.by_label().iter().map(|material| *material.elasticity()).collect();
         Ok(Elasticities { of_label, of_node })
     }
@@ -330,16 +324,15 @@ impl<'a> Rule<'a> {
     }
 
     /// Each root cube's share.
-    fn parts(&self) -> Result<Vec<CellPart<'_>>, EmbedError> {
+    fn parts(&self) -> Result<Vec<Found>, EmbedError> {
         let cell_count: usize = self.body.tree().grid().cells.iter().product();
         (0..cell_count).into_par_iter().map(|cell| CellPart::build(self, cell)).collect()
     }
 }
 
 /// One root cube's share, in the tree's order: children before parents.
-struct CellPart<'a> {
-    rule: &'a Rule<'a>,
-    cell: usize,
+#[derive(Default)]
+struct Found {
     /// The number of its first node.
     first: usize,
     elasticity: Vec<Packed6>,
@@ -351,18 +344,37 @@ struct CellPart<'a> {
     solid: Vec<f64>,
 }
 
+/// Enters the values of a root cube's nodes, the first of them of number `first`, among those of so many nodes;
+/// what no root cube has is filled in.
+fn put<T: Copy>(all: &mut Vec<T>, (nodes, fill): (usize, T), first: usize, own: &[T]) {
+    if !own.is_empty() {
+        all.resize(nodes, fill);
+        all[first..first + own.len()].copy_from_slice(own);
+    }
+}
+
+/// Finds one root cube's share.
+struct CellPart<'a> {
+    rule: &'a Rule<'a>,
+    cell: usize,
+    found: Found,
+}
+
 impl<'a> CellPart<'a> {
-    fn build(rule: &'a Rule<'a>, cell: usize) -> Result<Self, EmbedError> {
+    fn build(rule: &'a Rule<'a>, cell: usize) -> Result<Found, EmbedError> {
         let nodes = rule.body.tree().cell_nodes(cell);
-        let (elasticity, density) =
-            (Vec::with_capacity(nodes.len()), Vec::with_capacity(nodes.len()));
-        let (first, local, left, solid) = (nodes.start, Vec::new(), 0, Vec::new());
-        let mut part = Self { rule, cell, first, elasticity, density, local, left, solid };
+        let found = Found {
+            first: nodes.start,
+            elasticity: Vec::with_capacity(nodes.len()),
+            density: Vec::with_capacity(nodes.len()),
+            ..Found::default()
+        };
+        let mut part = Self { rule, cell, found };
         for order in 0..ROOTS_PER_CELL {
             let root = rule.body.tree().root(cell, order);
             part.descend(root, rule.body.root_corners(cell, order), 0)?;
         }
-        Ok(part)
+        Ok(part.found)
     }
 
     /// Homogenises below and at `of`; visits nodes in the order in which the tree numbers them.
@@ -376,17 +388,17 @@ impl<'a> CellPart<'a> {
             let materials = self.rule.body.materials();
             let material = materials.of_voxel(voxel(tree, &corners), tree.majority(of))?;
             let packed = Packed6::new(material.elasticity());
-            self.elasticity.push(packed);
-            self.local.extend(self.rule.given.as_ref().map(|_| packed));
-            self.density.push(material.density_kg_m3());
+            self.found.elasticity.push(packed);
+            self.found.local.extend(self.rule.given.as_ref().map(|_| packed));
+            self.found.density.push(material.density_kg_m3());
             let fraction = solid_fraction(tree.majority(of));
-            self.solid.extend(self.scales_by_volume().then_some(fraction));
+            self.found.solid.extend(self.scales_by_volume().then_some(fraction));
             return Ok(());
         }
         let halved = bisect(&corners, level, midpoint(&corners, level));
         self.descend(halves[0], halved[0], level + 1)?;
         self.descend(halves[1], halved[1], level + 1)?;
-        debug_assert_eq!(index, self.first + self.elasticity.len());
+        debug_assert_eq!(index, self.found.first + self.found.elasticity.len());
 
         let elasticity = halves.map(|half| self.local_elasticity(half));
         let geometry = lattice_tet(&corners);
@@ -394,7 +406,7 @@ impl<'a> CellPart<'a> {
         let rule = self.rule.homogenisation;
         let local = if self.scales_by_volume() {
             let fractions = halves.map(|half| self.solid_fraction(half));
-            self.solid.push(0.5 * (fractions[0] + fractions[1]));
+            self.found.solid.push(0.5 * (fractions[0] + fractions[1]));
             let void = self.rule.body.materials().by_label()[0].elasticity();
             combine_solids(rule, &pair, fractions, void).elasticity
         } else {
@@ -403,17 +415,17 @@ impl<'a> CellPart<'a> {
         self.check(&local, level)?;
         let local = Packed6::new(&local);
         match self.rule.given.as_ref().map(|given| given[index]) {
-            None => self.elasticity.push(local),
+            None => self.found.elasticity.push(local),
             Some(given) => {
                 if let Some(given) = given {
                     self.check(&given.matrix(), level)?;
                 }
-                self.left += usize::from(given.is_none());
-                self.elasticity.push(given.unwrap_or(local));
-                self.local.push(local);
+                self.found.left += usize::from(given.is_none());
+                self.found.elasticity.push(given.unwrap_or(local));
+                self.found.local.push(local);
             }
         }
-        self.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
+        self.found.density.push(0.5 * (self.density(halves[0]) + self.density(halves[1])));
         Ok(())
     }
 
@@ -426,23 +438,24 @@ impl<'a> CellPart<'a> {
     fn solid_fraction(&self, of: NodeRef) -> f64 {
         match of.open() {
             Content::Label(label) => solid_fraction(label),
-            Content::Node(i) => self.solid[i - self.first],
+            Content::Node(i) => self.found.solid[i - self.found.first],
         }
     }
 
     /// What the local rule makes of a half.
     fn local_elasticity(&self, of: NodeRef) -> Matrix6<f64> {
-        let nodes = if self.rule.given.is_some() { &self.local } else { &self.elasticity };
+        let nodes =
+            if self.rule.given.is_some() { &self.found.local } else { &self.found.elasticity };
         match of.open() {
             Content::Label(label) => *self.rule.body.materials().of_label(label).elasticity(),
-            Content::Node(i) => nodes[i - self.first].matrix(),
+            Content::Node(i) => nodes[i - self.found.first].matrix(),
         }
     }
 
     fn density(&self, of: NodeRef) -> f64 {
         match of.open() {
             Content::Label(label) => self.rule.body.materials().of_label(label).density_kg_m3(),
-            Content::Node(i) => self.density[i - self.first],
+            Content::Node(i) => self.found.density[i - self.found.first],
         }
     }
 

@@ -60,4 +60,4 @@ pub use inverse::{Elements, InverseFactory, InverseLink};
 pub use report::{Fields, Probe};
 pub use scene::file as scene_file;
 pub use step::{Checkpoint, Simulation, SimulationBuilder, indicator};
-pub use tools::{BodyAtRest, Holding, Pose, SurfacePoints, Tool, ToolPath};
+pub use tools::{BodyAtRest, Edit, Holding, Pose, SurfacePoints, Tool, ToolPath};

@@ -1,7 +1,8 @@
 //! Tools that change labels: what is left is the body of the labels that are left.
 
+use nalgebra::Vector3;
 use yawara::scene::{Image, Scene};
-use yawara::{Simulation, scene_file};
+use yawara::{Edit, Simulation, Tool, scene_file};
 use yawara_mesh::phantom::block;
 use yawara_mesh::volume::LabelVolume;
 
@@ -186,6 +187,42 @@ fn a_probe_feels_the_surface_that_is_left() {
     assert_ne!(triangles(&edited), triangles(&whole));
     let labels = |it: &Simulation| it.fields().unwrap().unwrap().label;
     assert_eq!(labels(&edited), labels(&plain));
+}
+
+/// Takes all of label 2 away in one step.
+struct Eraser;
+
+impl Tool for Eraser {
+    fn kind(&self) -> &'static str {
+        "eraser"
+    }
+
+    fn reference(&self, _: f64) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    fn edit(&self, _: f64, _: f64) -> Option<Edit> {
+        Some(Edit { sweep: [Vector3::zeros(); 2], radius_m: 1.0, labels: vec![2], becomes: 0 })
+    }
+}
+
+#[test]
+fn a_tool_of_ones_own_changes_labels_too() {
+    let scene = scene(&["time.steps=2"]);
+    let mut simulation =
+        Simulation::builder(&scene).volume(volume()).tool(|_| Ok(Eraser)).build().unwrap();
+    simulation.step().unwrap();
+    let changed = || simulation.summary().unwrap().tools[1].changed_cm3.clone();
+    assert_eq!(changed().keys().copied().collect::<Vec<_>>(), [2]);
+    assert!((changed()[&2] - 16.0).abs() < 1e-9, "{:?}", changed());
+    simulation.step().unwrap();
+    assert!((simulation.summary().unwrap().tools[1].changed_cm3[&2] - 16.0).abs() < 1e-9);
+    // Checkpoints would go on with the labels of the start.
+    let scene = self::scene(&["output.checkpoint_steps=1"]);
+    let mut kept =
+        Simulation::builder(&scene).volume(volume()).tool(|_| Ok(Eraser)).build().unwrap();
+    let refusal = kept.step().unwrap_err().to_string();
+    assert!(refusal.contains("output.checkpoint_steps is 1, want 0"), "{refusal}");
 }
 
 const RESECT: &str = "tools.1={kind=\"resect\", centre_mm=[0, 0, 0], radius_m=0.03, \

@@ -33,6 +33,8 @@ fn check_same(forest: &BisectionForest, edited: &Embedding, organ: &Organ, void:
         missing.retain(|&p| !anew.is_ready(p) || anew.split(p, &mut delta).is_err());
     }
     let fresh = embed(organ, void);
+    let go_on = &mut |_| std::ops::ControlFlow::Continue(());
+    let others = edited.of_others(edited.materials(), go_on).unwrap();
     let by_corners = |forest: &BisectionForest| {
         let corners = |tet: &yawara_mesh::Tet| tet.vertices.map(|v| forest.point(v));
         let mut leaves: Vec<_> = forest.leaves().map(|tet| (corners(&tet), tet.node)).collect();
@@ -47,6 +49,7 @@ fn check_same(forest: &BisectionForest, edited: &Embedding, organ: &Organ, void:
         assert_eq!(trees[0].labels(node).as_slice(), trees[1].labels(expected).as_slice());
         assert_eq!(trees[0].majority(node), trees[1].majority(expected));
         assert_eq!(edited.elasticity(node), fresh.elasticity(expected));
+        assert_eq!(others.of(node), edited.elasticity(node));
         assert_eq!(edited.density(node), fresh.density(expected));
     }
 }

@@ -14,7 +14,7 @@ pub(crate) enum Hold {
 }
 
 /// What is known of a tetrahedron besides its mechanics.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Cell {
     pub level: u8,
     /// Original label of most of its volume.

@@ -141,6 +141,8 @@ impl<'a> SimulationBuilder<'a> {
         self.begin("reading and meshing");
         let start = Start::new(scene, self.volume.take())?;
         self.begin("placing tools");
+        // Who brings tools of their own may have them change labels.
+        let are_own = !self.tools.is_empty();
         let Made { mut tools, holds, grips, coming, held } = self.make_tools(&start)?;
         let (law, why_law) = law_of_scene(scene, &stages, &start);
         let mut plan = plan::rows(scene, &start, &stages, element, (&law, &why_law), &held);
@@ -222,7 +224,7 @@ impl<'a> SimulationBuilder<'a> {
                     let want = "one of parts, such as laminate: a tool changes labels";
                     return Err(SimError::value(&scene.name, "stages.homogenisation", name, want));
                 }
-                let volume = edits.then(|| Arc::clone(&labels));
+                let volume = (edits || are_own).then(|| Arc::clone(&labels));
                 let content =
                     Content { forest, embedding, placement, memory, volume, label_values };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();

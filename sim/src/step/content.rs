@@ -49,15 +49,20 @@ impl Content {
             elasticity: self.embedding.elasticity(tet.node),
         };
         let label = self.embedding.tree().majority(tet.node);
-        let cell = Cell {
+        let memory = self.memory.as_ref();
+        let made_of = memory.map_or_else(Vec::new, |memory| memory.made_of(tet.node, label));
+        state.add_tet(element, rotation, self.cell(tet), &made_of);
+    }
+
+    /// What is known of a tetrahedron besides its mechanics.
+    pub fn cell(&self, tet: &Tet) -> Cell {
+        let label = self.embedding.tree().majority(tet.node);
+        Cell {
             level: tet.level,
             label: self.label_values[usize::from(label)],
             density_kg_m3: self.embedding.density(tet.node),
             is_void: self.is_void(tet),
-        };
-        let memory = self.memory.as_ref();
-        let made_of = memory.map_or_else(Vec::new, |memory| memory.made_of(tet.node, label));
-        state.add_tet(element, rotation, cell, &made_of);
+        }
     }
 
     fn is_void(&self, tet: &Tet) -> bool {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use yawara_corot::Element;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{Tet, VertexId};
 
@@ -15,7 +16,7 @@ use crate::body::BodyState;
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{BodyOutline, Surfaces};
-use crate::tools::{Edit, points_of};
+use crate::tools::{Edit, Tool, points_of};
 
 /// A voxel whose middle is this far outside of a tetrahedron, in barycentric coordinates, is in it.
 const ROUNDING: f64 = 1e-9;
@@ -31,31 +32,35 @@ impl Simulation {
     /// inverse for each tetrahedron whose material is another; if there are probes, the outline of the whole body.
     ///
     /// # Errors
-    /// [`SimError::Bisection`], [`SimError::Embed`] and [`SimError::Inverse`] where that can't be made or inverted.
+    /// [`SimError::Bisection`], [`SimError::Embed`] and [`SimError::Inverse`] where that can't be made or inverted;
+    /// [`SimError::Value`] in a scene with checkpoints.
     pub(super) fn edit(&mut self, span: Span) -> Result<Vec<Changed>, SimError> {
         let asked: Vec<(usize, Edit)> = (0..)
             .zip(&self.tools)
             .filter_map(|(number, tool)| Some((number, tool.edit(span.from, span.to)?)))
             .collect();
+        if !asked.is_empty() && self.beginning.is_some() {
+            let steps = self.scene.output.checkpoint_steps;
+            let want = "0 beside a tool that changes labels: checkpoints do not have them";
+            return Err(SimError::value(&self.scene.name, "output.checkpoint_steps", steps, want));
+        }
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
             return Ok(Vec::new());
         };
         let content = &mut refiner.content;
-        let before = state.energy_j();
-        let mut changed = Vec::new();
+        let (mut before, mut changed) = (None, Vec::new());
         for (tool, edit) in asked {
             let voxels = content.swept(state, &edit);
             if voxels.is_empty() {
                 continue;
             }
+            before.get_or_insert_with(|| state.energy_j());
             let (leaves, counts) = content.relabel(&voxels, edit.becomes)?;
             content.renew(&leaves, state, inverse)?;
             changed.push((tool, counts));
         }
-        if changed.is_empty() {
-            return Ok(changed);
-        }
+        let Some(before) = before else { return Ok(changed) };
         inverse.flush(&Elements { body: &state.body, density: &|tet| state.density(tet) })?;
         self.ledger.edited(state.energy_j() - before);
         self.follow_labels()?;
@@ -64,7 +69,7 @@ impl Simulation {
 
     /// Has all that depends on labels follow them.
     fn follow_labels(&mut self) -> Result<(), SimError> {
-        let Self { scene, body, tools, contact, recorder, .. } = self;
+        let Self { scene, body, tools, contact, recorder, ledger, .. } = self;
         let SimulatedBody { state, refiner: Some(refiner), .. } = body else { return Ok(()) };
         let Content { forest, volume: Some(volume), .. } = &refiner.content else { return Ok(()) };
         refiner.regions.relabel(volume);
@@ -76,16 +81,21 @@ impl Simulation {
         }
         self.are_surfaces_stale = recorder.surfaces.is_some();
         let mut points = |spacing: f64| points_of(scene, forest, volume, spacing);
-        for tool in tools.iter_mut() {
+        for tool in tools.iter_mut().filter(|tool| tool.surface_points().is_some()) {
             tool.resurface(&mut points)?;
-            if tool.surface_points().is_some() {
-                tool.follow(state)?;
-                // Points have other numbers now.
-                *contact = ContactState::default();
-                self.ledger.forget_points();
-            }
+            tool.follow(state)?;
         }
+        // Points have other numbers now.
+        *contact = ContactState::default();
+        ledger.forget_points();
         Ok(())
+    }
+
+    /// Gives a tool that has come the surface of the labels as they are.
+    pub(super) fn resurface(&self, tool: &mut dyn Tool) -> Result<(), SimError> {
+        let content = self.body.refiner.as_ref().map(|refiner| &refiner.content);
+        let Some(Content { forest, volume: Some(volume), .. }) = content else { return Ok(()) };
+        tool.resurface(&mut |spacing| points_of(&self.scene, forest, volume, spacing))
     }
 
     /// Cuts the surfaces of labels anew if these have changed since.
@@ -184,11 +194,15 @@ impl Content {
         inverse: &mut InverseLink,
     ) -> Result<(), SimError> {
         for tet in leaves {
-            let density = state.density(tet.id);
+            let (elasticity, cell) = (self.embedding.elasticity(tet.node), self.cell(tet));
+            let old = *state.cell(tet.id);
+            let same = |element: &&Element| element.elasticity == elasticity && old == cell;
+            if state.element(tet.id).filter(same).is_some() {
+                continue;
+            }
             let Some((before, rotation)) = state.remove_tet(tet.id) else { continue };
             self.add_tet(state, tet, &rotation);
-            let elasticity = self.embedding.elasticity(tet.node);
-            let densities = [density, state.density(tet.id)];
+            let densities = [old.density_kg_m3, cell.density_kg_m3];
             if elasticity != before.elasticity || densities[0] != densities[1] {
                 let matrix = |elasticity, density| {
                     inverse.element().matrix(&before.geometry, elasticity, density)

@@ -46,6 +46,7 @@ impl Simulation {
         let made = self.make(&rest, &mut entry);
         self.rest = Some(rest);
         let (mut tool, hold) = made?;
+        self.resurface(tool.as_mut())?;
         tool.follow(&self.body.state)?;
         if let Some(hold) = hold.clone() {
             hold_material(vec![(Some(number), hold)], &self.scene.name, &mut self.body.state)?;
