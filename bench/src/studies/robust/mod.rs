@@ -257,11 +257,16 @@ mod tests {
         let folder = Folder::open(&root.path().join("robust"), &json!({}), false).unwrap();
         let all = settings(false);
         let one = all.iter().find(|one| one.name == "inverted start, nu 0.3").unwrap();
+        // Which way it leaves the saddle is decided by rounding: stiffer bodies leave it otherwise.
         for element in FORMULATIONS {
-            let scene = one.scene(element, "fallback", &folder).unwrap();
-            let report = Simulation::builder(&scene).build().unwrap().step().unwrap();
-            // Without the way along a direction that curves down it takes 285 with pressures.
-            assert!(report.converged && report.iterations < 150, "{element}: {report:?}");
+            for stiffer in 0..8 {
+                let mut scene = one.scene(element, "fallback", &folder).unwrap();
+                scene.materials[0].young_modulus_pa *= 1.0 + 0.1 * f64::from(stiffer);
+                let report = Simulation::builder(&scene).build().unwrap().step().unwrap();
+                // With pressures it takes 285 without the way along a direction that curves down, and 440 and 222
+                // of two bodies where promises made at the saddle count.
+                assert!(report.converged && report.iterations < 150, "{element}: {report:?}");
+            }
         }
     }
 }
