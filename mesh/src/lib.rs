@@ -24,9 +24,10 @@ pub mod tet_file;
 mod union_find;
 
 pub use bisection::{
-    BisectionError, BisectionForest, CellGrid, Change, ClosureQueue, Content, Domain,
-    LabelRefinement, LabelTree, LabelsIn, Lattice, MeshDelta, NodeRef, Placement, Point, Quality,
-    Region, RingTet, Tet, TetId, VertexId, Wants, geometry, kuhn, lattice,
+    BisectionError, BisectionForest, CellGrid, Change, ClosureQueue, Content, CutDelta, Domain,
+    Doubled, FineFace, FineTet, LabelRefinement, LabelTree, LabelsIn, Lattice, MeshDelta, NodeRef,
+    Part, Placement, Point, Quality, Recast, Region, RingTet, Severed, Tet, TetId, VertexId, Wants,
+    geometry, kuhn, lattice,
 };
 pub use image::{ImageError, volume};
 pub use isosurface::SurfaceError;

@@ -127,8 +127,8 @@ impl ClosureQueue {
     }
 
     /// The vertex to split at now: of the best request, the first of [`BisectionForest::closure`].
-    /// The same one again until it is split. Requests that are done, or that `forest` can never
-    /// fulfil (off its domain, beyond its finest level), are dropped when their turn comes.
+    /// The same one again until it is split. Requests that are done, or that `forest` can't
+    /// fulfil (off its domain, beyond its finest level, beside a cut), are dropped when their turn comes.
     ///
     /// Cost: a few look-ups; the derivation of a closure where the best request or the forest
     /// changed otherwise than by the split asked for.
@@ -143,6 +143,11 @@ impl ClosureQueue {
                 self.steps.reverse();
                 self.target = Some(point);
                 self.changes = forest.changes;
+                if self.steps.last().is_none_or(|&oldest| !forest.is_candidate(oldest)) {
+                    self.target = None;
+                    self.remove(point);
+                    continue;
+                }
             }
             return self.steps.last().copied();
         }

@@ -26,6 +26,9 @@ pub enum BisectionError {
          or a younger vertex depends on it"
     )]
     NotMergeable { vertex: u32 },
+    /// A tetrahedron that is not in the mesh, or is a sheet beside a leaf's own.
+    #[error("no cut in tetrahedron {tet}: not the number of a leaf of the mesh")]
+    NotALeaf { tet: u32 },
     /// More heterogeneous tetrahedra than numbers for them.
     #[error("{count} heterogeneous tetrahedra, want fewer than {limit}: choose larger voxels")]
     TooManyNodes { count: usize, limit: usize },

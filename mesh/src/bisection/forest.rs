@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use super::cut::Cuts;
 use super::delta::VertexId;
 use super::diamond::{Diamond, NONE, SLOTS, TetRecord};
 use super::domain::Domain;
@@ -49,6 +50,7 @@ pub struct BisectionForest {
     pub(crate) open: Vec<u32>,
     /// Splits and merges so far.
     pub(crate) changes: u64,
+    pub(crate) cuts: Cuts,
 }
 
 impl BisectionForest {
@@ -88,6 +90,7 @@ impl BisectionForest {
             leaf_count: 0,
             open: Vec::new(),
             changes: 0,
+            cuts: Cuts::default(),
         };
         forest.plant_roots();
         if forest.leaf_count == 0 {
@@ -175,7 +178,7 @@ impl BisectionForest {
         id
     }
 
-    fn take_diamond(&mut self, point: Point, place: usize, level: u8) -> u32 {
+    pub(crate) fn take_diamond(&mut self, point: Point, place: usize, level: u8) -> u32 {
         if let Some(id) = self.free_diamonds.pop() {
             self.diamonds[id as usize].renew(point, place, level);
             return id;

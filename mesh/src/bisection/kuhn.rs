@@ -34,6 +34,12 @@ pub fn bisect<T: Copy>(corners: &[T; 4], level: u8, z: T) -> [[T; 4]; 2] {
     }
 }
 
+/// Corners of the tetrahedron at `level` whose [bisection](bisect) made these two.
+pub fn unite<T: Copy>([first, second]: &[[T; 4]; 2], level: u8) -> [T; 4] {
+    let d = bisected_corner(level);
+    std::array::from_fn(|i| if i == d { second[d - 1] } else { first[i] })
+}
+
 /// Which faces of the two children lie where a face of the parent lay that is marked in `hull`
 /// (bit i: the face opposite corner i). The cut between the children is never marked.
 pub fn bisect_hull(hull: u8, level: u8) -> [u8; 2] {
@@ -140,6 +146,7 @@ mod tests {
             let v = signed_volume6(c);
             assert_eq!(v.abs() << level, 8 * 8 * 8);
             let [c0, c1] = bisect(c, level, midpoint(c, level));
+            assert_eq!(unite(&[c0, c1], level), *c);
             let sign = if bisected_corner(level).is_multiple_of(2) { 1 } else { -1 };
             assert_eq!(2 * signed_volume6(&c0), v);
             assert_eq!(2 * signed_volume6(&c1), sign * v);

@@ -4,12 +4,13 @@
 //! Open `forest` first: the data, and how a forest starts. `split_merge` is the one step that all
 //! changes are made of; `closure` finds what a split needs before it, `closure_queue` serves split
 //! requests within a budget, `refine` splits wherever a question is answered with yes, `relabel` gives the mesh
-//! other labels. `kuhn`
+//! other labels, `cut` takes it apart. `kuhn`
 //! holds the bisection rule, `lattice` which vertices exist and which depend on which, `diamond`
 //! what is stored per ring, `ring_shape` the table that replaces geometry in a split.
 
 mod closure;
 mod closure_queue;
+mod cut;
 mod delta;
 mod diamond;
 mod domain;
@@ -28,6 +29,7 @@ mod ring_shape;
 mod split_merge;
 
 pub use closure_queue::ClosureQueue;
+pub use cut::{CutDelta, Doubled, FineFace, FineTet, Part, Recast, Severed};
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
 pub use error::BisectionError;

@@ -32,10 +32,18 @@ impl BisectionForest {
                 && !record.floor
                 && record.generation > self.start_level
                 && self.diamonds[record.diamond as usize].active_dependents == 0
+                && !self.holds_cut(record.diamond)
         })
     }
 
-    /// The active vertex at a lattice point.
+    /// Whether a leaf among the halves of a diamond's members is part of a cut.
+    fn holds_cut(&self, id: u32) -> bool {
+        let Diamond { members, tets, .. } = &self.diamonds[id as usize];
+        let mut halves = occupied(*members).flat_map(|slot| tets[slot].children);
+        halves.any(|half| self.cuts.freezes(half))
+    }
+
+    /// The active vertex at a lattice point; where a cut has made several, that of all splits and merges.
     pub fn vertex_at(&self, p: Point) -> Option<VertexId> {
         let id = self.by_point_checked(p);
         (id != ABSENT)
@@ -99,8 +107,14 @@ impl BisectionForest {
         (0..self.vertices.len()).filter(|&i| self.vertices[i].alive).map(|i| VertexId(i as u32))
     }
 
-    /// Leaf tetrahedra: the current mesh, in an order that depends on its history.
+    /// Leaf tetrahedra, all sheets of those that are cut: the current mesh, in an order that depends on its history.
     pub fn leaves(&self) -> impl Iterator<Item = Tet> + '_ {
+        let sheets = self.cuts.sheets().map(|(number, sheet)| sheet.record.tet(number));
+        self.open_members().chain(sheets)
+    }
+
+    /// Leaf tetrahedra without the sheets beyond each one's own.
+    pub(crate) fn open_members(&self) -> impl Iterator<Item = Tet> + '_ {
         self.open.iter().flat_map(|&id| self.members(id))
     }
 
@@ -129,10 +143,11 @@ impl BisectionForest {
         self.vertices[vertex.index()].generation
     }
 
-    /// The point whose activation would bisect `tet`; none at the finest level.
+    /// The point whose activation would bisect `tet`; none at the finest level and where it is cut.
     pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
         let diamond = &self.diamonds[tet_place(tet.0).0];
-        (diamond.level < self.max_level).then_some(diamond.point)
+        let splits = diamond.level < self.max_level && !self.cuts.freezes(tet.0);
+        splits.then_some(diamond.point)
     }
 
     /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
@@ -173,7 +188,10 @@ impl BisectionForest {
         occupied(*members).map(move |slot| tets[slot].tet(tet_number(id, slot)))
     }
 
-    fn record(&self, tet: TetId) -> &TetRecord {
+    pub(crate) fn record(&self, tet: TetId) -> &TetRecord {
+        if let Some(sheet) = self.cuts.sheet(tet.0) {
+            return &sheet.record;
+        }
         let (diamond, slot) = tet_place(tet.0);
         &self.diamonds[diamond].tets[slot]
     }

@@ -16,7 +16,7 @@ impl BisectionForest {
     /// Cost: O(tetrahedra of all levels in these cells).
     ///
     /// # Panics
-    /// If the trees' grids differ.
+    /// If the trees' grids differ; if a leaf in the cells is cut.
     pub fn relabel(&mut self, tree: Arc<LabelTree>, cells: &[usize]) -> Vec<Tet> {
         assert_eq!(tree.grid(), self.tree.grid(), "a tree on another grid");
         self.tree = tree;
@@ -48,6 +48,7 @@ impl BisectionForest {
                 let halves = record.children.into_iter().zip(self.tree.children(node));
                 below.extend(halves.rev());
             } else {
+                assert!(self.cuts.torn(number).is_none(), "another content of what is cut");
                 leaves.push(record.tet(number));
             }
         }

@@ -3,7 +3,7 @@
 use super::delta::{Change, MeshDelta, RingTet, Tet, VertexId};
 use super::diamond::{NONE, SLOTS, TetRecord, occupied, tet_number, tet_place};
 use super::forest::BisectionForest;
-use super::kuhn::{Point, bisect, bisected_corner};
+use super::kuhn::{Point, bisect, bisected_corner, unite};
 use super::point_map::ABSENT;
 use super::ring_shape::DIRECTIONS;
 use crate::bisection::BisectionError;
@@ -61,6 +61,7 @@ impl BisectionForest {
         let diamond = &self.diamonds[id as usize];
         diamond.vertex == NONE
             && diamond.members != 0
+            && !occupied(diamond.members).any(|slot| self.cuts.freezes(tet_number(id, slot)))
             && (diamond.makers() == MAKERS[usize::from(diamond.level % 3)]
                 || self.missing(diamond.point).next().is_none())
     }
@@ -160,9 +161,13 @@ impl BisectionForest {
         let id = self.vertices[vertex.index()].diamond;
         delta.ring.clear();
         for slot in occupied(self.diamonds[id as usize].members) {
-            let parent = self.diamonds[id as usize].tets[slot];
-            let [one, two] = parent.children;
+            let TetRecord { children: [one, two], level, .. } =
+                self.diamonds[id as usize].tets[slot];
             let children = [self.take_out(one), self.take_out(two)];
+            let parent = &mut self.diamonds[id as usize].tets[slot];
+            // A cut may have given its corners other vertices since it was split.
+            parent.vertices = unite(&children.map(|child| child.vertices), level);
+            let parent = *parent;
             delta.ring.push(RingTet { parent: parent.tet(tet_number(id, slot)), children });
         }
         self.count_dependents(id, -1);

@@ -1,6 +1,6 @@
 //! The label tree: what each tetrahedron of the hierarchy holds.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use rayon::prelude::*;
 
@@ -27,6 +27,8 @@ pub struct LabelTree {
     cell_ranges: Vec<std::ops::Range<usize>>,
     /// Where the nodes of a cell may lie: its range, and what an edit has left free behind it.
     cell_ends: Vec<usize>,
+    /// Nodes of parts that are no longer in use.
+    free_parts: Vec<u32>,
 }
 
 impl LabelTree {
@@ -74,6 +76,7 @@ impl LabelTree {
             majority: Vec::new(),
             cell_ranges: vec![0..0; cell_count],
             cell_ends: vec![0; cell_count],
+            free_parts: Vec::new(),
         }
     }
 
@@ -107,6 +110,40 @@ impl LabelTree {
             tree.put(cell, start, part);
         }
         Ok(tree)
+    }
+
+    /// A node for a share of a tetrahedron's material: its finest tetrahedra have these dense labels. It has itself as
+    /// both children and belongs to no root cube.
+    ///
+    /// # Errors
+    /// [`BisectionError::TooManyNodes`] beyond 2³¹ nodes.
+    pub(crate) fn add_part(
+        &mut self,
+        labels: impl Iterator<Item = u16>,
+    ) -> Result<NodeRef, BisectionError> {
+        let mut counts = BTreeMap::new();
+        labels.for_each(|label| *counts.entry(label).or_insert(0usize) += 1);
+        let index = match self.free_parts.pop() {
+            Some(index) => index as usize,
+            None => {
+                self.resize(self.children.len() + 1)?;
+                self.children.len() - 1
+            }
+        };
+        let node = NodeRef::node(index);
+        self.children[index] = [node; 2];
+        let most = counts.values().max().copied();
+        let majority = counts.iter().find(|(_, count)| Some(**count) == most);
+        self.majority[index] = majority.map_or(0, |(&label, _)| label);
+        self.set_of_node[index] = self.set_number(counts.into_keys().collect());
+        Ok(node)
+    }
+
+    /// Takes the node of a part out of use.
+    pub(crate) fn drop_part(&mut self, node: NodeRef) {
+        if let Content::Node(index) = node.open() {
+            self.free_parts.push(index as u32);
+        }
     }
 
     /// Room for so many nodes.
@@ -157,6 +194,7 @@ impl LabelTree {
             majority: Vec::new(),
             cell_ranges: Vec::with_capacity(parts.len()),
             cell_ends: Vec::with_capacity(parts.len()),
+            free_parts: Vec::new(),
         };
         tree.resize(total)?;
         let mut start = 0;

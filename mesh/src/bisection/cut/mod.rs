@@ -1,0 +1,25 @@
+//! Cuts: faces between finest tetrahedra that no longer hold together, and the mesh that follows from them.
+//!
+//! A tetrahedron whose material a cut takes apart has several *sheets*, one for each part that still hangs together:
+//! tetrahedra of the same place, each with its share of the material and with corners of its own. Where the material
+//! around a vertex no longer hangs together, each part has a vertex of its own there; the others are *twins* of the
+//! first. Molino, Bao and Fedkiw, A virtual node algorithm for changing mesh topology during simulation (2004), and
+//! Nesme, Kry, Jeřábek and Faure, Preserving topology and elasticity for embedded deformable models (2009), have both.
+//!
+//! A tetrahedron with a severed face in it or on it stays as it is: nothing around it is split or merged until the cut
+//! is closed again. So a cut is refined for before it is made.
+//!
+//! Open `sever` first: the operation. `fine` are the finest tetrahedra and their faces, `parts` finds what hangs
+//! together in one tetrahedron, `stars` what does around a vertex, `record` is what the forest keeps.
+
+mod delta;
+mod fine;
+mod parts;
+mod record;
+mod sever;
+mod stars;
+
+pub use delta::{CutDelta, Doubled, Part, Recast};
+pub use fine::{FineFace, FineTet};
+pub(crate) use record::Cuts;
+pub use record::Severed;

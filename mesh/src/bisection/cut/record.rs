@@ -1,0 +1,73 @@
+//! What the forest keeps of cuts.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::fine::FineFace;
+use crate::bisection::delta::TetId;
+use crate::bisection::diamond::TetRecord;
+use crate::bisection::label_tree::NodeRef;
+
+/// A face that is to be severed or closed, and the leaves on both sides of it; one leaf twice if it is inside of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Severed {
+    /// The face.
+    pub face: FineFace,
+    /// The leaves, by their own numbers.
+    pub leaves: [TetId; 2],
+}
+
+/// A leaf in several sheets.
+#[derive(Clone, Debug)]
+pub(crate) struct Torn {
+    /// Its content before.
+    pub whole: NodeRef,
+    /// The numbers of its sheets, by part; the leaf's own is one of them.
+    pub sheets: Vec<u32>,
+    /// The part of each of its finest tetrahedra.
+    pub part_of: Vec<u16>,
+}
+
+/// A sheet beyond its leaf's own.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sheet {
+    pub leaf: u32,
+    pub record: TetRecord,
+}
+
+/// Severed faces, and what follows from them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Cuts {
+    /// Each with the leaves on both sides of it.
+    pub(super) severed: BTreeMap<FineFace, [u32; 2]>,
+    /// Leaves with severed faces in them or on them.
+    pub(super) frozen: BTreeSet<u32>,
+    pub(super) torn: BTreeMap<u32, Torn>,
+    /// Sheets beyond leaves' own, by their numbers.
+    pub(super) sheets: BTreeMap<u32, Sheet>,
+    /// Numbers for further sheets: places of diamonds that nothing else uses.
+    pub(super) free_numbers: Vec<u32>,
+}
+
+impl Cuts {
+    /// A leaf that is in several sheets.
+    pub fn torn(&self, leaf: u32) -> Option<&Torn> {
+        self.torn.get(&leaf)
+    }
+
+    /// Whether a leaf has to stay as it is.
+    #[inline]
+    pub fn freezes(&self, leaf: u32) -> bool {
+        !self.frozen.is_empty() && self.frozen.contains(&leaf)
+    }
+
+    /// A sheet beyond its leaf's own.
+    #[inline]
+    pub fn sheet(&self, number: u32) -> Option<&Sheet> {
+        if self.sheets.is_empty() { None } else { self.sheets.get(&number) }
+    }
+
+    /// All of these, ascending numbers.
+    pub fn sheets(&self) -> impl Iterator<Item = (u32, &Sheet)> {
+        self.sheets.iter().map(|(&number, sheet)| (number, sheet))
+    }
+}
