@@ -19,16 +19,16 @@ use crate::material::{Material, Materials, Packed6, VoidRule};
 /// Memory: 21 numbers and a density per heterogeneous tetrahedron, as many again beside a global
 /// homogenisation; a homogeneous subtree is one label whose material is looked up.
 pub struct Embedding {
-    tree: Arc<LabelTree>,
-    homogenisation: Box<dyn Homogenisation>,
-    materials: Materials,
-    elasticity_of_node: Vec<Packed6>,
-    density_of_node: Vec<f64>,
+    pub(crate) tree: Arc<LabelTree>,
+    pub(crate) homogenisation: Box<dyn Homogenisation>,
+    pub(crate) materials: Materials,
+    pub(crate) elasticity_of_node: Vec<Packed6>,
+    pub(crate) density_of_node: Vec<f64>,
     /// What the local rule makes of each node, beside a global one.
     local_of_node: Vec<Packed6>,
     left_to_local_rule: usize,
     /// The fraction of each node's volume that is not void; empty where void is a material.
-    solid_of_node: Vec<f64>,
+    pub(crate) solid_of_node: Vec<f64>,
 }
 
 impl Embedding {
@@ -83,7 +83,7 @@ impl Embedding {
 
     /// Enters what root cubes have found, of so many nodes in all.
     fn take(&mut self, parts: &[Found], nodes: usize) {
-        let none = Packed6::new(&Matrix6::zeros());
+        let none = Packed6::ZERO;
         for part in parts {
             put(&mut self.elasticity_of_node, (nodes, none), part.first, &part.elasticity);
             put(&mut self.density_of_node, (nodes, 0.0), part.first, &part.density);
@@ -128,7 +128,7 @@ impl Embedding {
     ) -> Result<Elasticities, EmbedError> {
         let rule = Rule::new(&self.tree, materials, self.homogenisation(), progress)?;
         let parts = rule.parts()?;
-        let (mut of_node, none) = (Vec::new(), Packed6::new(&Matrix6::zeros()));
+        let (mut of_node, none) = (Vec::new(), Packed6::ZERO);
         for part in &parts {
             put(&mut of_node, (self.tree.node_count(), none), part.first, &part.elasticity);
         }
@@ -259,7 +259,7 @@ impl MeanElasticities<'_> {
 }
 
 /// Of a voxel's volume; label 0 is void.
-fn solid_fraction(label: u16) -> f64 {
+pub(crate) fn solid_fraction(label: u16) -> f64 {
     if label == 0 { 0.0 } else { 1.0 }
 }
 
@@ -346,7 +346,7 @@ struct Found {
 
 /// Enters the values of a root cube's nodes, the first of them of number `first`, among those of so many nodes;
 /// what no root cube has is filled in.
-fn put<T: Copy>(all: &mut Vec<T>, (nodes, fill): (usize, T), first: usize, own: &[T]) {
+pub(crate) fn put<T: Copy>(all: &mut Vec<T>, (nodes, fill): (usize, T), first: usize, own: &[T]) {
     if !own.is_empty() {
         all.resize(nodes, fill);
         all[first..first + own.len()].copy_from_slice(own);

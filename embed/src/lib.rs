@@ -22,6 +22,7 @@ mod hand_over;
 mod homogenisation;
 mod linear_tet;
 mod material;
+mod parts;
 
 pub use detail::{DetailMesh, Follower, RotationOf};
 pub use element::{

@@ -1,13 +1,18 @@
 //! An organ whose mesh changes, clamped at one side, with an inverse that follows.
 
+use std::collections::BTreeSet;
+
 use faer::Mat;
 use proptest::sample::Index;
 use yawara::{Elements, InverseFactory, InverseLink};
 use yawara_corot::Body;
 use yawara_embed::{Embedding, formulation_by_name};
 use yawara_mesh::kuhn::Point;
-use yawara_mesh::{BisectionForest, Lattice, MeshDelta, Placement, Tet, VertexId};
+use yawara_mesh::{
+    BisectionForest, Change, Doubled, Lattice, MeshDelta, Placement, Tet, TetId, VertexId,
+};
 
+use crate::cuts::{Cut, by_plane, parted};
 use crate::organ::{Organ, element, elements};
 
 const MAX_LEVEL: u8 = 8;
@@ -64,6 +69,76 @@ impl ClampedBody {
         steps.iter().for_each(|(split, pick)| self.change(*split, pick));
         self.link.flush(&of(&self.body)).unwrap();
         self.link.watch(steps.len() as u64, &of(&self.body)).unwrap();
+    }
+
+    /// Severs what a plane parts, if `severs`, or else closes what it parts among what is severed, unless that leaves
+    /// a piece that nothing holds; the inverse follows. Returns whether it was done.
+    pub fn cut(&mut self, severs: bool, (normal, offset, ball): Cut) -> bool {
+        let faces = parted(&self.forest, by_plane(normal, offset, ball));
+        let apply = |forest: &mut BisectionForest| match severs {
+            true => forest.sever(&faces).unwrap(),
+            false => {
+                forest.close(&faces.iter().map(|severed| severed.face).collect::<Vec<_>>()).unwrap()
+            }
+        };
+        let mut trial = self.forest.clone();
+        apply(&mut trial);
+        if !self.is_held(&trial) {
+            return false;
+        }
+        let delta = apply(&mut self.forest);
+        self.embedding.adopt(self.forest.tree().clone(), &delta.parts).unwrap();
+        for Doubled { vertex, twin, .. } in &delta.doubled {
+            self.fixed.resize(self.fixed.len().max(vertex.index() + 1), false);
+            if delta.change == Change::Split {
+                self.fixed[vertex.index()] = self.fixed[twin.index()];
+            }
+        }
+        let (forest, placement, embedding) = (&self.forest, &self.placement, &self.embedding);
+        let unknowns = formulation_by_name(self.link.element().name()).unwrap();
+        let matrix = |tet: &Tet| {
+            let made = element(forest, placement, embedding, tet);
+            unknowns.matrix(&made.geometry, &made.elasticity, 0.0)
+        };
+        let (fixed, key) = (&self.fixed, |v| Lattice::key(forest.point(v)));
+        self.link.cut(&delta, &matrix, &|v| fixed[v.index()], &key).unwrap();
+        let touched = delta.recast.iter().flat_map(|recast| &recast.before);
+        let touched = touched.chain(delta.doubled.iter().flat_map(|doubled| &doubled.tets));
+        let touched: BTreeSet<TetId> = touched.map(|tet| tet.id).collect();
+        touched.iter().for_each(|&tet| _ = self.body.remove(tet));
+        let leaves = self.forest.leaves();
+        let come: Vec<Tet> = leaves.filter(|tet| self.body.number(tet.id).is_none()).collect();
+        for tet in come {
+            self.body.insert(element(&self.forest, &self.placement, &self.embedding, &tet));
+        }
+        self.link.flush(&of(&self.body)).unwrap();
+        true
+    }
+
+    /// Whether the slab holds each piece of a mesh in three points that are not in line.
+    fn is_held(&self, forest: &BisectionForest) -> bool {
+        let mut piece: Vec<usize> = (0..forest.vertex_capacity()).collect();
+        let leaves: Vec<[usize; 4]> =
+            forest.leaves().map(|tet| tet.vertices.map(VertexId::index)).collect();
+        let mut grows = true;
+        while std::mem::take(&mut grows) {
+            for corners in &leaves {
+                let least = corners.map(|v| piece[v]).into_iter().min().unwrap_or(0);
+                grows |= corners.iter().any(|&v| piece[v] != least);
+                corners.iter().for_each(|&v| piece[v] = least);
+            }
+        }
+        forest.vertices().all(|first| {
+            let own = forest.vertices().filter(|v| piece[v.index()] == piece[first.index()]);
+            let held = own.map(|v| forest.point(v)).filter(|&p| is_in_slab(forest, p));
+            let held: Vec<Point> = held.collect();
+            held.iter().any(|b| {
+                held.iter().any(|c| {
+                    let [u, v] = [b, c].map(|p| [0, 1, 2].map(|i| p[i] - held[0][i]));
+                    (0..3).any(|i| u[i] * v[(i + 1) % 3] != u[(i + 1) % 3] * v[i])
+                })
+            })
+        })
     }
 
     fn change(&mut self, split: bool, pick: &Index) {

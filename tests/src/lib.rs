@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod clamped_body;
+pub mod cuts;
 pub mod inverse_suite;
 pub mod mixed_body;
 pub mod module_graph;

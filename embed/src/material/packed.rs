@@ -10,6 +10,9 @@ const ENTRIES: usize = 21;
 pub struct Packed6([f64; ENTRIES]);
 
 impl Packed6 {
+    /// Nothing but zeros.
+    pub(crate) const ZERO: Self = Self([0.0; ENTRIES]);
+
     /// The lower half of `matrix`.
     pub fn new(matrix: &Matrix6<f64>) -> Self {
         let mut packed = [0.0; ENTRIES];

@@ -9,7 +9,7 @@ use nalgebra::Matrix4;
 use serde::{Deserialize, Serialize};
 use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
 use yawara_inverse_update::{Counts, InverseError, InverseMaintainer, SparseStiffness, Update};
-use yawara_mesh::{Change, VertexId};
+use yawara_mesh::{Change, CutDelta, Doubled, Recast, Tet, VertexId};
 
 use super::DISPLACEMENTS;
 use super::hand_over::hold;
@@ -171,6 +171,59 @@ impl InverseLink {
         self.pending_count += 1;
         self.pending_ms += begin.elapsed().as_secs_f64() * 1e3;
         Ok(())
+    }
+
+    /// Takes a cut or its closing: `matrix` tells that of each sheet, N/m, in the unknowns of
+    /// [`element`](Self::element), of those before and those after; `is_fixed` and `order_key` are as for
+    /// [`push`](Self::push). [`flush`](Self::flush) gives it to the maintainer.
+    ///
+    /// # Errors
+    /// [`SimError::Embed`] if a matrix is not finite.
+    pub fn cut(
+        &mut self,
+        delta: &CutDelta,
+        matrix: &dyn Fn(&Tet) -> Mat<f64>,
+        is_fixed: &dyn Fn(VertexId) -> bool,
+        order_key: &dyn Fn(VertexId) -> u64,
+    ) -> Result<(), SimError> {
+        let sum = |sheets: &[Tet]| {
+            let n = 4 * self.layout.element.unknowns();
+            sheets.iter().map(matrix).fold(Mat::zeros(n, n), |sum, k| sum + k)
+        };
+        let recast = delta
+            .recast
+            .iter()
+            .map(|Recast { before, after }| (before[0].vertices, [sum(before), sum(after)]));
+        let recast: Vec<_> = recast.collect();
+        if delta.change == Change::Merge {
+            self.double(delta, matrix, is_fixed, order_key);
+        }
+        for (corners, matrices) in recast {
+            self.change(corners, matrices)?;
+        }
+        if delta.change == Change::Split {
+            self.double(delta, matrix, is_fixed, order_key);
+        }
+        Ok(())
+    }
+
+    fn double(
+        &mut self,
+        delta: &CutDelta,
+        matrix: &dyn Fn(&Tet) -> Mat<f64>,
+        is_fixed: &dyn Fn(VertexId) -> bool,
+        order_key: &dyn Fn(VertexId) -> u64,
+    ) {
+        let m = self.layout.element.unknowns();
+        for Doubled { vertex, twin, tets } in &delta.doubled {
+            let at_twin = |tet: &Tet| {
+                let corners = tet.vertices.map(|v| if v == *vertex { *twin } else { v });
+                (corners, matrix(tet))
+            };
+            let tets: Vec<([VertexId; 4], Mat<f64>)> = tets.iter().map(at_twin).collect();
+            let ring = RingStiffness::doubled(m, *twin, &tets);
+            self.push(delta.change, *vertex, is_fixed(*vertex), order_key(*vertex), ring);
+        }
     }
 
     /// Takes springs on the corners of tetrahedra out of the stiffness: κ Σ w λλᵀ of each, N/m, the

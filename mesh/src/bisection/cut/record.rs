@@ -46,6 +46,8 @@ pub(crate) struct Cuts {
     pub(super) sheets: BTreeMap<u32, Sheet>,
     /// Numbers for further sheets: places of diamonds that nothing else uses.
     pub(super) free_numbers: Vec<u32>,
+    /// Contents of parts that a cut now under way has changed.
+    pub(super) left: Vec<NodeRef>,
 }
 
 impl Cuts {

@@ -52,6 +52,7 @@ impl BisectionForest {
         for Around { bodies, .. } in around.into_iter().filter(|around| around.is_cut) {
             self.double(bodies, &mut delta);
         }
+        self.drop_contents();
         Ok(delta)
     }
 
@@ -96,6 +97,7 @@ impl BisectionForest {
         for (leaf, (torn, was)) in held {
             self.put_together(leaf, torn, &was, &mut delta)?;
         }
+        self.drop_contents();
         Ok(delta)
     }
 
@@ -186,6 +188,7 @@ impl BisectionForest {
             }
         };
         let contents = self.contents(leaf, before.whole, &part_of, was.len(), delta)?;
+        self.leave(&before);
         let mut sheets = vec![NONE; was.len()];
         for (old, &number) in before.sheets.iter().enumerate() {
             let whole = self.sheet_tet(number);
@@ -203,7 +206,6 @@ impl BisectionForest {
             }
             delta.recast.push(recast);
         }
-        self.drop_contents(&before, &delta.recast);
         self.cuts.torn.insert(leaf, Torn { whole: before.whole, sheets, part_of });
         Ok(())
     }
@@ -224,6 +226,7 @@ impl BisectionForest {
             self.cuts.torn.remove(&leaf);
             vec![torn.whole]
         };
+        self.leave(&torn);
         for (new, olds) in was.iter().enumerate() {
             let numbers: Vec<u32> = olds.iter().map(|&old| torn.sheets[old]).collect();
             let before: Vec<Tet> = numbers.iter().map(|&number| self.sheet_tet(number)).collect();
@@ -240,17 +243,23 @@ impl BisectionForest {
             }
             delta.recast.push(Recast { before, after: vec![record.tet(kept)] });
         }
-        self.drop_contents(&torn, &delta.recast);
         Ok(())
     }
 
-    /// Takes the contents of a leaf's sheets as they were, the last to be recast, out of use.
-    fn drop_contents(&mut self, torn: &Torn, recast: &[Recast]) {
+    /// Notes that a leaf's parts, if it had several, are what they were no longer.
+    fn leave(&mut self, torn: &Torn) {
         if torn.sheets.len() > 1 {
-            let tree = Arc::make_mut(&mut self.tree);
-            let before = recast.iter().rev().flat_map(|recast| &recast.before);
-            before.take(torn.sheets.len()).for_each(|tet| tree.drop_part(tet.node));
+            let nodes = torn.sheets.iter().map(|&number| self.sheet_tet(number).node);
+            let nodes: Vec<NodeRef> = nodes.collect();
+            self.cuts.left.extend(nodes);
         }
+    }
+
+    /// Takes contents that no sheet has any more out of use, once all is done: until then a delta's reader may ask for
+    /// them.
+    fn drop_contents(&mut self) {
+        let tree = Arc::make_mut(&mut self.tree);
+        self.cuts.left.drain(..).for_each(|node| tree.drop_part(node));
     }
 
     /// The contents of the parts of a leaf.

@@ -8,8 +8,9 @@ use proptest::sample::Index;
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
     BisectionForest, CellGrid, Change, Domain, FineFace, LabelTree, Lattice, MeshDelta, Point,
-    Recast, Severed, Tet, TetId,
+    Recast, Tet, TetId,
 };
+use yawara_tests::cuts::{Cut, by_plane, cuts, parted};
 
 /// Voxels along a root cube's edge: finest tetrahedra of level 6.
 const VOXELS: usize = 4;
@@ -26,37 +27,6 @@ fn forest(cells: [usize; 3], labels: Vec<u16>, start: u8, max: u8) -> BisectionF
 
 fn solid(cells: [usize; 3]) -> Vec<u16> {
     vec![1; cells.iter().map(|n| n * VOXELS).product()]
-}
-
-/// The faces between finest tetrahedra whose middles (four times, in finest units) a surface parts.
-fn parted(forest: &BisectionForest, parts: impl Fn(Point, Point) -> bool) -> Vec<Severed> {
-    let mut open: BTreeMap<FineFace, (TetId, Point)> = BTreeMap::new();
-    let mut found = Vec::new();
-    for leaf in forest.leaves().filter(|leaf| forest.leaf_of(leaf.id) == leaf.id) {
-        for fine in forest.finest_in(&leaf) {
-            let middle = [0, 1, 2].map(|axis| fine.corners.iter().map(|c| c[axis]).sum());
-            for face in fine.faces {
-                match open.remove(&face) {
-                    Some((other, there)) if parts(there, middle) => {
-                        found.push(Severed { face, leaves: [other, leaf.id] });
-                    }
-                    Some(_) => {}
-                    None => {
-                        open.insert(face, (leaf.id, middle));
-                    }
-                }
-            }
-        }
-    }
-    found
-}
-
-/// Whether two middles lie on different sides of the plane n·x = d, within a ball.
-fn by_plane(n: [i32; 3], d: i32, ball: (Point, i32)) -> impl Fn(Point, Point) -> bool {
-    let side = move |p: Point| (0..3).map(|i| n[i] * p[i]).sum::<i32>() > d;
-    let near =
-        move |p: Point| (0..3).map(|i| (p[i] - ball.0[i]).pow(2)).sum::<i32>() < ball.1 * ball.1;
-    move |a, b| side(a) != side(b) && near(a) && near(b)
 }
 
 type Sheet = ([Point; 4], Vec<bool>);
@@ -264,15 +234,6 @@ fn bodies() -> impl Strategy<Value = BisectionForest> {
     })
 }
 
-/// A cut: a plane by its normal and offset, in a ball by its middle and radius.
-fn cuts() -> impl Strategy<Value = ([i32; 3], i32, (Point, i32))> {
-    let middle = prop::array::uniform3(0..32i32);
-    (prop::array::uniform3(-2..=2i32), middle, 4..24i32).prop_map(|(n, middle, radius)| {
-        let d = (0..3).map(|i| n[i] * middle[i]).sum();
-        (n, d, (middle, radius))
-    })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
@@ -343,7 +304,7 @@ proptest! {
     /// What comes apart does not depend on the order of cuts.
     #[test]
     fn cuts_commute(forest in bodies(), list in prop::collection::vec(cuts(), 2..5)) {
-        let cut = |list: &mut dyn Iterator<Item = &([i32; 3], i32, (Point, i32))>| {
+        let cut = |list: &mut dyn Iterator<Item = &Cut>| {
             let mut forest = forest.clone();
             for &(normal, d, ball) in list {
                 let faces = parted(&forest, by_plane(normal, d, ball));
