@@ -27,7 +27,7 @@ pub use bisection::{
     BisectionError, BisectionForest, CellGrid, Change, ClosureQueue, Content, CutDelta, Domain,
     Doubled, FineFace, FineTet, LabelRefinement, LabelTree, LabelsIn, Lattice, MeshDelta, NodeRef,
     Part, Placement, Point, Quality, Recast, Region, RingTet, Severed, Tet, TetId, VertexId, Wants,
-    geometry, kuhn, lattice,
+    finest_at, geometry, kuhn, lattice,
 };
 pub use image::{ImageError, volume};
 pub use isosurface::SurfaceError;

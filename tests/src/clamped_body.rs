@@ -95,13 +95,12 @@ impl ClampedBody {
             }
         }
         let (forest, placement, embedding) = (&self.forest, &self.placement, &self.embedding);
-        let unknowns = formulation_by_name(self.link.element().name()).unwrap();
-        let matrix = |tet: &Tet| {
+        let made_of = |tet: &Tet| {
             let made = element(forest, placement, embedding, tet);
-            unknowns.matrix(&made.geometry, &made.elasticity, 0.0)
+            (made.geometry, made.elasticity, 0.0)
         };
         let (fixed, key) = (&self.fixed, |v| Lattice::key(forest.point(v)));
-        self.link.cut(&delta, &matrix, &|v| fixed[v.index()], &key).unwrap();
+        self.link.cut(&delta, &made_of, &|_| None, &|v| fixed[v.index()], &key).unwrap();
         let touched = delta.recast.iter().flat_map(|recast| &recast.before);
         let touched = touched.chain(delta.doubled.iter().flat_map(|doubled| &doubled.tets));
         let touched: BTreeSet<TetId> = touched.map(|tet| tet.id).collect();

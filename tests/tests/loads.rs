@@ -69,7 +69,7 @@ fn by_hand(force: [f64; 3], torque: [f64; 3]) -> Vec<(Vector3<f64>, Vector3<f64>
 /// How far points of the material at rest have moved, m.
 fn moves(simulation: &Simulation, points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let body = simulation.body();
-    let found = locate(points, body.elements().iter(), body.rest_positions(), 1e-9);
+    let found = locate(points, body.elements().iter(), body.rest_positions(), 1e-9, |_, _| true);
     let moved = found
         .iter()
         .zip(points)

@@ -28,6 +28,11 @@ impl Body {
         self.grips.iter_mut().for_each(|grip| grip.follow(delta));
     }
 
+    /// Takes all grips along where an element has got other vertices at the same places.
+    pub fn grips_move(&mut self, tet: TetId, vertices: [usize; 4]) {
+        self.grips.iter_mut().for_each(|grip| grip.move_to(tet, vertices));
+    }
+
     /// Whether a grip has points in an element.
     pub fn is_gripped(&self, tet: TetId) -> bool {
         self.grips.iter().any(|grip| grip.holds(tet))

@@ -43,7 +43,8 @@ impl ElementPoint {
     }
 }
 
-/// For each point (rest, m) the element in which its least λ is largest, the first of several;
+/// For each point (rest, m) the element in which its least λ is largest, the first of several, out of those that
+/// `carries` it (an element of a body that is cut holds a part of its material);
 /// none where every element's box, wider by `reach` (m) on each side, is missed.
 ///
 /// Cost: O(points), and a look at each point whose bin meets an element's wider box.
@@ -52,9 +53,10 @@ pub fn locate<'a>(
     elements: impl Iterator<Item = &'a Element>,
     rest: &[Vector3<f64>],
     reach: f64,
+    carries: impl Fn(TetId, &ElementPoint) -> bool,
 ) -> Vec<Option<(TetId, ElementPoint)>> {
     let elements: Vec<&Element> = elements.collect();
-    let found = elements_of(points, &elements, rest, reach);
+    let found = elements_of(points, &elements, rest, reach, carries);
     let bound = |(x, found): (&Vector3<f64>, Option<u32>)| {
         let element = elements[found? as usize];
         Some((element.tet, ElementPoint::new(element, rest, x)))
@@ -68,6 +70,7 @@ pub(crate) fn elements_of(
     elements: &[&Element],
     rest: &[Vector3<f64>],
     reach: f64,
+    carries: impl Fn(TetId, &ElementPoint) -> bool,
 ) -> Vec<Option<u32>> {
     let bins = Bins::new(points);
     let mut found = vec![None; points.len()];
@@ -84,7 +87,7 @@ pub(crate) fn elements_of(
             let here = ElementPoint::new(element, rest, x);
             let least = here.weights.iter().copied().fold(f64::INFINITY, f64::min);
             // On a face the first element wins, so that rounding does not decide.
-            if least > inside[i] + SAME {
+            if least > inside[i] + SAME && carries(element.tet, &here) {
                 (inside[i], found[i]) = (least, Some(number as u32));
             }
         }

@@ -111,7 +111,7 @@ impl Grip {
     ) -> Option<Self> {
         let places: Vec<Vector3<f64>> = points.iter().map(|point| point.rest).collect();
         let elements: Vec<&Element> = elements.collect();
-        let found = elements_of(&places, &elements, rest, 0.0);
+        let found = elements_of(&places, &elements, rest, 0.0, |_, _| true);
         let mut bound: Vec<Vec<(u32, Vector4<f64>)>> = vec![Vec::new(); elements.len()];
         for (number, (place, found)) in places.iter().zip(found).enumerate() {
             let Some(at) = found.map(|at| at as usize) else { continue };
@@ -364,6 +364,13 @@ impl Grip {
     /// ρ of [`can_turn`](Self::can_turn), m.
     pub(super) fn gyration(&self) -> Option<f64> {
         self.gyration
+    }
+
+    /// Goes along where an element has got other vertices at the same places.
+    pub(crate) fn move_to(&mut self, tet: TetId, vertices: [usize; 4]) {
+        if let Some(share) = self.shares.get_mut(&tet) {
+            share.vertices = vertices;
+        }
     }
 
     /// Hands the points of the ring's elements on to those that took their place, exactly.

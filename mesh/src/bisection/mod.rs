@@ -29,7 +29,7 @@ mod ring_shape;
 mod split_merge;
 
 pub use closure_queue::ClosureQueue;
-pub use cut::{CutDelta, Doubled, FineFace, FineTet, Part, Recast, Severed};
+pub use cut::{CutDelta, Doubled, FineFace, FineTet, Part, Recast, Severed, finest_at};
 pub use delta::{Change, MeshDelta, RingTet, Tet, TetId, VertexId};
 pub use domain::Domain;
 pub use error::BisectionError;

@@ -113,6 +113,14 @@ impl BisectionForest {
         self.open_members().chain(sheets)
     }
 
+    /// A tetrahedron of the forest by its number.
+    ///
+    /// # Panics
+    /// If the number was never in use.
+    pub fn tet(&self, id: TetId) -> Tet {
+        self.record(id).tet(id.0)
+    }
+
     /// Leaf tetrahedra without the sheets beyond each one's own.
     pub(crate) fn open_members(&self) -> impl Iterator<Item = Tet> + '_ {
         self.open.iter().flat_map(|&id| self.members(id))

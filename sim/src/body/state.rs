@@ -1,9 +1,11 @@
 //! The body while the simulation moves it: vertices, elements, positions.
 
+use std::collections::HashMap;
+
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use yawara_corot::{Body, Element};
-use yawara_mesh::{TetId, VertexId};
+use yawara_mesh::{TetId, VertexId, finest_at};
 
 /// What a vertex is held by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +54,15 @@ pub struct BodyState {
     vertex_count: usize,
     /// By tetrahedron number.
     cells: Vec<Cell>,
+    /// What the sheets of tetrahedra that are cut hold.
+    sheets: HashMap<TetId, SheetHold>,
+}
+
+/// Which of the finest tetrahedra a sheet of a cut tetrahedron holds.
+pub(crate) struct SheetHold {
+    pub level: u8,
+    pub finest_level: u8,
+    pub holds: Vec<bool>,
 }
 
 /// Where the body stands, to come back to: positions, and pressures if it has any.
@@ -163,6 +174,29 @@ impl BodyState {
     /// Density of the material in a tetrahedron of the current mesh, kg/m³.
     pub(crate) fn density(&self, tet: TetId) -> f64 {
         self.cell(tet).density_kg_m3
+    }
+
+    /// Whether a tetrahedron carries the point with these barycentric weights in it: all of them, unless it is a sheet
+    /// of one that is cut.
+    pub(crate) fn carries(&self, tet: TetId, weights: [f64; 4]) -> bool {
+        self.sheets
+            .get(&tet)
+            .is_none_or(|sheet| sheet.holds[finest_at(weights, sheet.level, sheet.finest_level)])
+    }
+
+    /// The part of a tetrahedron's volume that holds material of its own: 1, unless it is a sheet.
+    pub(crate) fn fraction(&self, tet: TetId) -> f64 {
+        self.sheets.get(&tet).map_or(1.0, |sheet| {
+            sheet.holds.iter().filter(|holds| **holds).count() as f64 / sheet.holds.len() as f64
+        })
+    }
+
+    /// Notes what a tetrahedron holds; none for all of it.
+    pub(crate) fn set_sheet(&mut self, tet: TetId, sheet: Option<SheetHold>) {
+        match sheet {
+            Some(sheet) => drop(self.sheets.insert(tet, sheet)),
+            None => drop(self.sheets.remove(&tet)),
+        }
     }
 
     pub(crate) fn cell(&self, tet: TetId) -> &Cell {

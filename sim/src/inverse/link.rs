@@ -5,11 +5,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use faer::Mat;
-use nalgebra::Matrix4;
+use nalgebra::{Matrix4, Matrix6};
 use serde::{Deserialize, Serialize};
-use yawara_embed::{ContentStiffness, ElementFormulation, RingStiffness};
+use yawara_embed::{ContentStiffness, ElementFormulation, LinearTet, RingStiffness};
 use yawara_inverse_update::{Counts, InverseError, InverseMaintainer, SparseStiffness, Update};
-use yawara_mesh::{Change, CutDelta, Doubled, Recast, Tet, VertexId};
+use yawara_mesh::{Change, CutDelta, Doubled, Recast, Tet, TetId, VertexId};
 
 use super::DISPLACEMENTS;
 use super::hand_over::hold;
@@ -19,6 +19,9 @@ use crate::error::SimError;
 
 /// Updates from one measurement of the drift to the next, at least.
 const WATCH_EVERY: usize = 16;
+
+/// What a tetrahedron is made of: its geometry, its elasticity (Pa), its density (kg/m³).
+type MadeOf<'a> = dyn Fn(&Tet) -> (LinearTet, Matrix6<f64>, f64) + 'a;
 
 /// Makes a maintainer of the inverse of a stiffness matrix.
 pub type InverseFactory =
@@ -173,19 +176,24 @@ impl InverseLink {
         Ok(())
     }
 
-    /// Takes a cut or its closing: `matrix` tells that of each sheet, N/m, in the unknowns of
-    /// [`element`](Self::element), of those before and those after; `is_fixed` and `order_key` are as for
-    /// [`push`](Self::push). [`flush`](Self::flush) gives it to the maintainer.
+    /// Takes a cut or its closing. `made_of` tells the geometry, the elasticity (Pa) and the density (kg/m³) of each
+    /// sheet, of those before and those after; `springs` those of elastic grips on tetrahedra that keep their sheets;
+    /// `is_fixed` and `order_key` are as for [`push`](Self::push). [`flush`](Self::flush) gives it to the maintainer.
     ///
     /// # Errors
     /// [`SimError::Embed`] if a matrix is not finite.
     pub fn cut(
         &mut self,
         delta: &CutDelta,
-        matrix: &dyn Fn(&Tet) -> Mat<f64>,
+        made_of: &MadeOf<'_>,
+        springs: &dyn Fn(TetId) -> Option<Matrix4<f64>>,
         is_fixed: &dyn Fn(VertexId) -> bool,
         order_key: &dyn Fn(VertexId) -> u64,
     ) -> Result<(), SimError> {
+        let matrix = |tet: &Tet| {
+            let (geometry, elasticity, density) = made_of(tet);
+            self.layout.element.matrix(&geometry, &elasticity, density)
+        };
         let sum = |sheets: &[Tet]| {
             let n = 4 * self.layout.element.unknowns();
             sheets.iter().map(matrix).fold(Mat::zeros(n, n), |sum, k| sum + k)
@@ -195,35 +203,49 @@ impl InverseLink {
             .iter()
             .map(|Recast { before, after }| (before[0].vertices, [sum(before), sum(after)]));
         let recast: Vec<_> = recast.collect();
-        if delta.change == Change::Merge {
-            self.double(delta, matrix, is_fixed, order_key);
-        }
-        for (corners, matrices) in recast {
-            self.change(corners, matrices)?;
-        }
+        let m = self.layout.element.unknowns();
+        let rings = delta.doubled.iter().map(|Doubled { vertex, twin, tets }| {
+            let at_twin = |tet: &Tet| {
+                let corners = tet.vertices.map(|v| if v == *vertex { *twin } else { v });
+                let held =
+                    springs(tet.id).map_or_else(|| Mat::zeros(4 * m, 4 * m), |of| on_axes(&of, m));
+                (corners, matrix(tet) + held)
+            };
+            let tets: Vec<([VertexId; 4], Mat<f64>)> = tets.iter().map(at_twin).collect();
+            RingStiffness::doubled(m, *twin, &tets)
+        });
+        let rings: Vec<RingStiffness> = rings.collect();
+        let double = |link: &mut Self| {
+            for (Doubled { vertex, .. }, ring) in delta.doubled.iter().zip(rings) {
+                link.push(delta.change, *vertex, is_fixed(*vertex), order_key(*vertex), ring);
+            }
+        };
         if delta.change == Change::Split {
-            self.double(delta, matrix, is_fixed, order_key);
+            recast
+                .into_iter()
+                .try_for_each(|(corners, matrices)| self.change(corners, matrices))?;
+            double(self);
+        } else {
+            double(self);
+            recast
+                .into_iter()
+                .try_for_each(|(corners, matrices)| self.change(corners, matrices))?;
         }
         Ok(())
     }
 
-    fn double(
+    /// Takes springs on the corners of a tetrahedron into the stiffness, N/m, the same for each axis.
+    /// [`flush`](Self::flush) gives them to the maintainer.
+    ///
+    /// # Errors
+    /// [`SimError::Embed`] if they are not finite.
+    pub fn add_springs(
         &mut self,
-        delta: &CutDelta,
-        matrix: &dyn Fn(&Tet) -> Mat<f64>,
-        is_fixed: &dyn Fn(VertexId) -> bool,
-        order_key: &dyn Fn(VertexId) -> u64,
-    ) {
-        let m = self.layout.element.unknowns();
-        for Doubled { vertex, twin, tets } in &delta.doubled {
-            let at_twin = |tet: &Tet| {
-                let corners = tet.vertices.map(|v| if v == *vertex { *twin } else { v });
-                (corners, matrix(tet))
-            };
-            let tets: Vec<([VertexId; 4], Mat<f64>)> = tets.iter().map(at_twin).collect();
-            let ring = RingStiffness::doubled(m, *twin, &tets);
-            self.push(delta.change, *vertex, is_fixed(*vertex), order_key(*vertex), ring);
-        }
+        corners: [VertexId; 4],
+        springs: &Matrix4<f64>,
+    ) -> Result<(), SimError> {
+        let springs = on_axes(springs, self.layout.element.unknowns());
+        self.change(corners, [Mat::zeros(springs.nrows(), springs.ncols()), springs])
     }
 
     /// Takes springs on the corners of tetrahedra out of the stiffness: κ Σ w λλᵀ of each, N/m, the
@@ -236,12 +258,10 @@ impl InverseLink {
         springs: &[([usize; 4], Matrix4<f64>)],
         elements: &Elements<'_>,
     ) -> Result<(), SimError> {
-        let m = self.layout.element.unknowns();
         for (corners, springs) in springs {
-            let alike = |i: usize, j: usize| i % m == j % m && i % m < DISPLACEMENTS;
-            let entry = |i, j| if alike(i, j) { springs[(i / m, j / m)] } else { 0.0 };
-            let matrices = [Mat::from_fn(4 * m, 4 * m, entry), Mat::zeros(4 * m, 4 * m)];
-            self.change(corners.map(|v| VertexId(v as u32)), matrices)?;
+            let springs = on_axes(springs, self.layout.element.unknowns());
+            let none = Mat::zeros(springs.nrows(), springs.ncols());
+            self.change(corners.map(|v| VertexId(v as u32)), [springs, none])?;
         }
         self.flush(elements)
     }
@@ -376,4 +396,11 @@ impl InverseLink {
         *known = Some(Arc::clone(&held));
         Ok(Constrained { maintainer, slots: &self.layout.slots, unknowns, held })
     }
+}
+
+/// Springs on the corners of a tetrahedron, the same for each axis, in `m` unknowns per vertex.
+fn on_axes(springs: &Matrix4<f64>, m: usize) -> Mat<f64> {
+    let alike = |i: usize, j: usize| i % m == j % m && i % m < DISPLACEMENTS;
+    let entry = |i, j| if alike(i, j) { springs[(i / m, j / m)] } else { 0.0 };
+    Mat::from_fn(4 * m, 4 * m, entry)
 }

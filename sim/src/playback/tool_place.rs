@@ -42,7 +42,10 @@ impl ToolPlace {
             ToolEntry::Probe(probe @ ProbeEntry { path, path_csv, .. }) => {
                 (probe.start("scene", key)?, read(path, path_csv.as_deref())?)
             }
-            ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => {
+            ToolEntry::Scalpel(one) => {
+                (one.start("scene", key)?, read(&one.path, one.path_csv.as_deref())?)
+            }
+            ToolEntry::Resect(one) | ToolEntry::Coagulate(one) | ToolEntry::Suture(one) => {
                 (one.start("scene", key)?, read(&one.path, one.path_csv.as_deref())?)
             }
             ToolEntry::Pressure(pressure) => (of_region(&pressure.region)?, none()),

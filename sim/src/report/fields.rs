@@ -35,13 +35,14 @@ impl Fields {
         let mut label = vec![0u16; count];
         let BodyState { body, rest, positions, .. } = state;
         for (number, element) in state.elements_by_number() {
+            let tet = element.tet;
             let moved = element.vertices.map(|v| positions[v] - rest[v]);
             let rest = element.vertices.map(|v| rest[v]);
             let here = von_mises(&body.stress_without_pressure(number, positions));
             for_each_centre(&rest, grid.dims, grid.spacing_mm * 1e-3, |voxel, weights| {
                 let id = volume.labels()[voxel];
                 // Void has no matter, and a voxel that a face divides is its first tetrahedron's.
-                if id == 0 || label[voxel] != 0 {
+                if id == 0 || label[voxel] != 0 || !state.carries(tet, weights) {
                     return;
                 }
                 let u: Vector3<f64> = moved.iter().zip(weights).map(|(u, w)| u * w).sum();

@@ -40,3 +40,4 @@ pub(crate) use outer_faces::outer_faces;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::{WARNING, milliseconds};
 pub(crate) use surfaces::{BodyOutline, Surfaces};
+pub(crate) use tool::Edited;

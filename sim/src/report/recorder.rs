@@ -1,6 +1,5 @@
 //! What a run keeps and adds up for its output.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -15,7 +14,7 @@ use super::records::{
     StepReport, StepSummary, Summary,
 };
 use super::surfaces::{BodyOutline, Surfaces};
-use super::tool::ToolSummary;
+use super::tool::{Edited, ToolSummary};
 use crate::body::{BodyState, BodySummary, ScannerAxes};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
@@ -218,12 +217,9 @@ impl RunStatistics {
         self.earlier_s += wall_s;
     }
 
-    /// Adds how much (cm³) of each label tools have changed in a step that has been added.
-    pub fn change_labels(&mut self, changed: &[(usize, BTreeMap<i64, f64>)]) {
-        for (tool, counts) in changed {
-            let sums = &mut self.tools[*tool].changed_cm3;
-            counts.iter().for_each(|(label, cm3)| *sums.entry(*label).or_default() += cm3);
-        }
+    /// Adds what tools have made of the body in a step that has been added.
+    pub fn edit(&mut self, edited: &[Edited]) {
+        edited.iter().for_each(|one| self.tools[one.tool].edit(one));
     }
 
     /// Adds a step, its report filled in, that took `step_ms` in all.

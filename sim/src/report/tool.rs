@@ -59,12 +59,65 @@ pub struct ToolSummary {
     /// How much of each label it has changed, by label before, cm³.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub changed_cm3: BTreeMap<i64, f64>,
+    /// What it has cut, as the area of the blade's way through material, cm².
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub cut_cm2: f64,
+    /// The energy that this took, J.
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub cut_j: f64,
+    /// Vertices that it has doubled.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub doubled: usize,
+    /// Doubled vertices that it has made one again.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub closed: usize,
+    /// Faces between finest tetrahedra that were not cut, for there would have been more than `mesh.max_vertices`.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub refused: usize,
+    /// Pieces that nothing supported any more and that springs hold since.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub parked: usize,
     /// The last estimate of a force's error over that force.
     #[serde(skip)]
     pub(crate) error_share: Option<f64>,
 }
 
+/// What a tool has made of the body in a step.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Edited {
+    pub tool: usize,
+    /// By label before.
+    pub labels_cm3: BTreeMap<i64, f64>,
+    pub cut_m2: f64,
+    pub work_j: f64,
+    pub doubled: usize,
+    pub closed: usize,
+    pub refused: usize,
+    pub parked: usize,
+}
+
+fn is_nothing(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn is_none(value: &usize) -> bool {
+    *value == 0
+}
+
 impl ToolSummary {
+    /// Takes what it has made of the body into account.
+    pub(crate) fn edit(&mut self, edited: &Edited) {
+        for (label, cm3) in &edited.labels_cm3 {
+            *self.changed_cm3.entry(*label).or_default() += cm3;
+        }
+        self.cut_cm2 += 1e4 * edited.cut_m2;
+        self.cut_j += edited.work_j;
+        self.doubled += edited.doubled;
+        self.closed += edited.closed;
+        self.refused += edited.refused;
+        self.parked += edited.parked;
+    }
+
     /// Takes a step into account.
     pub(crate) fn add(&mut self, report: &ToolReport) {
         let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

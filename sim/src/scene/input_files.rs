@@ -14,7 +14,10 @@ pub(crate) fn input_files(scene: &Scene) -> Vec<PathBuf> {
     let paths = scene.tools.iter().filter_map(|tool| match tool {
         ToolEntry::Grab(grab) => grab.path_csv.as_ref(),
         ToolEntry::Probe(probe) => probe.path_csv.as_ref(),
-        ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => one.path_csv.as_ref(),
+        ToolEntry::Resect(one) | ToolEntry::Coagulate(one) | ToolEntry::Suture(one) => {
+            one.path_csv.as_ref()
+        }
+        ToolEntry::Scalpel(one) => one.path_csv.as_ref(),
         ToolEntry::Pressure(_) | ToolEntry::Load(_) => None,
     });
     scene.image.path.iter().chain(&scene.mesh.path).chain(paths).cloned().collect()

@@ -29,7 +29,7 @@ pub use region::Region;
 pub use stage_names::{Adapter, StageNames};
 pub use tool::{
     AblationEntry, GrabEntry, GrabHold, Key, LoadEntry, LoadKey, Normal, PressureEntry,
-    PressureKey, ProbeEntry, ToolEntry,
+    PressureKey, ProbeEntry, ScalpelEntry, ToolEntry,
 };
 
 pub(crate) use input_files::{input_files, sha256, sha256_of};

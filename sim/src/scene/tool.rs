@@ -24,6 +24,10 @@ pub enum ToolEntry {
     Resect(AblationEntry),
     /// A ball that makes another material of it.
     Coagulate(AblationEntry),
+    /// A blade that cuts what it goes through.
+    Scalpel(ScalpelEntry),
+    /// A ball that joins cut faces again.
+    Suture(AblationEntry),
 }
 
 /// Where a tool goes, and when it lets go.
@@ -43,6 +47,8 @@ impl ToolEntry {
             Self::Load(_) => "load",
             Self::Resect(_) => "resect",
             Self::Coagulate(_) => "coagulate",
+            Self::Scalpel(_) => "scalpel",
+            Self::Suture(_) => "suture",
         }
     }
 
@@ -51,12 +57,23 @@ impl ToolEntry {
         let (path, path_csv, release_s) = match self {
             Self::Grab(it) => (&mut it.path, &mut it.path_csv, &mut it.release_s),
             Self::Probe(it) => (&mut it.path, &mut it.path_csv, &mut it.release_s),
-            Self::Resect(it) | Self::Coagulate(it) => {
+            Self::Resect(it) | Self::Coagulate(it) | Self::Suture(it) => {
                 (&mut it.path, &mut it.path_csv, &mut it.release_s)
             }
+            Self::Scalpel(it) => (&mut it.path, &mut it.path_csv, &mut it.release_s),
             Self::Pressure(_) | Self::Load(_) => return None,
         };
         Some(Course { path, path_csv, release_s })
+    }
+
+    /// Whether it cuts, or closes cuts.
+    pub(crate) fn cuts(&self) -> bool {
+        matches!(self, Self::Scalpel(_) | Self::Suture(_))
+    }
+
+    /// Whether it changes what the body is made of.
+    pub(crate) fn edits(&self) -> bool {
+        self.cuts() || self.ablation().is_some()
     }
 
     /// What changes labels.
@@ -184,6 +201,48 @@ pub struct AblationEntry {
 }
 
 impl AblationEntry {
+    /// As [`ProbeEntry::start`].
+    pub(crate) fn start(&self, place: &str, key: &str) -> Result<(Way, [f64; 3]), SimError> {
+        let ways = [self.centre, self.centre_mm, self.centre_voxel];
+        one(place, &format!("{key}.centre"), ways)
+    }
+}
+
+/// A blade: what its edge sweeps over is cut, where the body is then. It is in nobody's way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScalpelEntry {
+    /// Where its tip is before it moves, fractions of the organ's bounding box.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre: Option<[f64; 3]>,
+    /// The same in scanner RAS, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_mm: Option<[f64; 3]>,
+    /// The same as voxel indices of the image file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_voxel: Option<[f64; 3]>,
+    /// From its tip to the other end of its edge in scanner axes, m.
+    pub edge_m: [f64; 3],
+    /// The least level of the tetrahedra that it cuts: coarser ones are bisected before. As they are if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<u8>,
+    /// Energy that a new cut of one square metre takes, J/m²; what it takes in all is reported.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub toughness_j_m2: Option<f64>,
+    /// As for a grab; turns do nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<Key>,
+    /// As for a grab.
+    pub path_csv: Option<PathBuf>,
+    /// When it begins to cut, s; from the start if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub begin_s: Option<f64>,
+    /// When it ends, s; never if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub release_s: Option<f64>,
+}
+
+impl ScalpelEntry {
     /// As [`ProbeEntry::start`].
     pub(crate) fn start(&self, place: &str, key: &str) -> Result<(Way, [f64; 3]), SimError> {
         let ways = [self.centre, self.centre_mm, self.centre_voxel];

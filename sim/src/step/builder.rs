@@ -27,7 +27,7 @@ use crate::choice::{Stages, empty_body, law_of_scene, of_scene, plan};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseFactory, InverseLink};
 use crate::report::{BodyOutline, Recorder, RunStatistics, Surfaces};
-use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold};
+use crate::scene::{BesideTissue, GoalEntry, Scene, SupportHold, ToolEntry};
 use crate::tools::{self, BodyAtRest, Holding, MaterialHold, Regions, Tool};
 
 /// All tools, by number.
@@ -155,8 +155,8 @@ impl<'a> SimulationBuilder<'a> {
         });
         let goal_points = goal_points.transpose()?;
         let memory = if stages.law.is_none() { Memory::of(scene)? } else { None };
-        if memory.is_some() && scene.tools.iter().any(|tool| tool.ablation().is_some()) {
-            let want = "no law that remembers beside a tool that changes labels";
+        if memory.is_some() && scene.tools.iter().any(ToolEntry::edits) {
+            let want = "no law that remembers beside a tool that changes labels or cuts";
             return Err(SimError::value(&scene.name, "materials", "with a law", want));
         }
         let law = match &memory {
@@ -214,14 +214,16 @@ impl<'a> SimulationBuilder<'a> {
                 let label_values = labels.values().to_vec();
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
-                let has_outline = scene.output.outline && scene.output.frames_every > 0;
+                // It would hang together across cuts.
+                let cuts = scene.tools.iter().any(ToolEntry::cuts);
+                let has_outline = scene.output.outline && scene.output.frames_every > 0 && !cuts;
                 #[cfg(feature = "view")]
                 let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
-                let edits = scene.tools.iter().any(|tool| tool.ablation().is_some());
+                let edits = scene.tools.iter().any(ToolEntry::edits);
                 if edits && embedding.homogenisation().global().is_some() {
                     let name = embedding.homogenisation().name();
-                    let want = "one of parts, such as laminate: a tool changes labels";
+                    let want = "one of parts, such as laminate: a tool changes labels or cuts";
                     return Err(SimError::value(&scene.name, "stages.homogenisation", name, want));
                 }
                 let volume = (edits || are_own).then(|| Arc::clone(&labels));

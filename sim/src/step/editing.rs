@@ -1,4 +1,4 @@
-//! Labels that tools change while the body moves.
+//! What tools make of the body while it moves: other labels, and cuts.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -6,72 +6,118 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use yawara_corot::Element;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{Tet, VertexId};
+use yawara_mesh::{FineFace, Tet, VertexId};
 
 use super::contact::ContactState;
 use super::content::Content;
+use super::cutting::Crossed;
+use super::proximity::Proximity;
 use super::simulation::{SimulatedBody, Simulation};
 use super::span::Span;
 use crate::body::BodyState;
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
-use crate::report::{BodyOutline, Surfaces};
-use crate::tools::{Edit, Tool, points_of};
+use crate::report::{BodyOutline, Edited, Surfaces};
+use crate::scene::Scene;
+use crate::tools::{Edit, SurfacePoints, Tool, points_of};
 
 /// A voxel whose middle is this far outside of a tetrahedron, in barycentric coordinates, is in it.
 const ROUNDING: f64 = 1e-9;
 
-/// A tool, and how much of each label it has changed, by label before, cm³.
-type Changed = (usize, BTreeMap<i64, f64>);
-
 impl Simulation {
-    /// Changes the labels that tools change on their way through `span`, and all that follows from them; which tool how
-    /// much.
+    /// Makes of the body what tools make of it on their way through `span`, and all that follows from it; which tool
+    /// what.
     ///
-    /// Cost: for the root cubes with such voxels the label tree and its homogenisation made anew, an update of the
-    /// inverse for each tetrahedron whose material is another; if there are probes, the outline of the whole body.
+    /// Cost: for the root cubes with voxels that change the label tree and its homogenisation made anew, an update of
+    /// the inverse for each tetrahedron whose material is another and for each vertex that a cut doubles; if there are
+    /// probes, the outline of the whole body.
     ///
     /// # Errors
     /// [`SimError::Bisection`], [`SimError::Embed`] and [`SimError::Inverse`] where that can't be made or inverted;
     /// [`SimError::Value`] in a scene with checkpoints.
-    pub(super) fn edit(&mut self, span: Span) -> Result<Vec<Changed>, SimError> {
+    pub(super) fn edit(&mut self, span: Span) -> Result<Vec<Edited>, SimError> {
         let asked: Vec<(usize, Edit)> = (0..)
             .zip(&self.tools)
             .filter_map(|(number, tool)| Some((number, tool.edit(span.from, span.to)?)))
             .collect();
         if !asked.is_empty() && self.beginning.is_some() {
             let steps = self.scene.output.checkpoint_steps;
-            let want = "0 beside a tool that changes labels: checkpoints do not have them";
+            let want = "0 beside a tool that changes labels or cuts: checkpoints do not have that";
             return Err(SimError::value(&self.scene.name, "output.checkpoint_steps", steps, want));
         }
+        for (_, edit) in &asked {
+            if let Edit::Cut { blade, level: Some(level), .. } = edit {
+                self.make_fine(&Proximity::of_blade(*level, *blade))?;
+            }
+        }
+        let most = self.scene.mesh.max_vertices;
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
             return Ok(Vec::new());
         };
-        let content = &mut refiner.content;
-        let (mut before, mut changed) = (None, Vec::new());
+        let (mut before, mut all) = (None, Vec::new());
         for (tool, edit) in asked {
-            let voxels = content.swept(state, &edit);
-            if voxels.is_empty() {
-                continue;
+            let content = &mut refiner.content;
+            let mut edited = Edited { tool, ..Edited::default() };
+            match &edit {
+                Edit::Labels { becomes, .. } => {
+                    let voxels = content.swept(state, &edit);
+                    if voxels.is_empty() {
+                        continue;
+                    }
+                    before.get_or_insert_with(|| state.energy_j());
+                    let (leaves, counts) = content.relabel(&voxels, *becomes)?;
+                    content.renew(&leaves, state, inverse)?;
+                    edited.labels_cm3 = counts;
+                }
+                Edit::Cut { blade, toughness_j_m2, .. } => {
+                    let Crossed { faces, area_m2 } = content.crossed(state, blade);
+                    if faces.is_empty() {
+                        continue;
+                    }
+                    let delta = content.forest.sever(&faces)?;
+                    if content.forest.vertex_count() > most {
+                        // As if it had not been: the faces that were not severed before are closed again.
+                        let faces: Vec<FineFace> = faces.iter().map(|one| one.face).collect();
+                        content.forest.close(&faces)?;
+                        edited.refused = faces.len();
+                        all.push(edited);
+                        continue;
+                    }
+                    before.get_or_insert_with(|| state.energy_j());
+                    edited.parked = content.follow_cut(&delta, state, inverse)?;
+                    (edited.cut_m2, edited.work_j) = (area_m2, toughness_j_m2 * area_m2);
+                    edited.doubled = delta.doubled.len();
+                }
+                Edit::Close { sweep, radius_m } => {
+                    let faces = content.severed_near(state, sweep, *radius_m);
+                    if faces.is_empty() {
+                        continue;
+                    }
+                    before.get_or_insert_with(|| state.energy_j());
+                    let delta = content.forest.close(&faces)?;
+                    content.follow_cut(&delta, state, inverse)?;
+                    edited.closed = delta.doubled.len();
+                }
             }
-            before.get_or_insert_with(|| state.energy_j());
-            let (leaves, counts) = content.relabel(&voxels, edit.becomes)?;
-            content.renew(&leaves, state, inverse)?;
-            changed.push((tool, counts));
+            refiner.grow(state);
+            all.push(edited);
         }
-        let Some(before) = before else { return Ok(changed) };
-        inverse.flush(&Elements { body: &state.body, density: &|tet| state.density(tet) })?;
+        let Some(before) = before else { return Ok(all) };
+        let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
+        inverse.flush(&elements)?;
+        inverse.watch(self.scene.seed, &elements)?;
         self.ledger.edited(state.energy_j() - before);
-        self.follow_labels()?;
-        Ok(changed)
+        self.follow_edits()?;
+        Ok(all)
     }
 
-    /// Has all that depends on labels follow them.
-    fn follow_labels(&mut self) -> Result<(), SimError> {
+    /// Has all that depends on labels and on the surface follow them.
+    fn follow_edits(&mut self) -> Result<(), SimError> {
         let Self { scene, body, tools, contact, recorder, ledger, .. } = self;
         let SimulatedBody { state, refiner: Some(refiner), .. } = body else { return Ok(()) };
-        let Content { forest, volume: Some(volume), .. } = &refiner.content else { return Ok(()) };
+        let content = &refiner.content;
+        let Some(volume) = &content.volume else { return Ok(()) };
         refiner.regions.relabel(volume);
         if let Some(of_fields) = &mut recorder.volume {
             *of_fields = Arc::clone(volume);
@@ -80,7 +126,7 @@ impl Simulation {
             *outline = BodyOutline::new(Arc::clone(volume));
         }
         self.are_surfaces_stale = recorder.surfaces.is_some();
-        let mut points = |spacing: f64| points_of(scene, forest, volume, spacing);
+        let mut points = |spacing: f64| content.surface(scene, volume, spacing);
         for tool in tools.iter_mut().filter(|tool| tool.surface_points().is_some()) {
             tool.resurface(&mut points)?;
             tool.follow(state)?;
@@ -94,8 +140,10 @@ impl Simulation {
     /// Gives a tool that has come the surface of the labels as they are.
     pub(super) fn resurface(&self, tool: &mut dyn Tool) -> Result<(), SimError> {
         let content = self.body.refiner.as_ref().map(|refiner| &refiner.content);
-        let Some(Content { forest, volume: Some(volume), .. }) = content else { return Ok(()) };
-        tool.resurface(&mut |spacing| points_of(&self.scene, forest, volume, spacing))
+        let Some((content, volume)) = content.and_then(|of| Some((of, of.volume.as_ref()?))) else {
+            return Ok(());
+        };
+        tool.resurface(&mut |spacing| content.surface(&self.scene, volume, spacing))
     }
 
     /// Cuts the surfaces of labels anew if these have changed since.
@@ -113,22 +161,37 @@ impl Simulation {
 }
 
 impl Content {
+    /// Points of the body's outline and of both sides of its cuts, so far apart, m.
+    fn surface(
+        &self,
+        scene: &Scene,
+        volume: &LabelVolume,
+        spacing: f64,
+    ) -> Result<SurfacePoints, SimError> {
+        let mut points = points_of(scene, &self.forest, volume, spacing)?;
+        self.cut_faces(spacing).into_iter().for_each(|(rest, area)| points.add(rest, area));
+        Ok(points)
+    }
+
     /// The voxels that an edit changes where the body is, by their position in the volume, ascending.
     ///
     /// Cost: O(tetrahedra), and the voxels of those that the ball meets.
     fn swept(&self, state: &BodyState, edit: &Edit) -> Vec<usize> {
-        let Some(volume) = &self.volume else { return Vec::new() };
+        let (Some(volume), Edit::Labels { sweep: [from, to], radius_m, labels, becomes }) =
+            (&self.volume, edit)
+        else {
+            return Vec::new();
+        };
         let changes: Vec<bool> = self
             .label_values
             .iter()
-            .map(|&label| match edit.labels.is_empty() {
-                true => label != 0 && label != edit.becomes,
-                false => label != edit.becomes && edit.labels.contains(&label),
+            .map(|label| match labels.is_empty() {
+                true => *label != 0 && label != becomes,
+                false => label != becomes && labels.contains(label),
             })
             .collect();
-        let [from, to] = edit.sweep;
-        let reach = Vector3::repeat(edit.radius_m);
-        let ball = [from.inf(&to) - reach, from.sup(&to) + reach];
+        let reach = Vector3::repeat(*radius_m);
+        let ball = [from.inf(to) - reach, from.sup(to) + reach];
         let mut found = Vec::new();
         for element in state.elements().iter().filter(|element| !state.is_void(element.tet)) {
             let now = element.vertices.map(|v| state.positions[v]);
@@ -147,7 +210,7 @@ impl Content {
                     return;
                 }
                 let at: Vector3<f64> = now.iter().zip(weights).map(|(x, w)| x * w).sum();
-                if distance(&at, &from, &to) <= edit.radius_m {
+                if distance(&at, from, to) <= *radius_m {
                     found.push(index);
                 }
             });
@@ -248,7 +311,7 @@ fn each_voxel(
 }
 
 /// How far a point is from a segment, m.
-fn distance(x: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+pub(super) fn distance(x: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
     let along = to - from;
     let length2 = along.norm_squared();
     let part = if length2 > 0.0 { (x - from).dot(&along) / length2 } else { 0.0 };

@@ -15,6 +15,7 @@ mod builder;
 mod checkpoint;
 mod contact;
 mod content;
+mod cutting;
 mod dynamics;
 mod easing;
 mod editing;

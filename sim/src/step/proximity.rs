@@ -6,7 +6,7 @@ use yawara_mesh::Tet;
 
 use crate::body::BodyState;
 use crate::scene::NearProbe;
-use crate::tools::Tool;
+use crate::tools::{Blade, Tool};
 
 /// What is near to a probe.
 pub(crate) struct Proximity {
@@ -14,6 +14,8 @@ pub(crate) struct Proximity {
     level: u8,
     /// The balls of all probes, larger by how far they see.
     balls: Vec<Sphere>,
+    /// What is about to cut.
+    blade: Option<Blade>,
 }
 
 impl Proximity {
@@ -23,7 +25,12 @@ impl Proximity {
         let wider = |ball: Sphere| Sphere { radius: ball.radius + within_m, ..ball };
         let balls: Vec<Sphere> =
             tools.iter().filter_map(|tool| tool.obstacle(t)).map(wider).collect();
-        (!balls.is_empty()).then_some(Self { level: *level, balls })
+        (!balls.is_empty()).then_some(Self { level: *level, balls, blade: None })
+    }
+
+    /// Of a blade that is about to cut.
+    pub fn of_blade(level: u8, blade: Blade) -> Self {
+        Self { level, balls: Vec::new(), blade: Some(blade) }
     }
 
     /// Whether a tetrahedron is to be bisected, or if there were one such, not to be made again. It is the same question for
@@ -34,7 +41,9 @@ impl Proximity {
             let [first, others @ ..] = corners;
             let low = others.iter().fold(first, |low, x| low.inf(x));
             let high = others.iter().fold(first, |high, x| high.sup(x));
+            let is_met = |blade: &Blade| blade.meets(&corners, [&low, &high]);
             self.balls.iter().any(|ball| touches(ball, &low, &high))
+                || self.blade.as_ref().is_some_and(is_met)
         }
     }
 }

@@ -230,6 +230,11 @@ impl Refiner {
         self.measured.get(tet.index()).copied().unwrap_or(0.0)
     }
 
+    /// Takes vertices into account that came in otherwise than by a split.
+    pub fn grow(&mut self, state: &BodyState) {
+        self.born.resize(state.vertex_capacity(), 0);
+    }
+
     /// The estimates, once after each measurement of an indicator that has them.
     pub fn take_estimates(&mut self) -> Estimates {
         take(&mut self.estimates)

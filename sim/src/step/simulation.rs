@@ -100,7 +100,7 @@ impl Simulation {
         let step = self.recorder.statistics.steps() + 1;
         let span = self.next_span();
         if step == 1 {
-            self.make_fine()?;
+            self.begin_fine()?;
         }
         self.take_hold(span.to)?;
         let Self { body, tools, contact, solver, .. } = self;
@@ -141,11 +141,13 @@ impl Simulation {
             outcome.report.failure = Some(failure);
         }
         let changed = self.edit(span)?;
+        let state = &self.body.state;
+        (outcome.report.vertices, outcome.report.tets) = (state.vertex_count(), state.tet_count());
         if self.is_written(step) {
             self.renew_surfaces()?;
         }
         self.recorder.statistics.add(&outcome, &self.body.state, milliseconds(begin));
-        self.recorder.statistics.change_labels(&changed);
+        self.recorder.statistics.edit(&changed);
         Ok(outcome.report)
     }
 
@@ -155,16 +157,29 @@ impl Simulation {
     }
 
     /// Refines the mesh at rest where a probe is about to touch.
-    fn make_fine(&mut self) -> Result<(), SimError> {
-        let Self { body, tools, solver, .. } = self;
+    fn begin_fine(&mut self) -> Result<(), SimError> {
+        let rule = self.body.refiner.as_ref().and_then(Refiner::near_probe);
+        match Proximity::of(rule, &self.tools, self.solver.reached_s()) {
+            Some(near) => self.make_fine(&near),
+            None => Ok(()),
+        }
+    }
+
+    /// Refines the mesh as finely as `near` wants, whatever it takes.
+    pub(super) fn make_fine(&mut self, near: &Proximity) -> Result<(), SimError> {
+        let Self { body, tools, contact, solver, ledger, .. } = self;
         let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else { return Ok(()) };
-        let Some(near) = Proximity::of(refiner.near_probe(), tools, solver.reached_s()) else {
-            return Ok(());
-        };
+        let step = self.recorder.statistics.steps();
+        ledger.look(solver, state, tools);
         let (turns, done) = (solver.turns(), Remeshed::default());
-        let mut round = Round { state, inverse, tools, step: 0, deadline: None, turns, done };
-        refiner.make_fine(&near, &mut round)?;
-        self.follow()
+        let mut round = Round { state, inverse, tools, step, deadline: None, turns, done };
+        refiner.make_fine(near, &mut round)?;
+        let remeshed = round.done;
+        if remeshed.splits > 0 {
+            ledger.remeshed(&remeshed, solver, state, contact, tools);
+            self.follow()?;
+        }
+        Ok(())
     }
 
     /// The estimates of a step, and what the mesh wants, then its splits and merges, no splits after a `deadline`.

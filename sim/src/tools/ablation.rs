@@ -1,14 +1,14 @@
-//! `resect` and `coagulate`: a ball that changes the labels of what it goes through.
+//! `resect`, `coagulate` and `suture`: a ball that changes the labels of what it goes through, or joins what is cut there.
 
 use nalgebra::Vector3;
 
 use super::at_rest::BodyAtRest;
-use super::path::{ToolPath, acts};
+use super::path::{ToolPath, acts, way};
 use super::tool::{Edit, Tool};
 use crate::error::SimError;
 use crate::scene::AblationEntry;
 
-/// A ball of radius R at c + d(t) that makes one label of others.
+/// A ball of radius R at c + d(t) that makes one label of others, or closes cuts.
 pub(super) struct Ablation {
     kind: &'static str,
     centre: Vector3<f64>,
@@ -82,13 +82,13 @@ impl Tool for Ablation {
     }
 
     fn edit(&self, from: f64, to: f64) -> Option<Edit> {
-        let release = self.release_s.unwrap_or(f64::INFINITY);
-        let way = [from.max(self.begin_s.unwrap_or(0.0)), to.min(release)];
-        (way[0] <= way[1] && from < release).then(|| Edit {
-            sweep: way.map(|t| self.reference(t)),
-            radius_m: self.radius_m,
-            labels: self.labels.clone(),
-            becomes: self.becomes,
+        let sweep = way(self.begin_s, self.release_s, from, to)?.map(|t| self.reference(t));
+        let radius_m = self.radius_m;
+        Some(match self.kind {
+            "suture" => Edit::Close { sweep, radius_m },
+            _ => {
+                Edit::Labels { sweep, radius_m, labels: self.labels.clone(), becomes: self.becomes }
+            }
         })
     }
 }

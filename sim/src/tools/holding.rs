@@ -129,7 +129,8 @@ pub(crate) fn holdings(scene: &Scene, body: &mut BodyAtRest<'_>) -> Result<Vec<H
                 holding.of_material(points, start, &body.zone(&key, &grab.region)?, &[])
             }
             ToolEntry::Probe(probe) => Holding { radius_mm: Some(1e3 * probe.radius_m), ..holding },
-            ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => {
+            ToolEntry::Scalpel(_) => holding,
+            ToolEntry::Resect(one) | ToolEntry::Coagulate(one) | ToolEntry::Suture(one) => {
                 Holding { radius_mm: Some(1e3 * one.radius_m), ..holding }
             }
             ToolEntry::Pressure(pressure) => holding.of_surface(&pressure.region, body)?,

@@ -14,7 +14,10 @@ pub(crate) fn warnings(scene: &Scene, start: &Start) -> Vec<String> {
     let odd = |tool: &ToolEntry| match tool {
         ToolEntry::Grab(grab) => grab_of_fixed(grab, start),
         ToolEntry::Probe(probe) => probe_out_of_reach(probe, scene, start),
-        ToolEntry::Resect(_) | ToolEntry::Coagulate(_) => None,
+        ToolEntry::Resect(_)
+        | ToolEntry::Coagulate(_)
+        | ToolEntry::Scalpel(_)
+        | ToolEntry::Suture(_) => None,
         ToolEntry::Pressure(entry) => {
             let is_zero = entry.pressure.iter().all(|key| key.pressure_pa == 0.0);
             is_zero.then(|| "is a pressure of 0 Pa all the time".into())

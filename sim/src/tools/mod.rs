@@ -16,6 +16,7 @@ mod path_csv;
 mod pressure;
 mod probe;
 mod regions;
+mod scalpel;
 mod surface_points;
 mod surface_source;
 mod tool;
@@ -27,7 +28,7 @@ pub use at_rest::BodyAtRest;
 pub use holding::Holding;
 pub use path::{Pose, ToolPath};
 pub use surface_points::SurfacePoints;
-pub use tool::{Edit, MaterialHold, Tool};
+pub use tool::{Blade, Edit, MaterialHold, Tool};
 
 pub(crate) use holding::holdings;
 pub(crate) use idle::warnings;
@@ -39,6 +40,7 @@ use grab::Grab;
 use load::Load;
 use pressure::Pressure;
 use probe::Probe;
+use scalpel::Scalpel;
 
 /// The tool of a scene's entry, whose kind names it; `key` is the entry's, for messages.
 pub(crate) fn by_name(
@@ -54,7 +56,8 @@ pub(crate) fn by_name(
         ToolEntry::Probe(probe) => Box::new(Probe::new(probe, key, body)?),
         ToolEntry::Pressure(pressure) => Box::new(Pressure::new(pressure, key, body)?),
         ToolEntry::Load(load) => Box::new(Load::new(load, key, body)?),
-        ToolEntry::Resect(one) | ToolEntry::Coagulate(one) => {
+        ToolEntry::Scalpel(scalpel) => Box::new(Scalpel::new(scalpel, key, body)?),
+        ToolEntry::Resect(one) | ToolEntry::Coagulate(one) | ToolEntry::Suture(one) => {
             Box::new(Ablation::new(one, entry.kind(), key, body)?)
         }
     })

@@ -113,6 +113,18 @@ pub(super) fn around<K>(keys: &[K], time_s: impl Fn(&K) -> f64, t: f64) -> Optio
     }
 }
 
+/// The part of a time in which a tool acts, s.
+pub(super) fn way(
+    begin_s: Option<f64>,
+    release_s: Option<f64>,
+    from: f64,
+    to: f64,
+) -> Option<[f64; 2]> {
+    let release = release_s.unwrap_or(f64::INFINITY);
+    let way = [from.max(begin_s.unwrap_or(0.0)), to.min(release)];
+    (way[0] <= way[1] && from < release).then_some(way)
+}
+
 /// Whether a tool that comes at `begin_s` and is taken away at `release_s` acts at `t`.
 pub(super) fn acts(begin_s: Option<f64>, release_s: Option<f64>, t: f64) -> bool {
     // Up to rounding of the time: a step that ends at the release still holds, one that ends at the

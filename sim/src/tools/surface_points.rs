@@ -42,6 +42,15 @@ impl SurfacePoints {
         Self { rest, areas, reach, bound, order: Vec::new(), groups: Vec::new() }
     }
 
+    /// One more, not bound yet.
+    pub(crate) fn add(&mut self, rest: Vector3<f64>, area: Vector3<f64>) {
+        if self.areas.len() == self.rest.len() {
+            self.areas.push(area);
+        }
+        self.rest.push(rest);
+        self.bound.push(None);
+    }
+
     /// How many there are, those that are not bound too.
     pub(super) fn len(&self) -> usize {
         self.rest.len()
@@ -105,7 +114,8 @@ impl SurfacePoints {
     fn find(&mut self, lost: &[usize], state: &BodyState) {
         let places: Vec<Vector3<f64>> = lost.iter().map(|&i| self.rest[i]).collect();
         let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        let found = locate(&places, solid, &state.rest, self.reach);
+        let carries = |tet, point: &ElementPoint| state.carries(tet, point.weights);
+        let found = locate(&places, solid, &state.rest, self.reach, carries);
         lost.iter().zip(found).for_each(|(&i, bound)| self.bound[i] = bound);
     }
 

@@ -20,21 +20,47 @@ pub struct MaterialHold {
     pub stiffness: Option<f64>,
 }
 
-/// Labels that change along a way.
+/// What a tool makes of the body along a way.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Edit {
-    /// Where a ball's centre is at the beginning and at the end of the way, solver axes, m.
-    pub sweep: [Vector3<f64>; 2],
-    /// The ball's radius, m.
-    pub radius_m: f64,
-    /// The labels that change, as in the image; all but void if empty.
-    pub labels: Vec<i64>,
-    /// What they become; 0 is void.
-    pub becomes: i64,
+pub enum Edit {
+    /// Labels change in a ball.
+    Labels {
+        /// Where the ball's centre is at the beginning and at the end of the way, solver axes, m.
+        sweep: [Vector3<f64>; 2],
+        /// The ball's radius, m.
+        radius_m: f64,
+        /// The labels that change, as in the image; all but void if empty.
+        labels: Vec<i64>,
+        /// What they become; 0 is void.
+        becomes: i64,
+    },
+    /// What a blade sweeps over is cut.
+    Cut {
+        /// The blade.
+        blade: Blade,
+        /// The least level of the tetrahedra that are cut; as they are if absent.
+        level: Option<u8>,
+        /// Energy that a new cut takes, J/m².
+        toughness_j_m2: f64,
+    },
+    /// Cut faces in a ball are joined again.
+    Close {
+        /// As of `Labels`.
+        sweep: [Vector3<f64>; 2],
+        /// The ball's radius, m.
+        radius_m: f64,
+    },
 }
 
-/// What acts on the body from outside. A tool does one or more of five things: it holds material or
-/// vertices of the mesh, stands in the surface's way, loads vertices with forces, or changes labels. What it does not do,
+/// A blade on its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blade {
+    /// The ends of its edge at the beginning and at the end of the way, solver axes, m.
+    pub edges: [[Vector3<f64>; 2]; 2],
+}
+
+/// What acts on the body from outside. A tool does one or more of six things: it holds material or
+/// vertices of the mesh, stands in the surface's way, loads vertices with forces, changes labels, or cuts. What it does not do,
 /// it leaves at the default.
 ///
 /// Positions are in solver axes, m; [`ScannerAxes`](crate::ScannerAxes) converts. Times are those
@@ -175,14 +201,14 @@ pub trait Tool {
         None
     }
 
-    /// The labels that it changes on its way from where it is at `from` to where it is at `to`, s: asked once, at the end
-    /// of each step, for voxels where the body has them then.
+    /// What it makes of the body on its way from where it is at `from` to where it is at `to`, s: asked once, at the end
+    /// of each step, for where the body is then.
     fn edit(&self, from: f64, to: f64) -> Option<Edit> {
         let _ = (from, to);
         None
     }
 
-    /// The body's surface is another since labels have changed: `points` gives points of it that lie so far (m) apart. A tool
+    /// The body's surface is another since labels have changed or something was cut: `points` gives points of it that lie so far (m) apart. A tool
     /// with [`surface_points`](Self::surface_points) takes new ones; by default it keeps what it has.
     ///
     /// # Errors

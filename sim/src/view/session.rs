@@ -422,9 +422,9 @@ fn changes(orders: &Orders) -> Result<Vec<String>, SimError> {
         let want = "a key that is not of `time`: both simulations make the same steps";
         return Err(SimError::value("yawara view", "--beside", one, want));
     }
-    if let Some(tool) = scene.tools.iter().find(|tool| tool.ablation().is_some()) {
+    if let Some(tool) = scene.tools.iter().find(|tool| tool.edits()) {
         let want =
-            "no tool that changes labels: the page shows those of the start; take `yawara run`";
+            "no tool that changes labels or cuts: the page shows the start; take `yawara run`";
         return Err(SimError::value(&scene.name, "tools", tool.kind(), want));
     }
     let mut changes = orders.set.clone();

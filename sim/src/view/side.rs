@@ -16,7 +16,7 @@ use super::state::{of_step, warnings};
 use super::voxels::{Voxels, scan};
 use crate::SimError;
 use crate::report::{BodyOutline, StepReport};
-use crate::scene::{AblationEntry, GrabEntry, ProbeEntry, Scene, ToolEntry, file};
+use crate::scene::{AblationEntry, GrabEntry, ProbeEntry, ScalpelEntry, Scene, ToolEntry, file};
 use crate::step::Simulation;
 
 /// The most tools that hands may take in one simulation.
@@ -189,7 +189,9 @@ fn ends_s(scene: &Scene) -> f64 {
             path.last().map(|key| key.time_s).into_iter().chain(*release_s).fold(0.0, f64::max)
         }
         ToolEntry::Resect(AblationEntry { path, release_s, .. })
-        | ToolEntry::Coagulate(AblationEntry { path, release_s, .. }) => {
+        | ToolEntry::Coagulate(AblationEntry { path, release_s, .. })
+        | ToolEntry::Suture(AblationEntry { path, release_s, .. })
+        | ToolEntry::Scalpel(ScalpelEntry { path, release_s, .. }) => {
             path.last().map(|key| key.time_s).into_iter().chain(*release_s).fold(0.0, f64::max)
         }
         ToolEntry::Pressure(pressure) => pressure.pressure.last().map_or(0.0, |key| key.time_s),

@@ -154,7 +154,7 @@ impl Run {
             .map(|v| rest[v.index()])
             .fold(Vector3::repeat(f64::MAX), |a, b| a.inf(&b));
         let place = low + Vector3::from(MARKER_M);
-        let found = locate(&[place], body.elements().iter(), rest, 1e-6);
+        let found = locate(&[place], body.elements().iter(), rest, 1e-6, |_, _| true);
         let Some((_, marker)) = found[0] else {
             return Err(BenchError::NoRing(body.vertex_count()));
         };

@@ -3,7 +3,7 @@
 use crate::bisection::delta::Tet;
 use crate::bisection::forest::BisectionForest;
 use crate::bisection::geometry::FACES;
-use crate::bisection::kuhn::{Point, bisect, midpoint};
+use crate::bisection::kuhn::{Point, bisect, bisected_corner, midpoint};
 use crate::bisection::label_tree::NodeRef;
 use crate::bisection::lattice::Lattice;
 
@@ -27,6 +27,20 @@ impl FineTet {
     pub fn is_solid(&self) -> bool {
         self.label != 0
     }
+}
+
+/// The finest tetrahedron in which a point lies, by the order of [`finest_in`](BisectionForest::finest_in), of a leaf of
+/// `level` where the point has the barycentric coordinates `weights`; for one outside of it the nearest in this sense.
+pub fn finest_at(mut weights: [f64; 4], level: u8, finest_level: u8) -> usize {
+    let mut number = 0;
+    for level in level..finest_level {
+        let (a, b) = (weights[0], weights[bisected_corner(level)]);
+        let half = usize::from(a < b);
+        (weights[0], weights[bisected_corner(level)]) = (a - b, b - a);
+        weights = bisect(&weights, level, 2.0 * a.min(b))[half];
+        number = 2 * number + half;
+    }
+    number
 }
 
 fn sum(points: [Point; 3]) -> Point {
@@ -68,6 +82,45 @@ impl BisectionForest {
         let halves = bisect(corners, level, midpoint(corners, level));
         for (half, node) in halves.iter().zip(self.tree.children(node)) {
             self.descend(half, level + 1, node, found);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bisection::kuhn::root_corners;
+
+    /// The middle of each finest tetrahedron is found in it, by weights in the whole.
+    #[test]
+    fn middles_lie_where_they_are_found() {
+        for (order, level) in [(0, 0u8), (3, 0), (5, 0), (1, 0)] {
+            let root = root_corners([1, 0, 2], order, 4);
+            let mut fine = vec![(
+                root,
+                [
+                    [1.0, 0.0, 0.0, 0.0],
+                    [0.0, 1.0, 0.0, 0.0],
+                    [0.0, 0.0, 1.0, 0.0],
+                    [0.0, 0.0, 0.0, 1.0],
+                ],
+            )];
+            for level in level..5 {
+                fine = fine
+                    .into_iter()
+                    .flat_map(|(corners, weights): ([Point; 4], [[f64; 4]; 4])| {
+                        let [a, b] = [weights[0], weights[bisected_corner(level)]];
+                        let z = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+                        let [c, d] = bisect(&corners, level, midpoint(&corners, level));
+                        let [u, v] = bisect(&weights, level, z);
+                        [(c, u), (d, v)]
+                    })
+                    .collect();
+            }
+            for (i, (_, weights)) in fine.iter().enumerate() {
+                let middle = std::array::from_fn(|k| weights.iter().map(|w| 0.25 * w[k]).sum());
+                assert_eq!(finest_at(middle, 0, 5), i);
+            }
         }
     }
 }

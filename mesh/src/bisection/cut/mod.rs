@@ -20,6 +20,6 @@ mod sever;
 mod stars;
 
 pub use delta::{CutDelta, Doubled, Part, Recast};
-pub use fine::{FineFace, FineTet};
+pub use fine::{FineFace, FineTet, finest_at};
 pub(crate) use record::Cuts;
 pub use record::Severed;

@@ -70,7 +70,7 @@ impl BisectionForest {
         let partings: Vec<Parting> =
             touched.iter().filter_map(|&leaf| self.parting(leaf)).collect();
         for &leaf in &touched {
-            let tets = self.finest_in(&self.leaf(leaf));
+            let tets = self.finest_in(&self.tet(TetId(leaf)));
             let mut faces = tets.iter().flat_map(|tet| tet.faces);
             if !faces.any(|face| self.cuts.severed.contains_key(&face)) {
                 self.cuts.frozen.remove(&leaf);
@@ -143,17 +143,17 @@ impl BisectionForest {
         }
     }
 
-    fn leaf(&self, number: u32) -> Tet {
-        self.record(TetId(number)).tet(number)
-    }
-
     fn corners_of(&self, leaves: &BTreeSet<u32>) -> BTreeSet<Point> {
-        leaves.iter().flat_map(|&leaf| self.leaf(leaf).vertices).map(|v| self.point(v)).collect()
+        leaves
+            .iter()
+            .flat_map(|&leaf| self.tet(TetId(leaf)).vertices)
+            .map(|v| self.point(v))
+            .collect()
     }
 
     /// How the parts of a leaf differ from what its sheets are; none where they don't.
     fn parting(&self, leaf: u32) -> Option<Parting> {
-        let fine = self.finest_in(&self.leaf(leaf));
+        let fine = self.finest_in(&self.tet(TetId(leaf)));
         // What hangs together in other tetrahedra only is one as long as no cut comes near.
         let is_cut = fine.iter().any(|tet| tet.faces.iter().any(|&face| self.is_severed(face)));
         let part_of = match is_cut {
@@ -183,7 +183,7 @@ impl BisectionForest {
         let before = match self.cuts.torn.remove(&leaf) {
             Some(torn) => torn,
             None => {
-                let (whole, sheets) = (self.leaf(leaf).node, vec![leaf]);
+                let (whole, sheets) = (self.tet(TetId(leaf)).node, vec![leaf]);
                 Torn { whole, sheets, part_of: Vec::new() }
             }
         };
@@ -191,7 +191,7 @@ impl BisectionForest {
         self.leave(&before);
         let mut sheets = vec![NONE; was.len()];
         for (old, &number) in before.sheets.iter().enumerate() {
-            let whole = self.sheet_tet(number);
+            let whole = self.tet(TetId(number));
             let inside: Vec<usize> =
                 (0..was.len()).filter(|&new| was[new].contains(&old)).collect();
             let mut recast = Recast { before: vec![whole], after: Vec::new() };
@@ -229,7 +229,7 @@ impl BisectionForest {
         self.leave(&torn);
         for (new, olds) in was.iter().enumerate() {
             let numbers: Vec<u32> = olds.iter().map(|&old| torn.sheets[old]).collect();
-            let before: Vec<Tet> = numbers.iter().map(|&number| self.sheet_tet(number)).collect();
+            let before: Vec<Tet> = numbers.iter().map(|&number| self.tet(TetId(number))).collect();
             let kept = if numbers.contains(&leaf) { leaf } else { numbers[0] };
             let record = TetRecord { node: contents[new], ..*self.record(TetId(kept)) };
             for number in numbers.into_iter().filter(|&number| number != kept) {
@@ -249,7 +249,7 @@ impl BisectionForest {
     /// Notes that a leaf's parts, if it had several, are what they were no longer.
     fn leave(&mut self, torn: &Torn) {
         if torn.sheets.len() > 1 {
-            let nodes = torn.sheets.iter().map(|&number| self.sheet_tet(number).node);
+            let nodes = torn.sheets.iter().map(|&number| self.tet(TetId(number)).node);
             let nodes: Vec<NodeRef> = nodes.collect();
             self.cuts.left.extend(nodes);
         }
@@ -271,7 +271,7 @@ impl BisectionForest {
         count: usize,
         delta: &mut CutDelta,
     ) -> Result<Vec<NodeRef>, BisectionError> {
-        let tet = self.leaf(leaf);
+        let tet = self.tet(TetId(leaf));
         let fine = self.finest_in(&tet);
         let units = self.finest_units();
         let corners = tet.vertices.map(|v| self.point(v).map(|c| c * units));
@@ -363,10 +363,6 @@ impl BisectionForest {
 
     fn vertex_of(&self, part: &PartCorner) -> VertexId {
         self.record(TetId(self.number_of(part))).vertices[part.corner]
-    }
-
-    fn sheet_tet(&self, number: u32) -> Tet {
-        self.record(TetId(number)).tet(number)
     }
 
     fn new_twin(&mut self, of: VertexId) -> VertexId {

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::check::Check;
 use crate::SimError;
 use crate::scene::{
-    AUTO, Adapter, GoalEntry, Image, LoadEntry, NearProbe, ON_DEVICE, Phantom, Scene, StageNames,
-    Support, SupportHold, SurfaceEntry, ToolEntry,
+    AUTO, Adapter, GoalEntry, Image, LoadEntry, NearProbe, ON_DEVICE, Phantom, ScalpelEntry, Scene,
+    StageNames, Support, SupportHold, SurfaceEntry, ToolEntry,
 };
 
 /// The most steps of a run.
@@ -68,7 +68,7 @@ impl Scene {
         for (i, tool) in self.tools.iter().enumerate() {
             check.tool(tool, &format!("tools[{i}]"))?;
         }
-        check.ablations(self)?;
+        check.edits(self)?;
         check.stages(self)?;
         check.numbers(self)?;
         check.dynamics(self)?;
@@ -127,19 +127,21 @@ impl Check<'_> {
         self.that(voxel_mm.is_none(), "image.voxel_mm", voxel_mm, want)
     }
 
-    /// What a tool that changes labels can't be beside.
-    fn ablations(&self, scene: &Scene) -> Result<(), SimError> {
-        for (i, tool) in scene.tools.iter().enumerate() {
-            let Some(one) = tool.ablation() else { continue };
+    /// What a tool that changes labels or cuts can't be beside.
+    fn edits(&self, scene: &Scene) -> Result<(), SimError> {
+        for (i, tool) in scene.tools.iter().enumerate().filter(|(_, tool)| tool.edits()) {
             let (key, kind) = (format!("tools[{i}].kind"), tool.kind());
+            let does = if tool.cuts() { "cuts" } else { "changes labels" };
             let want = "no such tool beside mesh.path: a mesh from a file has no voxels";
             self.that(scene.mesh.path.is_none(), &key, kind, want)?;
             let steps = scene.output.checkpoint_steps;
-            let want = format!("0 beside a tool that changes labels ({kind})");
+            let want = format!("0 beside a tool that {does} ({kind})");
             self.that(steps == 0, "output.checkpoint_steps", steps, &want)?;
-            let made = one.becomes.is_none_or(|label| scene.material_of(label).is_some());
-            let want = "a label of a material of the scene";
-            self.that(made, &format!("tools[{i}].becomes"), one.becomes, want)?;
+            if let Some(one) = tool.ablation() {
+                let made = one.becomes.is_none_or(|label| scene.material_of(label).is_some());
+                let want = "a label of a material of the scene";
+                self.that(made, &format!("tools[{i}].becomes"), one.becomes, want)?;
+            }
             for (j, other) in scene.tools.iter().enumerate() {
                 let pulls = |load: &LoadEntry| load.load.iter().any(|at| at.traction_pa.is_some());
                 let is_on_surface = match other {
@@ -148,10 +150,24 @@ impl Check<'_> {
                     _ => false,
                 };
                 let want = format!(
-                    "no pressure or traction beside a tool that changes labels ({kind}): the \
-                     surface may go"
+                    "no pressure or traction beside a tool that {does} ({kind}): the surface may go"
                 );
-                self.that(!is_on_surface, &format!("tools[{j}].kind"), other.kind(), &want)?;
+                let other_key = format!("tools[{j}].kind");
+                self.that(!is_on_surface, &other_key, other.kind(), &want)?;
+                let both = tool.cuts() && other.ablation().is_some();
+                let want = format!("no tool that changes labels beside one that cuts ({kind})");
+                self.that(!both, &other_key, other.kind(), &want)?;
+            }
+            if tool.cuts() {
+                let surfaces: Vec<i64> =
+                    scene.output.surfaces.iter().map(|one| one.label).collect();
+                let want = format!("no surfaces of labels beside a tool that cuts ({kind})");
+                self.that(surfaces.is_empty(), "output.surfaces", surfaces, &want)?;
+            }
+            if let ToolEntry::Scalpel(ScalpelEntry { level: Some(level), .. }) = tool {
+                let most = scene.mesh.finest_level();
+                let want = format!("at most mesh.max_level, {most}");
+                self.that(*level <= most, &format!("tools[{i}].level"), level, &want)?;
             }
         }
         Ok(())

@@ -64,6 +64,22 @@ impl Check<'_> {
                 self.that(one.becomes.is_some(), &format!("{key}.becomes"), one.becomes, want)?;
                 self.ablation(one, key)
             }
+            ToolEntry::Suture(one) => {
+                let want = "no such key for suture, which changes no label";
+                self.that(one.becomes.is_none(), &format!("{key}.becomes"), one.becomes, want)?;
+                self.that(one.labels.is_empty(), &format!("{key}.labels"), &one.labels, want)?;
+                self.ablation(one, key)
+            }
+            ToolEntry::Scalpel(one) => {
+                let (way, centre) = one.start(self.place, key)?;
+                self.vector(&format!("{key}.centre{}", way.suffix()), &centre)?;
+                self.axis(&one.edge_m, &format!("{key}.edge_m"))?;
+                if let Some(toughness) = one.toughness_j_m2 {
+                    self.positive(&format!("{key}.toughness_j_m2"), toughness)?;
+                }
+                self.path(&one.path, one.path_csv.as_ref(), key)?;
+                self.acts(one.begin_s, one.release_s, key)
+            }
         }
     }
 
