@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use yawara::report::{
     BodySummary, EnergyChange, EnergySummary, GoalReport, InverseSummary, MeshSummary, Momentum,
-    PlanRow, StepSummary, Summary, SurfaceSummary,
+    PlanRow, StepSummary, Summary, SurfaceSummary, ToolSummary,
 };
 use yawara::scene::LibraryMaterial;
 
@@ -78,11 +78,17 @@ pub fn summary(summary: &Summary) -> String {
     if let Some(energy) = &summary.energy {
         line("energy", energy_words(energy));
     }
+    if !summary.pieces_cm3.is_empty() {
+        line("pieces", pieces_words(&summary.pieces_cm3));
+    }
     for (number, tool) in summary.tools.iter().enumerate() {
         if let Some(error) = tool.force_max_error_n {
             let size =
                 format!("at most {:.4} N, off by {error:.4} N by estimate", tool.force_max_n);
             line("tool", format!("{number} ({}): {size}", tool.kind));
+        }
+        if tool.doubled + tool.closed + tool.refused > 0 {
+            line("cut", cut_words(number, tool));
         }
         if !tool.changed_cm3.is_empty() {
             let each =
@@ -165,4 +171,34 @@ fn inverse_words(inverse: &InverseSummary) -> String {
         }
     }
     words + &format!(", solve {:.3} ms, drift {:.1e}", inverse.solve_ms.p50, inverse.drift_max)
+}
+
+/// What a tool has cut, or closed.
+fn cut_words(number: usize, tool: &ToolSummary) -> String {
+    let ToolSummary { kind, cut_cm2, cut_j, doubled, closed, refused, parked, .. } = tool;
+    let mut all = vec![match *closed > 0 {
+        true => format!("{closed} doubled vertices made one again"),
+        false => format!("{cut_cm2:.2} cm², {cut_j:.2e} J, {doubled} vertices doubled"),
+    }];
+    if *parked > 0 {
+        let what = if *parked == 1 {
+            "piece that nothing supports"
+        } else {
+            "pieces that nothing supports"
+        };
+        all.push(format!("{parked} {what} held by weak springs"));
+    }
+    if *refused > 0 {
+        all.push(format!("{refused} faces not cut: mesh.max_vertices"));
+    }
+    format!("{number} ({kind}): {}", all.join("; "))
+}
+
+/// The pieces of a body, the largest by their volumes.
+fn pieces_words(cm3: &[f64]) -> String {
+    const MOST: usize = 6;
+    let each: Vec<String> = cm3.iter().take(MOST).map(|cm3| format!("{cm3:.3}")).collect();
+    let rest = cm3.len().saturating_sub(MOST);
+    let rest = if rest > 0 { format!(" and {rest} smaller ones") } else { String::new() };
+    format!("{}: {} cm³{rest}", cm3.len(), each.join(", "))
 }

@@ -100,6 +100,7 @@ impl Recorder {
             energy: None,
             motion: None,
             tools: self.statistics.tools.clone(),
+            pieces_cm3: Vec::new(),
             surfaces: match (&self.surfaces, forest) {
                 (Some(surfaces), Some(forest)) => surfaces.summary(forest, &state.positions)?,
                 _ => Vec::new(),

@@ -423,6 +423,9 @@ pub struct Summary {
     /// Each tool, in the order of the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<ToolSummary>,
+    /// Volumes of the pieces that a body which was cut is in, the largest first, cm³.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pieces_cm3: Vec<f64>,
     /// The outlines of labels, if the scene asks for any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceSummary>,

@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-9;
 
 impl Simulation {
     /// Makes of the body what tools make of it on their way through `span`, and all that follows from it; which tool
-    /// what.
+    /// what, and how many vertices came in by splits before.
     ///
     /// Cost: for the root cubes with voxels that change the label tree and its homogenisation made anew, an update of
     /// the inverse for each tetrahedron whose material is another and for each vertex that a cut doubles; if there are
@@ -35,7 +35,7 @@ impl Simulation {
     /// # Errors
     /// [`SimError::Bisection`], [`SimError::Embed`] and [`SimError::Inverse`] where that can't be made or inverted;
     /// [`SimError::Value`] in a scene with checkpoints.
-    pub(super) fn edit(&mut self, span: Span) -> Result<Vec<Edited>, SimError> {
+    pub(super) fn edit(&mut self, span: Span) -> Result<(Vec<Edited>, usize), SimError> {
         let asked: Vec<(usize, Edit)> = (0..)
             .zip(&self.tools)
             .filter_map(|(number, tool)| Some((number, tool.edit(span.from, span.to)?)))
@@ -45,15 +45,16 @@ impl Simulation {
             let want = "0 beside a tool that changes labels or cuts: checkpoints do not have that";
             return Err(SimError::value(&self.scene.name, "output.checkpoint_steps", steps, want));
         }
+        let mut splits = 0;
         for (_, edit) in &asked {
             if let Edit::Cut { blade, level: Some(level), .. } = edit {
-                self.make_fine(&Proximity::of_blade(*level, *blade))?;
+                splits += self.make_fine(&Proximity::of_blade(*level, *blade))?;
             }
         }
         let most = self.scene.mesh.max_vertices;
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
-            return Ok(Vec::new());
+            return Ok((Vec::new(), splits));
         };
         let (mut before, mut all) = (None, Vec::new());
         for (tool, edit) in asked {
@@ -103,13 +104,13 @@ impl Simulation {
             refiner.grow(state);
             all.push(edited);
         }
-        let Some(before) = before else { return Ok(all) };
+        let Some(before) = before else { return Ok((all, splits)) };
         let elements = Elements { body: &state.body, density: &|tet| state.density(tet) };
         inverse.flush(&elements)?;
         inverse.watch(self.scene.seed, &elements)?;
         self.ledger.edited(state.energy_j() - before);
         self.follow_edits()?;
-        Ok(all)
+        Ok((all, splits))
     }
 
     /// Has all that depends on labels and on the surface follow them.

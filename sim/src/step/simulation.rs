@@ -18,14 +18,14 @@ use super::proximity::Proximity;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
-use crate::body::{BodyState, Start};
+use crate::body::{BodyState, Start, pieces};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{
     Failure, Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary,
     ToolReport, milliseconds,
 };
-use crate::scene::Scene;
+use crate::scene::{Scene, ToolEntry};
 use crate::tools::{Pose, Tool, path_of};
 
 /// A body, its tools and the stages that move it.
@@ -140,14 +140,15 @@ impl Simulation {
             let failure = Failure::new(&outcome.report, &missed, reached_s, &self.scene, axes);
             outcome.report.failure = Some(failure);
         }
-        let changed = self.edit(span)?;
+        let (edited, splits) = self.edit(span)?;
+        outcome.report.splits += splits;
         let state = &self.body.state;
         (outcome.report.vertices, outcome.report.tets) = (state.vertex_count(), state.tet_count());
         if self.is_written(step) {
             self.renew_surfaces()?;
         }
         self.recorder.statistics.add(&outcome, &self.body.state, milliseconds(begin));
-        self.recorder.statistics.edit(&changed);
+        self.recorder.statistics.edit(&edited);
         Ok(outcome.report)
     }
 
@@ -160,15 +161,15 @@ impl Simulation {
     fn begin_fine(&mut self) -> Result<(), SimError> {
         let rule = self.body.refiner.as_ref().and_then(Refiner::near_probe);
         match Proximity::of(rule, &self.tools, self.solver.reached_s()) {
-            Some(near) => self.make_fine(&near),
+            Some(near) => self.make_fine(&near).map(|_| ()),
             None => Ok(()),
         }
     }
 
-    /// Refines the mesh as finely as `near` wants, whatever it takes.
-    pub(super) fn make_fine(&mut self, near: &Proximity) -> Result<(), SimError> {
+    /// Refines the mesh as finely as `near` wants, whatever it takes; returns how many vertices came in.
+    pub(super) fn make_fine(&mut self, near: &Proximity) -> Result<usize, SimError> {
         let Self { body, tools, contact, solver, ledger, .. } = self;
-        let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else { return Ok(()) };
+        let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else { return Ok(0) };
         let step = self.recorder.statistics.steps();
         ledger.look(solver, state, tools);
         let (turns, done) = (solver.turns(), Remeshed::default());
@@ -179,7 +180,7 @@ impl Simulation {
             ledger.remeshed(&remeshed, solver, state, contact, tools);
             self.follow()?;
         }
-        Ok(())
+        Ok(remeshed.splits)
     }
 
     /// The estimates of a step, and what the mesh wants, then its splits and merges, no splits after a `deadline`.
@@ -365,6 +366,10 @@ impl Simulation {
         let SimulatedBody { state, inverse, refiner } = &self.body;
         let forest = refiner.as_ref().map(|refiner| &refiner.content.forest);
         let mut summary = self.recorder.summary(&self.scene, state, forest, inverse)?;
+        if self.scene.tools.iter().any(ToolEntry::cuts) {
+            let pieces = pieces(state).into_iter();
+            summary.pieces_cm3 = pieces.map(|piece| 1e6 * piece.volume_m3).collect();
+        }
         summary.motion = self.momentum();
         summary.energy = (!self.solver.is_dynamic()).then(|| self.ledger.summary(state));
         Ok(summary)

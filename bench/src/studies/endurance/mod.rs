@@ -15,7 +15,7 @@ use yawara::Simulation;
 use yawara::report::EnergySummary;
 use yawara::scene::Scene;
 
-use self::scenes::{KINDS, Liver};
+use self::scenes::{Extras, KINDS, Liver};
 use self::tally::{Memory, Tally};
 use crate::error::{BenchError, Result};
 use crate::harness::arguments::in_range;
@@ -55,6 +55,9 @@ pub struct Arguments {
     /// Gives each label of each scene a law by chance: linear, prony, plastic or creep.
     #[arg(long)]
     pub laws: bool,
+    /// Has a blade cut the body in every step, anywhere.
+    #[arg(long, conflicts_with = "laws")]
+    pub cuts: bool,
 }
 
 /// A step that found no equilibrium, or a scene that ended.
@@ -74,7 +77,7 @@ struct Unsolved {
 /// # Errors
 /// `BenchError::OutOfRange`; those of the folder. What a scene refuses is listed beside the steps.
 pub fn run(arguments: &Arguments) -> Result<String> {
-    let Arguments { common, steps, seed, laws } = arguments;
+    let Arguments { common, steps, seed, laws, cuts } = arguments;
     let (all, each) = match common.quick {
         true => (QUICK_STEPS, QUICK_SCENE_STEPS),
         false => (STEPS, SCENE_STEPS),
@@ -82,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     let all = steps.unwrap_or(all);
     in_range("--steps", all, (1, MOST_STEPS))?;
     let folder = common.folder()?;
-    let liver = Liver::new(*laws)?;
+    let liver = Liver::new(Extras { laws: *laws, cuts: *cuts })?;
     let mut progress = Progress::new(all as f64);
     let mut tallies: Vec<((&str, String), Tally)> = Vec::new();
     let (mut total, mut memory) = (Tally::with_capacity(all), Memory::new(all));
@@ -138,7 +141,8 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     let machine = Machine::here();
     let text = text(&machine, &rows, &unsolved, &memory);
     let summary = Summary { table: Some(lines(&rows)), ..Summary::new(text) };
-    let summary = summary.with("study", "endurance").with("seed", seed).with("laws", laws);
+    let summary =
+        summary.with("study", "endurance").with("seed", seed).with("laws", laws).with("cuts", cuts);
     let summary = summary.with("scene_steps", each);
     report::write(
         &folder,
@@ -189,7 +193,8 @@ mod tests {
     /// tangent its twelfth step uses up all iterations.
     #[test]
     fn balls_in_matter_softer_than_their_force_is_curved() {
-        let (kind, mut scene) = Liver::new(false).unwrap().scene(214, SCENE_STEPS, 215);
+        let (kind, mut scene) =
+            Liver::new(Extras { laws: false, cuts: false }).unwrap().scene(214, SCENE_STEPS, 215);
         assert_eq!((kind, scene.stages.element.as_str()), ("probe", "p1p1"));
         scene.time.steps = 18;
         one(&scene, |simulation, report, _| {

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_PI_3;
 
 use nalgebra::Vector3;
 use yawara::scene::{
-    GrabEntry, GrabHold, Key, LawEntry, ProbeEntry, PronyEntry, Region, RelaxingPart, Scene,
-    ToolEntry,
+    GrabEntry, GrabHold, Key, LawEntry, ProbeEntry, PronyEntry, Region, RelaxingPart, ScalpelEntry,
+    Scene, ToolEntry,
 };
 use yawara::{Simulation, scene_file};
 use yawara_embed::FORMULATIONS;
@@ -42,6 +42,10 @@ const BALL_M: f64 = 0.015;
 const DEEPEST_M: f64 = 0.008;
 const CLEAR_M: f64 = 0.006;
 
+/// Length of a blade's edge, m, and what a cut takes, J/m²: of the order of that of liver.
+const BLADE_M: f64 = 0.03;
+const TOUGHNESS_J_M2: f64 = 100.0;
+
 /// Distance from the liver's middle at which a ball goes from place to place, m: it passes by a chord of a
 /// sixth of the circle at most, 0.19 m off.
 const AROUND_M: f64 = 0.22;
@@ -53,16 +57,24 @@ pub(super) struct Liver {
     outline: Vec<Vector3<f64>>,
     low: Vector3<f64>,
     high: Vector3<f64>,
+    extras: Extras,
+}
+
+/// What scenes have besides tools that move the body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extras {
     /// Whether labels get laws by chance.
-    laws: bool,
+    pub laws: bool,
+    /// Whether a blade cuts all the time.
+    pub cuts: bool,
 }
 
 impl Liver {
-    /// Whose labels get `laws` by chance, if that is asked for.
+    /// With what its scenes have besides.
     ///
     /// # Errors
     /// Those of the scene `liver`.
-    pub fn new(laws: bool) -> Result<Self> {
+    pub fn new(extras: Extras) -> Result<Self> {
         let keys = LIVER.map(str::to_owned);
         let (scene, _) = scene_file::load("liver", &keys)?;
         let labels = "output.surfaces=[{label=1}, {label=2}, {label=3}, {label=4}]".to_owned();
@@ -72,7 +84,7 @@ impl Liver {
         let outline: Vec<Vector3<f64>> = points.map(|x| x * 1e-3).collect();
         let low = outline.iter().fold(Vector3::repeat(f64::MAX), |low, x| low.inf(x));
         let high = outline.iter().fold(Vector3::repeat(f64::MIN), |high, x| high.sup(x));
-        Ok(Self { scene, outline, low, high, laws })
+        Ok(Self { scene, outline, low, high, extras })
     }
 
     fn middle(&self) -> Vector3<f64> {
@@ -128,11 +140,41 @@ impl Liver {
         for _ in 0..balls {
             scene.tools.push(ToolEntry::Probe(self.probe(clock, &mut random)));
         }
-        if self.laws {
+        if self.extras.cuts {
+            scene.tools.push(ToolEntry::Scalpel(self.blade(clock, &mut random)));
+        }
+        if self.extras.laws {
             let labels = scene.materials.iter_mut();
             labels.for_each(|one| one.law = Some(law(one.young_modulus_pa, &mut random)));
         }
         (kind, scene)
+    }
+
+    /// A blade that goes from place to place, each way a cut of its own in every step.
+    fn blade(&self, clock: Clock, random: &mut SplitMix64) -> ScalpelEntry {
+        let place = |random: &mut SplitMix64| {
+            let part = [0, 1, 2].map(|_| random.between(0.0, 1.0));
+            self.low + (self.high - self.low).component_mul(&Vector3::from(part))
+        };
+        let start = place(random);
+        let mut path = vec![clock.key(0, Vector3::zeros(), 0.0)];
+        let mut step = 0;
+        while step < clock.steps {
+            step += 2 + random.below(6);
+            path.push(clock.key(step, place(random) - start, 0.0));
+        }
+        ScalpelEntry {
+            centre: None,
+            centre_mm: Some((start * 1e3).into()),
+            centre_voxel: None,
+            edge_m: (BLADE_M * random.direction()).into(),
+            level: None,
+            toughness_j_m2: Some(TOUGHNESS_J_M2),
+            path,
+            path_csv: None,
+            begin_s: None,
+            release_s: None,
+        }
     }
 
     /// A grab that walks about where no other has its material, with a turn.
