@@ -202,7 +202,12 @@ impl Tool for Eraser {
     }
 
     fn edit(&self, _: f64, _: f64) -> Option<Edit> {
-        Some(Edit { sweep: [Vector3::zeros(); 2], radius_m: 1.0, labels: vec![2], becomes: 0 })
+        Some(Edit::Labels {
+            sweep: [Vector3::zeros(); 2],
+            radius_m: 1.0,
+            labels: vec![2],
+            becomes: 0,
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Vector3};
+use yawara_corot::rotation::polar_cold;
 use yawara_corot::{Element, ElementPoint, Grip, WeightedPoint};
 use yawara_mesh::geometry::FACES;
 use yawara_mesh::{
@@ -19,11 +20,17 @@ use crate::tools::Blade;
 /// How far outside of a triangle a point counts as in it, in barycentric coordinates.
 const ROUNDING: f64 = 1e-9;
 
+/// How far off a triangle's plane a point counts as in it, relative to the triangle's size.
+const ON_PLANE: f64 = 1e-7;
+
 /// How far towards the middle of a finest tetrahedron a point of its face is taken to be in it.
 const INSIDE: f64 = 1e-3;
 
 /// The stiffness of the springs that hold a piece which nothing supports, relative to that of the piece: E V^⅓.
-const PARKED: f64 = 0.05;
+const PARKED: f64 = 1e-3;
+
+/// How far such a piece sinks at most under its weight, relative to V^⅓.
+const SINKS: f64 = 0.05;
 
 /// The points of a quadrature of four that is exact for squares are at this weight of one corner.
 const NEAR: f64 = 0.585_410_196_624_968_5;
@@ -174,7 +181,7 @@ impl Content {
     }
 
     /// Has the body and the inverse follow what a cut or its closing has made of the forest. Returns how many pieces
-    /// that nothing supports any more are held by springs from now on.
+    /// that nothing supports any more are held by springs from now on; in a body with inertia they fly.
     ///
     /// # Errors
     /// [`SimError::Embed`] for a homogenisation of the whole body or a matrix that is not finite.
@@ -183,6 +190,7 @@ impl Content {
         delta: &CutDelta,
         state: &mut BodyState,
         inverse: &mut InverseLink,
+        gravity_m_s2: f64,
     ) -> Result<usize, SimError> {
         self.embedding.adopt(self.forest.tree().clone(), &delta.parts)?;
         let is_cut = delta.change == Change::Split;
@@ -195,7 +203,7 @@ impl Content {
             let twins: HashMap<usize, usize> =
                 delta.doubled.iter().map(|d| (d.vertex.index(), d.twin.index())).collect();
             let before = |v: usize| VertexId(twins.get(&v).copied().unwrap_or(v) as u32);
-            for springs in park(state) {
+            for springs in park(state, gravity_m_s2) {
                 parked += 1;
                 for (corners, matrix) in springs {
                     inverse.add_springs(corners.map(before), &matrix)?;
@@ -286,12 +294,12 @@ fn unite(state: &mut BodyState, Doubled { vertex, twin, .. }: &Doubled) {
 type Springs = Vec<([usize; 4], Matrix4<f64>)>;
 
 /// Holds each piece that nothing else does by weak springs where it is; their matrices, by piece.
-fn park(state: &mut BodyState) -> Vec<Springs> {
+fn park(state: &mut BodyState, gravity_m_s2: f64) -> Vec<Springs> {
     let mut all = Vec::new();
     for piece in pieces(state).into_iter().filter(|piece| !piece.is_supported) {
         let elements: Vec<Element> =
             piece.tets.iter().filter_map(|&tet| state.element(tet)).copied().collect();
-        let (mut volume, mut stiffness) = (0.0, 0.0);
+        let (mut volume, mut stiffness, mut mass) = (0.0, 0.0, 0.0);
         let (mut points, mut arms) = (Vec::new(), Matrix3::zeros());
         let centre = |at: &[Vector3<f64>]| {
             let middles =
@@ -302,6 +310,7 @@ fn park(state: &mut BodyState) -> Vec<Springs> {
         for element in &elements {
             let share = element.geometry.volume * state.fraction(element.tet);
             volume += share;
+            mass += element.geometry.volume * state.density(element.tet);
             // Three shear moduli are E within a tenth.
             stiffness += element.geometry.volume * 3.0 * element.elasticity[(3, 3)];
             let far = (1.0 - NEAR) / 3.0;
@@ -314,11 +323,13 @@ fn park(state: &mut BodyState) -> Vec<Springs> {
                     share * (point.position(&state.positions) - now) * (place - rest).transpose();
             }
         }
-        let kappa = PARKED * (stiffness / volume) * volume.powf(-2.0 / 3.0);
+        let size = f64::cbrt(volume);
+        let whole = PARKED * stiffness / volume * size;
+        let kappa = whole.max(mass * gravity_m_s2 / (SINKS * size)) / volume;
         let Some(mut grip) = Grip::new(points, Some(kappa), elements.iter(), &state.rest) else {
             continue;
         };
-        let turn = Rotation3::from_matrix(&arms);
+        let turn = Rotation3::from_matrix_unchecked(polar_cold(&arms));
         grip.set_pose(Isometry3::from_parts((now - turn * rest).into(), turn.into()));
         let of = |e: &Element| Some((e.vertices, grip.matrix(e.tet)?));
         all.push(elements.iter().filter_map(of).collect());
@@ -363,18 +374,20 @@ impl Blade {
     }
 }
 
-/// Whether a segment meets a triangle (Möller and Trumbore 1997); one that lies in its plane does not.
+/// Whether a segment passes through a triangle (Möller and Trumbore 1997).
+///
+/// Points in the triangle's plane are on one side of it, by much more than rounding: middles of a lattice often are in
+/// a blade's plane, and one that were on both sides would be cut off from all around it.
 fn crosses([a, b, c]: [Vector3<f64>; 3], from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
     let (u, v, along) = (b - a, c - a, to - from);
-    let cross = along.cross(&v);
-    let determinant = u.dot(&cross);
-    if determinant == 0.0 {
+    let normal = u.cross(&v);
+    let level = ON_PLANE * normal.norm() * (u.norm() + v.norm());
+    let [first, second] = [from, to].map(|x| normal.dot(&(x - a)));
+    if (first > level) == (second > level) {
         return false;
     }
-    let (offset, inverse) = (from - a, 1.0 / determinant);
-    let side = offset.cross(&u);
-    let weights = [offset.dot(&cross), along.dot(&side), v.dot(&side)].map(|w| w * inverse);
-    let inside = -ROUNDING..=1.0 + ROUNDING;
-    weights.iter().all(|weight| inside.contains(weight))
-        && weights[0] + weights[1] <= 1.0 + ROUNDING
+    let at = from + along * (first / (first - second)).clamp(0.0, 1.0) - a;
+    let scale = normal.norm_squared().recip();
+    let weights = [at.cross(&v).dot(&normal) * scale, u.cross(&at).dot(&normal) * scale];
+    weights.iter().all(|weight| *weight >= -ROUNDING) && weights[0] + weights[1] <= 1.0 + ROUNDING
 }

@@ -52,6 +52,7 @@ impl Simulation {
             }
         }
         let most = self.scene.mesh.max_vertices;
+        let gravity = Vector3::from(self.scene.gravity_m_s2).norm();
         let SimulatedBody { state, inverse, refiner } = &mut self.body;
         let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
             return Ok((Vec::new(), splits));
@@ -86,7 +87,7 @@ impl Simulation {
                         continue;
                     }
                     before.get_or_insert_with(|| state.energy_j());
-                    edited.parked = content.follow_cut(&delta, state, inverse)?;
+                    edited.parked = content.follow_cut(&delta, state, inverse, gravity)?;
                     (edited.cut_m2, edited.work_j) = (area_m2, toughness_j_m2 * area_m2);
                     edited.doubled = delta.doubled.len();
                 }
@@ -97,7 +98,7 @@ impl Simulation {
                     }
                     before.get_or_insert_with(|| state.energy_j());
                     let delta = content.forest.close(&faces)?;
-                    content.follow_cut(&delta, state, inverse)?;
+                    content.follow_cut(&delta, state, inverse, gravity)?;
                     edited.closed = delta.doubled.len();
                 }
             }
