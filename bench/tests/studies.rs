@@ -401,7 +401,8 @@ fn endurance_counts_every_step_and_follows_from_its_seed() {
     let (root, common) = scratch();
     let run = |name: &str, seed| {
         let common = Common { out: root.path().join(name), ..common.clone() };
-        let arguments = endurance::Arguments { common, steps: Some(50), seed, laws: seed == 3 };
+        let (laws, cuts) = (seed == 3, seed == 4);
+        let arguments = endurance::Arguments { common, steps: Some(50), seed, laws, cuts };
         let printed = endurance::run(&arguments).unwrap();
         files(&root.path().join(name), "endurance", &printed)
     };
@@ -429,7 +430,8 @@ fn endurance_counts_every_step_and_follows_from_its_seed() {
     assert_ne!(one, other);
 
     let common = Common { out: root.path().join("none"), ..common };
-    let bad = endurance::Arguments { common, steps: Some(0), seed: 1, laws: false };
+    let (laws, cuts) = (false, false);
+    let bad = endurance::Arguments { common, steps: Some(0), seed: 1, laws, cuts };
     let error = endurance::run(&bad).unwrap_err();
     assert!(matches!(error, BenchError::OutOfRange { option: "--steps", .. }), "{error}");
     assert!(!root.path().join("none").exists());

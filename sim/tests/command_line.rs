@@ -50,7 +50,7 @@ fn scenes_are_listed_with_a_description() {
     let first: Vec<&str> = text.lines().map(|line| line.split_once(' ').unwrap().0).collect();
     let bodies = ["liver", "liver_ct", "beam", "twist"];
     let hard = ["drop", "stiff", "near_incompressible", "extreme", "homogeneous"];
-    let touched = ["indent", "probe", "palpate", "liver_resection", "incision"];
+    let touched = ["indent", "probe", "palpate", "liver_resection", "incision", "peel"];
     assert_eq!(first, [&bodies[..], &hard, &touched, &["abdomen_ct", "organs_ct"]].concat());
     assert!(text.lines().all(|line| line.len() > 20), "{text}");
 }

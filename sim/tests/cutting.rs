@@ -220,6 +220,21 @@ fn what_can_not_be_beside_a_cut_is_refused() {
     }
 }
 
+/// Two arms of a double cantilever, Kanninen 1973: what they store comes closer to it from below on finer meshes.
+#[test]
+fn a_slit_strip_is_peeled_as_beams_are() {
+    let (p, young, a, b, h): (f64, f64, f64, f64, f64) = (2e-3, 5e4, 0.0975, 5e-3, 0.02);
+    let bending = (a + 0.64 * h).powi(3) / (3.0 * young * b * h.powi(3) / 12.0);
+    let want = p * p * (bending + 1.2 * a / (0.5 * young * b * h));
+    let off = [0, 3].map(|level| {
+        let levels = ["start", "max"].map(|end| format!("mesh.{end}_level={level}"));
+        let peeled = run(&scene_file::load("peel", &levels).unwrap().0);
+        assert!((peeled.summary().unwrap().tools[0].cut_cm2 - 5.0).abs() < 1e-9);
+        1.0 - peeled.summary().unwrap().energy.unwrap().stored_j / want
+    });
+    assert!(off[0] > 0.3 && off[1] > 0.0 && off[1] < 0.6 * off[0], "{off:?} of {want:e} J");
+}
+
 /// Same scene, same bytes: two runs of the scene that is shown.
 #[test]
 fn an_incision_is_the_same_twice() {

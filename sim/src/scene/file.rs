@@ -14,7 +14,7 @@ use super::schema;
 use crate::SimError;
 use crate::scene::Scene;
 
-const BUILT_IN: [(&str, &str); 16] = [
+const BUILT_IN: [(&str, &str); 17] = [
     ("liver", include_str!("../../scenes/liver.toml")),
     ("liver_ct", include_str!("../../scenes/liver_ct.toml")),
     ("beam", include_str!("../../scenes/beam.toml")),
@@ -29,6 +29,7 @@ const BUILT_IN: [(&str, &str); 16] = [
     ("palpate", include_str!("../../scenes/palpate.toml")),
     ("liver_resection", include_str!("../../scenes/liver_resection.toml")),
     ("incision", include_str!("../../scenes/incision.toml")),
+    ("peel", include_str!("../../scenes/peel.toml")),
     ("abdomen_ct", include_str!("../../scenes/abdomen_ct.toml")),
     ("organs_ct", include_str!("../../scenes/organs_ct.toml")),
 ];

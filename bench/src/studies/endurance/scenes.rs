@@ -331,7 +331,8 @@ mod tests {
     #[test]
     fn a_scene_follows_from_its_seed_and_reads_back() {
         let root = tempfile::tempdir().unwrap();
-        let livers = [false, true].map(|laws| Liver::new(laws).unwrap());
+        let extras = [(false, false), (true, false), (false, true)];
+        let livers = extras.map(|(laws, cuts)| Liver::new(Extras { laws, cuts }).unwrap());
         for (liver, number) in
             livers.iter().flat_map(|one| (0..2 * KINDS.len()).map(move |n| (one, n)))
         {
@@ -348,7 +349,7 @@ mod tests {
 
     #[test]
     fn balls_start_out_of_touch_and_grabs_apart() {
-        let liver = Liver::new(false).unwrap();
+        let liver = Liver::new(Extras { laws: false, cuts: false }).unwrap();
         let far = liver.outline.iter().map(|x| (x - liver.middle()).norm()).fold(0.0, f64::max);
         // What is passed in a straight line a sixth of a circle apart.
         assert!(far + BALL_M < AROUND_M * (0.5 * FRAC_PI_3).cos(), "{far} m");
