@@ -7,8 +7,9 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
-    Arguments, CaseArguments, Common, ablation, compare, drift, elements, endurance, estimates,
-    homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, touch, validate,
+    Arguments, CaseArguments, Common, ablation, compare, cut, drift, elements, endurance,
+    estimates, homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, touch,
+    validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -45,6 +46,8 @@ enum Study {
     /// Coarse bodies against the fine one that they stand for, by every homogenisation (quick: the
     /// cases of the mean and the homogeneous one at three levels and ν = 0.3).
     Homogenisation(Common),
+    /// What it takes to double a vertex, beside a split and a factor made anew (quick: one small size).
+    Cut(Common),
     /// Linear tetrahedra towards incompressibility, with and without a pressure (quick: meshes and
     /// references half as fine).
     Elements(Common),
@@ -118,6 +121,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Scaling(arguments) => scaling::run(arguments),
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
+        Study::Cut(arguments) => cut::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
         Study::Laws(arguments) => laws::run(arguments),
         Study::Meshes(arguments) => meshes::run(arguments),

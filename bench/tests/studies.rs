@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
-    Arguments, Common, drift, elements, endurance, estimates, homogenisation, meshes, robust,
+    Arguments, Common, cut, drift, elements, endurance, estimates, homogenisation, meshes, robust,
     scaling, table1, touch,
 };
 use yawara_bench::{BenchError, DIRECT};
@@ -223,6 +223,18 @@ fn drift_writes_nothing_for_bad_arguments() {
     let arguments = drift::Arguments { common, vertices: vec![], updates: Some(0), seed: 3 };
     let error = refused(root.path(), drift::run(&arguments));
     assert!(matches!(error, BenchError::OutOfRange { option: "--updates", .. }), "{error}");
+}
+
+#[test]
+fn cut_doubles_vertices_to_the_digits_of_a_new_factor() {
+    let (_root, common) = scratch();
+    let text = cut::run(&common).unwrap();
+    let value = files(&common.out, "cut", &text);
+    assert_eq!(rows(&value).len(), 2);
+    for row in rows(&value) {
+        assert!(row["double_ms"].as_f64().unwrap() > 0.0, "{row}");
+        assert!(row["error"].as_f64().unwrap() < 1e-9, "{row}");
+    }
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! Random splits and merges of an organ, as changes of its stiffness matrix.
 
+use faer::Mat;
+use nalgebra::Vector3;
 use yawara::inverse::{Assembly, SlotMap};
-use yawara_embed::{ElementFormulation, Embedding, P1};
+use yawara_embed::{ElementFormulation, Embedding, LinearTet, P1, RingStiffness};
 use yawara_inverse_update::{InverseMaintainer, RingChange, SparseStiffness};
 use yawara_mesh::kuhn::bisected_corner;
 use yawara_mesh::{BisectionForest, Change, Lattice, MeshDelta, Placement, Point, Tet, VertexId};
@@ -172,6 +174,38 @@ impl History {
         let split = self.split()?;
         let merge = self.merge_at(split.point)?;
         Ok([split, merge])
+    }
+
+    /// Doubles a random free vertex, the tetrahedra on one side of a random plane through it getting the twin, and
+    /// makes it one again. The mesh stays as it is.
+    pub(crate) fn double_and_join(&mut self) -> Result<[Update; 2]> {
+        loop {
+            let vertex = self.slots.vertices()[self.random.below(self.slots.len())];
+            let (point, normal) = (self.forest.point(vertex), self.random.direction());
+            let at = self.placement.position(point);
+            let star = self.forest.leaves().filter(|tet| tet.vertices.contains(&vertex));
+            let star: Vec<Tet> = star.collect();
+            let moved = star.iter().filter(|tet| {
+                let corners = tet.vertices.map(|v| self.placement.position(self.forest.point(v)));
+                (corners.iter().sum::<Vector3<f64>>() * 0.25 - at).dot(&normal) > 0.0
+            });
+            let moved: Vec<([VertexId; 4], Mat<f64>)> = moved
+                .map(|tet| {
+                    let corners =
+                        tet.vertices.map(|v| self.placement.position(self.forest.point(v)));
+                    let elasticity = self.embedding.elasticity(tet.node);
+                    (tet.vertices, P1.stiffness(&LinearTet::new(&corners), &elasticity))
+                })
+                .collect();
+            if moved.is_empty() || moved.len() == star.len() {
+                continue;
+            }
+            let ring = RingStiffness::doubled(3, vertex, &moved);
+            let ring = self.slots.ring_change(ring, Lattice::key(point));
+            let slot = self.slots.len();
+            let double = Update { kind: Change::Split, slot, point, ring };
+            return Ok([double.clone(), Update { kind: Change::Merge, ..double }]);
+        }
     }
 
     /// True if there is a vertex that [`merge`](Self::merge) can take out.

@@ -35,7 +35,7 @@ pub(crate) use organ_box::{OrganBox, Zone};
 #[cfg(feature = "view")]
 pub(crate) use outline::outline_inner;
 pub(crate) use outline::{cut, cut_for_the_eye, same_cells, solid, surface_level};
-pub(crate) use pieces::pieces;
+pub(crate) use pieces::{Piece, pieces};
 pub(crate) use places::Places;
 pub(crate) use start::{Origin, Start};
 pub(crate) use state::{Cell, Hold, SheetHold, Standing};

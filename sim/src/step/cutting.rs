@@ -12,7 +12,7 @@ use yawara_mesh::{
 };
 
 use super::content::Content;
-use crate::body::{BodyState, Hold, SheetHold, pieces};
+use crate::body::{BodyState, Hold, Piece, SheetHold, pieces};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
 use crate::tools::Blade;
@@ -180,7 +180,7 @@ impl Content {
         found
     }
 
-    /// Has the body and the inverse follow what a cut or its closing has made of the forest. Returns how many pieces
+    /// Has the body and the inverse follow what a `cut` or a closing has made of the forest. Returns how many pieces
     /// that nothing supports any more are held by springs from now on; in a body with inertia they fly.
     ///
     /// # Errors
@@ -188,6 +188,7 @@ impl Content {
     pub fn follow_cut(
         &mut self,
         delta: &CutDelta,
+        cut: &[Severed],
         state: &mut BodyState,
         inverse: &mut InverseLink,
         gravity_m_s2: f64,
@@ -203,7 +204,9 @@ impl Content {
             let twins: HashMap<usize, usize> =
                 delta.doubled.iter().map(|d| (d.vertex.index(), d.twin.index())).collect();
             let before = |v: usize| VertexId(twins.get(&v).copied().unwrap_or(v) as u32);
-            for springs in park(state, gravity_m_s2) {
+            let leaves: BTreeSet<TetId> = cut.iter().flat_map(|severed| severed.leaves).collect();
+            let is_near = |tet: TetId| leaves.contains(&self.forest.leaf_of(tet));
+            for springs in park(state, gravity_m_s2, &is_near) {
                 parked += 1;
                 for (corners, matrix) in springs {
                     inverse.add_springs(corners.map(before), &matrix)?;
@@ -293,10 +296,13 @@ fn unite(state: &mut BodyState, Doubled { vertex, twin, .. }: &Doubled) {
 /// The springs of each tetrahedron of a piece, by its corners.
 type Springs = Vec<([usize; 4], Matrix4<f64>)>;
 
-/// Holds each piece that nothing else does by weak springs where it is; their matrices, by piece.
-fn park(state: &mut BodyState, gravity_m_s2: f64) -> Vec<Springs> {
+/// Holds each piece near a cut that nothing else does by weak springs where it is; their matrices, by piece.
+fn park(state: &mut BodyState, gravity_m_s2: f64, is_near: &dyn Fn(TetId) -> bool) -> Vec<Springs> {
     let mut all = Vec::new();
-    for piece in pieces(state).into_iter().filter(|piece| !piece.is_supported) {
+    // What no cut came near is held as before: by what it is joined to in an edge, and by void.
+    let is_loose =
+        |piece: &Piece| !piece.is_supported && piece.tets.iter().any(|&tet| is_near(tet));
+    for piece in pieces(state).into_iter().filter(is_loose) {
         let elements: Vec<Element> =
             piece.tets.iter().filter_map(|&tet| state.element(tet)).copied().collect();
         let (mut volume, mut stiffness, mut mass) = (0.0, 0.0, 0.0);

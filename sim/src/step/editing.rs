@@ -87,7 +87,7 @@ impl Simulation {
                         continue;
                     }
                     before.get_or_insert_with(|| state.energy_j());
-                    edited.parked = content.follow_cut(&delta, state, inverse, gravity)?;
+                    edited.parked = content.follow_cut(&delta, &faces, state, inverse, gravity)?;
                     (edited.cut_m2, edited.work_j) = (area_m2, toughness_j_m2 * area_m2);
                     edited.doubled = delta.doubled.len();
                 }
@@ -98,7 +98,7 @@ impl Simulation {
                     }
                     before.get_or_insert_with(|| state.energy_j());
                     let delta = content.forest.close(&faces)?;
-                    content.follow_cut(&delta, state, inverse, gravity)?;
+                    content.follow_cut(&delta, &[], state, inverse, gravity)?;
                     edited.closed = delta.doubled.len();
                 }
             }
