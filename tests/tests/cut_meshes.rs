@@ -136,6 +136,11 @@ fn check_definition(forest: &BisectionForest) {
             assert_eq!(vertex(i) == vertex(j), group[&i] == group[&j], "{p:?}: {i} and {j}");
         }
     }
+    for tet in &sheets {
+        let held: BTreeSet<u16> = fine[&tet.id].iter().map(|fine| fine.label).collect();
+        let labels = forest.tree().labels(tet.node).as_slice().to_vec();
+        assert_eq!(labels, held.into_iter().collect::<Vec<_>>(), "{:?}", tet.id);
+    }
     assert_eq!(forest.vertices().count(), forest.vertex_count());
     assert_eq!(sheets.len(), forest.leaf_count());
     let used: BTreeSet<_> = sheets.iter().flat_map(|tet| tet.vertices).collect();

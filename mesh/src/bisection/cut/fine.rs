@@ -64,10 +64,14 @@ impl BisectionForest {
     ///
     /// Cost: O(finest tetrahedra) = 2^(finest level − its level).
     pub fn finest_in(&self, leaf: &Tet) -> Vec<FineTet> {
+        let torn = self.cuts.torn(self.leaf_of(leaf.id).0);
+        self.finest_of(leaf, torn.map_or(leaf.node, |torn| torn.whole))
+    }
+
+    /// The same of a leaf whose content as a whole is `whole`.
+    pub(super) fn finest_of(&self, leaf: &Tet, whole: NodeRef) -> Vec<FineTet> {
         let units = self.finest_units();
         let corners = leaf.vertices.map(|v| self.point(v).map(|c| c * units));
-        let torn = self.cuts.torn(self.leaf_of(leaf.id).0);
-        let whole = torn.map_or(leaf.node, |torn| torn.whole);
         let mut found = Vec::with_capacity(1 << (self.finest_level() - leaf.level));
         self.descend(&corners, leaf.level, whole, &mut found);
         found

@@ -272,7 +272,7 @@ impl BisectionForest {
         delta: &mut CutDelta,
     ) -> Result<Vec<NodeRef>, BisectionError> {
         let tet = self.tet(TetId(leaf));
-        let fine = self.finest_in(&tet);
+        let fine = self.finest_of(&tet, whole);
         let units = self.finest_units();
         let corners = tet.vertices.map(|v| self.point(v).map(|c| c * units));
         let tree = Arc::make_mut(&mut self.tree);
