@@ -12,6 +12,7 @@ use yawara_mesh::{
 };
 
 use super::content::Content;
+use super::proximity::distance;
 use crate::body::{BodyState, Hold, Piece, SheetHold, pieces};
 use crate::error::SimError;
 use crate::inverse::InverseLink;
@@ -138,7 +139,7 @@ impl Content {
                     continue;
                 };
                 let middle = now.iter().sum::<Vector3<f64>>() * 0.25;
-                if super::editing::distance(&middle, &sweep[0], &sweep[1]) <= radius_m {
+                if distance(&middle, &sweep[0], &sweep[1]) <= radius_m {
                     found.extend(faces);
                 }
             }

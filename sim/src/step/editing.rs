@@ -11,7 +11,7 @@ use yawara_mesh::{FineFace, Tet, VertexId};
 use super::contact::ContactState;
 use super::content::Content;
 use super::cutting::Crossed;
-use super::proximity::Proximity;
+use super::proximity::{Proximity, distance};
 use super::simulation::{SimulatedBody, Simulation};
 use super::span::Span;
 use crate::body::BodyState;
@@ -310,12 +310,4 @@ fn each_voxel(
             }
         }
     }
-}
-
-/// How far a point is from a segment, m.
-pub(super) fn distance(x: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
-    let along = to - from;
-    let length2 = along.norm_squared();
-    let part = if length2 > 0.0 { (x - from).dot(&along) / length2 } else { 0.0 };
-    (x - from - along * part.clamp(0.0, 1.0)).norm()
 }

@@ -54,6 +54,14 @@ fn touches(ball: &Sphere, low: &Vector3<f64>, high: &Vector3<f64>) -> bool {
     (nearest - ball.centre).norm_squared() <= ball.radius * ball.radius
 }
 
+/// How far a point is from a segment, m.
+pub(super) fn distance(x: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+    let along = to - from;
+    let length2 = along.norm_squared();
+    let part = if length2 > 0.0 { (x - from).dot(&along) / length2 } else { 0.0 };
+    (x - from - along * part.clamp(0.0, 1.0)).norm()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

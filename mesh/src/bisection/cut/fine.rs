@@ -1,11 +1,7 @@
-//! The finest tetrahedra inside a leaf, and the faces between them.
+//! Finest tetrahedra, the faces between them, and which of them a point is in.
 
-use crate::bisection::delta::Tet;
-use crate::bisection::forest::BisectionForest;
 use crate::bisection::geometry::FACES;
-use crate::bisection::kuhn::{Point, bisect, bisected_corner, midpoint};
-use crate::bisection::label_tree::NodeRef;
-use crate::bisection::lattice::Lattice;
+use crate::bisection::kuhn::{Point, bisect, bisected_corner};
 
 /// A face of a finest tetrahedron, known by the sum of its corners on the lattice of the finest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -14,7 +10,7 @@ pub struct FineFace(Point);
 /// A finest tetrahedron: that of a voxel's size, or of the forest's finest level if that is smaller.
 #[derive(Clone, Copy, Debug)]
 pub struct FineTet {
-    /// Its corners, on the lattice of the [finest level](BisectionForest::finest_level).
+    /// Its corners, on the lattice of the [finest level](crate::BisectionForest::finest_level).
     pub corners: [Point; 4],
     /// Its faces; face i is opposite corner i.
     pub faces: [FineFace; 4],
@@ -23,13 +19,19 @@ pub struct FineTet {
 }
 
 impl FineTet {
+    /// Of these corners and label.
+    pub(super) fn new(corners: &[Point; 4], label: u16) -> Self {
+        let faces = FACES.map(|face| FineFace(sum(face.map(|i| corners[i]))));
+        Self { corners: *corners, faces, label }
+    }
+
     /// Whether it holds anything but void.
     pub fn is_solid(&self) -> bool {
         self.label != 0
     }
 }
 
-/// The finest tetrahedron in which a point lies, by the order of [`finest_in`](BisectionForest::finest_in), of a leaf of
+/// The finest tetrahedron in which a point lies, by the order of [`finest_in`](crate::BisectionForest::finest_in), of a leaf of
 /// `level` where the point has the barycentric coordinates `weights`; for one outside of it the nearest in this sense.
 pub fn finest_at(mut weights: [f64; 4], level: u8, finest_level: u8) -> usize {
     let mut number = 0;
@@ -47,53 +49,10 @@ fn sum(points: [Point; 3]) -> Point {
     std::array::from_fn(|axis| points.iter().map(|p| p[axis]).sum())
 }
 
-impl BisectionForest {
-    /// The level of the finest tetrahedra, between which cuts go: that of voxels, or of the finest leaves if these are
-    /// smaller.
-    pub fn finest_level(&self) -> u8 {
-        self.max_level.max(self.tree.grid().embed_level())
-    }
-
-    /// Lattice units of the finest level in a lattice unit of the forest.
-    pub fn finest_units(&self) -> i32 {
-        let lattice = self.domain.lattice();
-        Lattice::new(lattice.cells, self.finest_level()).units / lattice.units
-    }
-
-    /// The finest tetrahedra in a leaf, given as any of its sheets, in all of them together, in the order of bisection.
-    ///
-    /// Cost: O(finest tetrahedra) = 2^(finest level − its level).
-    pub fn finest_in(&self, leaf: &Tet) -> Vec<FineTet> {
-        let torn = self.cuts.torn(self.leaf_of(leaf.id).0);
-        self.finest_of(leaf, torn.map_or(leaf.node, |torn| torn.whole))
-    }
-
-    /// The same of a leaf whose content as a whole is `whole`.
-    pub(super) fn finest_of(&self, leaf: &Tet, whole: NodeRef) -> Vec<FineTet> {
-        let units = self.finest_units();
-        let corners = leaf.vertices.map(|v| self.point(v).map(|c| c * units));
-        let mut found = Vec::with_capacity(1 << (self.finest_level() - leaf.level));
-        self.descend(&corners, leaf.level, whole, &mut found);
-        found
-    }
-
-    fn descend(&self, corners: &[Point; 4], level: u8, node: NodeRef, found: &mut Vec<FineTet>) {
-        if level == self.finest_level() {
-            let faces = FACES.map(|face| FineFace(sum(face.map(|i| corners[i]))));
-            found.push(FineTet { corners: *corners, faces, label: self.tree.majority(node) });
-            return;
-        }
-        let halves = bisect(corners, level, midpoint(corners, level));
-        for (half, node) in halves.iter().zip(self.tree.children(node)) {
-            self.descend(half, level + 1, node, found);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bisection::kuhn::root_corners;
+    use crate::bisection::kuhn::{midpoint, root_corners};
 
     /// The middle of each finest tetrahedron is found in it, by weights in the whole.
     #[test]

@@ -9,11 +9,12 @@
 //! A tetrahedron with a severed face in it or on it stays as it is: nothing around it is split or merged until the cut
 //! is closed again. So a cut is refined for before it is made.
 //!
-//! Open `sever` first: the operation. `fine` are the finest tetrahedra and their faces, `parts` finds what hangs
+//! Open `sever` first: the operation. `fine` are the finest tetrahedra and their faces, `finest` finds those of a leaf, `parts` finds what hangs
 //! together in one tetrahedron, `stars` what does around a vertex, `record` is what the forest keeps.
 
 mod delta;
 mod fine;
+mod finest;
 mod parts;
 mod record;
 mod sever;
