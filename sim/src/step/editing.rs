@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use yawara_corot::Element;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{FineFace, Tet, VertexId};
+use yawara_mesh::{Tet, VertexId};
 
 use super::contact::ContactState;
 use super::content::Content;
@@ -77,11 +77,11 @@ impl Simulation {
                     if faces.is_empty() {
                         continue;
                     }
+                    // Closing would not do: what was cut before might get other numbers and contents.
+                    let uncut = content.forest.clone();
                     let delta = content.forest.sever(&faces)?;
                     if content.forest.vertex_count() > most {
-                        // As if it had not been: the faces that were not severed before are closed again.
-                        let faces: Vec<FineFace> = faces.iter().map(|one| one.face).collect();
-                        content.forest.close(&faces)?;
+                        content.forest = uncut;
                         edited.refused = faces.len();
                         all.push(edited);
                         continue;
