@@ -61,21 +61,45 @@ pub(crate) fn load_beside(
     beside: &[String],
 ) -> Result<(Scene, String), SimError> {
     let (text, name) = read(scene)?;
+    let scene = parse_beside(&text, &name, set, beside, false)?;
+    Ok((scene, name))
+}
+
+/// As [`load`], from the TOML text of a scene that messages call `name`. With `in_memory` its volume is given to the
+/// [builder](crate::SimulationBuilder::volume), and it must name no image.
+/// # Errors
+/// As [`load`].
+pub fn parse(
+    text: &str,
+    name: &str,
+    overrides: &[String],
+    in_memory: bool,
+) -> Result<Scene, SimError> {
+    parse_beside(text, name, overrides, &[], in_memory)
+}
+
+fn parse_beside(
+    text: &str,
+    name: &str,
+    set: &[String],
+    beside: &[String],
+    in_memory: bool,
+) -> Result<Scene, SimError> {
     let set = set.iter().map(|argument| Override::parse("--set", argument));
     let beside = beside.iter().map(|argument| Override::parse("--beside", argument));
     let overrides: Vec<Override> = set.chain(beside).collect::<Result<_, _>>()?;
-    let lines = DeTable::parse(&text).map_err(|error| syntax(&name, &text, &error))?;
-    let table = toml::from_str(&text).map_err(|error| syntax(&name, &text, &error))?;
+    let lines = DeTable::parse(text).map_err(|error| syntax(name, text, &error))?;
+    let table = toml::from_str(text).map_err(|error| syntax(name, text, &error))?;
     let mut value = Value::Table(table);
     for one in &overrides {
         one.apply(&mut value)?;
     }
-    let source = Source { name: &name, text: &text, lines: lines.get_ref(), overrides: &overrides };
-    library::fill_in(&mut value, &name, &overrides).map_err(|error| source.locate(error))?;
+    let source = Source { name, text, lines: lines.get_ref(), overrides: &overrides };
+    library::fill_in(&mut value, name, &overrides).map_err(|error| source.locate(error))?;
     schema::check(&value, &|path| source.place(path))?;
-    let scene = Scene::deserialize(value).map_err(|error| syntax(&name, "", &error))?;
-    scene.validate(&name).map_err(|error| source.locate(error))?;
-    Ok((scene, name))
+    let scene = Scene::deserialize(value).map_err(|error| syntax(name, "", &error))?;
+    scene.validate_for(name, in_memory).map_err(|error| source.locate(error))?;
+    Ok(scene)
 }
 
 fn read(scene: &str) -> Result<(String, String), SimError> {

@@ -177,18 +177,6 @@ impl Simulation {
         &self.scene
     }
 
-    /// The mesh that the body is refined on, if it is.
-    #[cfg(feature = "view")]
-    pub(crate) fn forest(&self) -> Option<&yawara_mesh::BisectionForest> {
-        self.body.refiner.as_ref().map(|refiner| &refiner.content.forest)
-    }
-
-    /// How solver axes lie in the scanner.
-    #[cfg(feature = "view")]
-    pub(crate) fn axes(&self) -> crate::body::ScannerAxes {
-        self.recorder.axes
-    }
-
     /// Takes the outlines of the body and of labels out of the simulation, whose frames have none from then on.
     #[cfg(feature = "view")]
     pub(crate) fn take_outlines(&mut self) -> (Option<BodyOutline>, Option<Surfaces>) {

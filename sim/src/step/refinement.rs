@@ -294,10 +294,7 @@ impl Refiner {
         let others = self.leaving.split_off(leave.min(self.leaving.len()));
         for v in std::mem::replace(&mut self.leaving, others) {
             // What was ranked in a step before may be needed now, or held.
-            let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
-            if !is_held && self.content.forest.merge_ring(v, &mut self.ring) {
-                self.merge(round, v)?;
-            }
+            self.merge_if_free(round, v)?;
         }
         self.split_waiting(round, most - round.done.merges)?;
         round.flush()?;
@@ -385,6 +382,33 @@ impl Refiner {
         }
         self.waiting.clear();
         round.flush()
+    }
+
+    /// Splits these tetrahedra, whatever is asked for.
+    pub fn split_now(&mut self, tets: &[TetId], round: &mut Round<'_>) -> Result<(), SimError> {
+        let others = take(&mut self.waiting);
+        for point in tets.iter().filter_map(|&tet| self.content.forest.refinement_point(tet)) {
+            self.waiting.push(point, 1.0)?;
+        }
+        self.split_waiting(round, usize::MAX)?;
+        self.waiting = others;
+        round.flush()
+    }
+
+    /// Takes out those of these vertices that can go.
+    pub fn merge_now(&mut self, vertices: &[VertexId], round: &mut Round<'_>) -> Result<(), SimError> {
+        for &v in vertices {
+            self.merge_if_free(round, v)?;
+        }
+        round.flush()
+    }
+
+    fn merge_if_free(&mut self, round: &mut Round<'_>, v: VertexId) -> Result<(), SimError> {
+        let is_held = matches!(round.state.holds[v.index()], Hold::Grabbed(_));
+        match !is_held && self.content.forest.merge_ring(v, &mut self.ring) {
+            true => self.merge(round, v),
+            false => Ok(()),
+        }
     }
 
     /// Splits as ranked, `most` at most; returns whether there was one.

@@ -4,8 +4,8 @@ use std::iter;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use yawara_mesh::TetId;
 use yawara_mesh::bisection::lattice::MAX_LEVEL;
+use yawara_mesh::{BisectionForest, TetId, VertexId};
 
 use super::beginning::Beginning;
 use super::contact::ContactState;
@@ -18,7 +18,7 @@ use super::proximity::Proximity;
 use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
-use crate::body::{BodyState, Start, pieces};
+use crate::body::{BodyState, ScannerAxes, Start, pieces};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{
@@ -73,6 +73,26 @@ impl Simulation {
     /// The body as it is now.
     pub fn body(&self) -> &BodyState {
         &self.body.state
+    }
+
+    /// The mesh that the body is refined on; none for a mesh from a file.
+    pub fn forest(&self) -> Option<&BisectionForest> {
+        self.body.refiner.as_ref().map(|refiner| &refiner.content.forest)
+    }
+
+    /// The inverse that is kept, of the body at rest.
+    pub fn inverse(&self) -> &InverseLink {
+        &self.body.inverse
+    }
+
+    /// Its tools: those of the scene, then those given to the builder, then those added since.
+    pub fn tools(&self) -> impl Iterator<Item = &dyn Tool> {
+        self.tools.iter().map(AsRef::as_ref)
+    }
+
+    /// How solver axes lie in the scanner.
+    pub fn axes(&self) -> ScannerAxes {
+        self.recorder.axes
     }
 
     /// Steps still to be made.
@@ -168,19 +188,67 @@ impl Simulation {
 
     /// Refines the mesh as finely as `near` wants, whatever it takes; returns how many vertices came in.
     pub(super) fn make_fine(&mut self, near: &Proximity) -> Result<usize, SimError> {
+        Ok(self.between_steps(|refiner, round| refiner.make_fine(near, round))?.splits)
+    }
+
+    /// Bisects these tetrahedra, numbered as in a [frame](Self::frame), between two steps, and before them those that
+    /// have to be for the mesh to fit together; returns how many vertices came in. What is as fine as
+    /// `mesh.max_level` allows stays, and `budget.max_vertices` holds.
+    ///
+    /// Cost: as of so many splits in a step, each O(1) in the mesh, and one batch of the inverse.
+    /// # Errors
+    /// [`SimError::Value`] for a number that no tetrahedron has; nothing has changed then.
+    /// [`SimError::Inverse`].
+    pub fn split(&mut self, tets: &[usize]) -> Result<usize, SimError> {
+        let elements = self.body.state.elements_by_number().into_iter();
+        let of_frame: Vec<TetId> = elements.map(|(_, element)| element.tet).collect();
+        let chosen = self.chosen("tetrahedra", tets, &of_frame)?;
+        Ok(self.between_steps(|refiner, round| refiner.split_now(&chosen, round))?.splits)
+    }
+
+    /// Takes these vertices, numbered as in a [frame](Self::frame), out of the mesh between two steps, where they are the
+    /// midpoint of an edge that is bisected and no younger vertex needs them; returns how many went. What tools hold stays.
+    ///
+    /// Cost: as [`split`](Self::split).
+    /// # Errors
+    /// As [`split`](Self::split).
+    pub fn merge(&mut self, vertices: &[usize]) -> Result<usize, SimError> {
+        let of_frame: Vec<VertexId> = self.body.state.vertices().collect();
+        let chosen = self.chosen("vertices", vertices, &of_frame)?;
+        Ok(self.between_steps(|refiner, round| refiner.merge_now(&chosen, round))?.merges)
+    }
+
+    /// Those of `all` that have these numbers.
+    fn chosen<T: Copy>(&self, key: &str, numbers: &[usize], all: &[T]) -> Result<Vec<T>, SimError> {
+        let of = |&number: &usize| {
+            let want = format!("below {}", all.len());
+            all.get(number)
+                .copied()
+                .ok_or_else(|| SimError::value(&self.scene.name, key, number, want))
+        };
+        numbers.iter().map(of).collect()
+    }
+
+    /// Changes the mesh otherwise than a step does.
+    fn between_steps(
+        &mut self,
+        change: impl FnOnce(&mut Refiner, &mut Round<'_>) -> Result<(), SimError>,
+    ) -> Result<Remeshed, SimError> {
         let Self { body, tools, contact, solver, ledger, .. } = self;
-        let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else { return Ok(0) };
+        let SimulatedBody { state, inverse, refiner: Some(refiner) } = body else {
+            return Ok(Remeshed::default());
+        };
         let step = self.recorder.statistics.steps();
         ledger.look(solver, state, tools);
         let (turns, done) = (solver.turns(), Remeshed::default());
         let mut round = Round { state, inverse, tools, step, deadline: None, turns, done };
-        refiner.make_fine(near, &mut round)?;
+        change(refiner, &mut round)?;
         let remeshed = round.done;
-        if remeshed.splits > 0 {
+        if remeshed.splits + remeshed.merges > 0 {
             ledger.remeshed(&remeshed, solver, state, contact, tools);
             self.follow()?;
         }
-        Ok(remeshed.splits)
+        Ok(remeshed)
     }
 
     /// The estimates of a step, and what the mesh wants, then its splits and merges, no splits after a `deadline`.

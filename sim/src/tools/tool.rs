@@ -113,7 +113,7 @@ pub struct Blade {
 /// # Ok(())
 /// # }
 /// ```
-pub trait Tool {
+pub trait Tool: Send {
     /// What reports call it.
     fn kind(&self) -> &'static str;
 
