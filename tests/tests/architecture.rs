@@ -1,5 +1,5 @@
-//! What the documents say of the sources: paths in ARCHITECTURE.md and all others, the pictures of
-//! modules.
+//! What the documents say of the sources and of each other: paths in ARCHITECTURE.md and all others,
+//! links, the pages of the book, the pictures of modules.
 
 use std::path::{Path, PathBuf};
 
@@ -54,6 +54,59 @@ fn every_path_in_the_documents_exists() {
     assert!(missing.is_empty(), "what is not there:\n{}", missing.join("\n"));
 }
 
+/// Where links outside of code go, but those to other sites.
+fn links(text: &str) -> Vec<&str> {
+    let prose = text.split("```").step_by(2).flat_map(|part| part.split("](").skip(1));
+    let targets = prose.filter_map(|rest| rest.split(')').next());
+    targets.filter(|target| !target.contains("://")).collect()
+}
+
+/// The anchor that GitHub and mdBook give a heading; the second of two alike would have another.
+fn anchor(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+    let letters = heading.trim_start_matches('#').trim().chars().filter(kept);
+    letters.collect::<String>().to_lowercase().replace(' ', "-")
+}
+
+#[test]
+fn every_link_in_the_documents_leads_somewhere() {
+    let (mut checked, mut dead) = (0, Vec::new());
+    for document in documents() {
+        let is_in_book = document.parent().is_some_and(|folder| folder.ends_with("docs"));
+        let text = std::fs::read_to_string(&document).unwrap();
+        for link in links(&text) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = match file {
+                "" => document.clone(),
+                file => document.with_file_name(file),
+            };
+            let leads = target.exists() && !(is_in_book && file.starts_with("../"));
+            let lines = std::fs::read_to_string(&target).unwrap_or_default();
+            let mut headings = lines.lines().filter(|line| line.starts_with('#'));
+            if !leads || !heading.is_empty() && !headings.any(|line| anchor(line) == heading) {
+                dead.push(format!("{} links {link}", document.display()));
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 100, "only {checked} links were found");
+    assert!(dead.is_empty(), "what leads nowhere, or out of the book:\n{}", dead.join("\n"));
+}
+
+#[test]
+fn every_page_is_in_the_book() {
+    let folder = root().join("docs");
+    let summary = std::fs::read_to_string(folder.join("SUMMARY.md")).unwrap();
+    let mut listed = links(&summary);
+    listed.sort_unstable();
+    let entries = std::fs::read_dir(folder).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut pages: Vec<String> =
+        names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md").collect();
+    pages.sort_unstable();
+    assert_eq!(listed, pages);
+}
+
 /// Traits are quoted with the file that they stand in as a comment before them.
 #[test]
 fn every_line_that_is_quoted_stands_in_its_file() {
@@ -88,4 +141,11 @@ fn the_pictures_are_current() {
 fn paths_are_told_from_other_code() {
     let text = "`a/b.rs` and `Stages::x`, `run -- --x a/b`, `m/` `http://x`, `f(x)/2`";
     assert_eq!(paths(text), ["a/b.rs", "m/"]);
+}
+
+#[test]
+fn links_are_told_from_code_and_headings_have_their_anchors() {
+    let text = "[a](b.md#c-d), ![e](f.png) [g](https://h)\n```\n[i](j)\n```\n[k](#l)";
+    assert_eq!(links(text), ["b.md#c-d", "f.png", "#l"]);
+    assert_eq!(anchor("## A hand, `x_y` (2 × 3)"), "a-hand-x_y-2--3");
 }

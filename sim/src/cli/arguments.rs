@@ -59,6 +59,10 @@ pub enum Command {
     Materials,
     /// Lists the graphics adapters (needs the feature `gpu`).
     Devices,
+    /// Prints what a shell may complete, as a script for it.
+    Completions(CompletionsArguments),
+    /// Prints the manual page, or writes a page for each command.
+    Man(ManArguments),
 }
 
 #[derive(Debug, Default, Args)]
@@ -295,6 +299,19 @@ pub struct SurfaceArguments {
     /// The file to write: .ply or .vtp, scanner RAS in mm.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct CompletionsArguments {
+    /// The shell.
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub struct ManArguments {
+    /// The folder for the pages of all commands [default: none, the first page is printed].
+    #[arg(value_name = "DIR")]
+    pub folder: Option<PathBuf>,
 }
 
 /// What was probably meant by words that are no command, or by options of `run` alone.

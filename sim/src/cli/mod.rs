@@ -4,6 +4,7 @@
 //! summaries for people, `printer` is standard output, `input` is what the commands on images share.
 
 mod arguments;
+mod completions;
 mod console;
 #[cfg(feature = "view")]
 mod export;
@@ -11,6 +12,7 @@ mod haptic;
 mod init;
 mod input;
 mod labels;
+mod man;
 mod mesh;
 mod preview;
 mod printer;
@@ -110,6 +112,8 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Scenes => scenes(&mut out)?,
         Command::Materials => out.print(&console::materials(library()))?,
         Command::Devices => devices(&mut out)?,
+        Command::Completions(arguments) => completions::run(&arguments, &mut out)?,
+        Command::Man(arguments) => man::run(&arguments, &mut out)?,
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,7 @@
 //! Scenes by name or from a TOML file, with overrides, refused with the line that is wrong.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -112,8 +113,15 @@ fn read(scene: &str) -> Result<(String, String), SimError> {
         let choices = BUILT_IN.map(|(name, _)| name).join(", ");
         return Err(SimError::UnknownScene { name: scene.into(), choices });
     }
-    let io = |source| SimError::Io(path.into(), source);
-    Ok((fs::read_to_string(path).map_err(io)?, scene.into()))
+    let refusal = |source: io::Error| match source.kind() {
+        io::ErrorKind::InvalidData => SimError::Syntax {
+            place: scene.into(),
+            reason: "no UTF-8 text, want a scene in TOML; of an image `yawara init` makes one"
+                .into(),
+        },
+        _ => SimError::Io(path.into(), source),
+    };
+    Ok((fs::read_to_string(path).map_err(refusal)?, scene.into()))
 }
 
 /// Where the parts of a scene come from.
