@@ -9,7 +9,7 @@ use yawara_corot::Body;
 use yawara_embed::{Embedding, formulation_by_name};
 use yawara_mesh::kuhn::Point;
 use yawara_mesh::{
-    BisectionForest, Change, Doubled, Lattice, MeshDelta, Placement, Tet, TetId, VertexId,
+    BisectionForest, Change, Doubled, Lattice, MeshDelta, Placement, Severed, Tet, TetId, VertexId,
 };
 
 use crate::cuts::{Cut, by_plane, parted};
@@ -74,9 +74,13 @@ impl ClampedBody {
     /// Severs what a plane parts, if `severs`, or else closes what it parts among what is severed, unless that leaves
     /// a piece that nothing holds; the inverse follows. Returns whether it was done.
     pub fn cut(&mut self, severs: bool, (normal, offset, ball): Cut) -> bool {
-        let faces = parted(&self.forest, by_plane(normal, offset, ball));
+        self.cut_faces(severs, &parted(&self.forest, by_plane(normal, offset, ball)))
+    }
+
+    /// The same of given faces.
+    pub fn cut_faces(&mut self, severs: bool, faces: &[Severed]) -> bool {
         let apply = |forest: &mut BisectionForest| match severs {
-            true => forest.sever(&faces).unwrap(),
+            true => forest.sever(faces).unwrap(),
             false => {
                 forest.close(&faces.iter().map(|severed| severed.face).collect::<Vec<_>>()).unwrap()
             }
