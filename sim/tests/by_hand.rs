@@ -9,7 +9,8 @@ fn beam(settings: &[&str]) -> Simulation {
 }
 
 /// Force in a step of the beam with no refinement of its own.
-const STILL: [&str; 3] = ["refinement.split_above=1e30", "mesh.max_level=6", "solver.residual=1e-9"];
+const STILL: [&str; 3] =
+    ["refinement.split_above=1e30", "mesh.max_level=6", "solver.residual=1e-9"];
 
 #[test]
 fn splits_by_hand_lead_to_the_mesh_that_starts_so() {

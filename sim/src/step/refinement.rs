@@ -396,7 +396,11 @@ impl Refiner {
     }
 
     /// Takes out those of these vertices that can go.
-    pub fn merge_now(&mut self, vertices: &[VertexId], round: &mut Round<'_>) -> Result<(), SimError> {
+    pub fn merge_now(
+        &mut self,
+        vertices: &[VertexId],
+        round: &mut Round<'_>,
+    ) -> Result<(), SimError> {
         for &v in vertices {
             self.merge_if_free(round, v)?;
         }
