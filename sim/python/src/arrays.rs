@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{
-    AllowTypeChange, Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLike1, PyArrayLike2,
-    PyUntypedArrayMethods,
+    AllowTypeChange, Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayLike1,
+    PyArrayLike2, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use yawara::ScannerAxes;

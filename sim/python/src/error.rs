@@ -6,7 +6,12 @@ use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use yawara::SimError;
 
-create_exception!(yawara, Error, PyValueError, "A scene, a value or a matrix that was refused, and why.");
+create_exception!(
+    yawara,
+    Error,
+    PyValueError,
+    "A scene, a value or a matrix that was refused, and why."
+);
 
 /// The exception of a simulation's error; that of a file is an `OSError`.
 pub fn of_simulation(error: SimError) -> PyErr {

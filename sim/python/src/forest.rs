@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use yawara_mesh::{
-    CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, TetId, VertexId,
-};
+use yawara_mesh::{CellGrid, Domain, LabelTree, Lattice, MeshDelta, Placement, TetId, VertexId};
 
 use crate::arrays::{rows, vector};
 use crate::error::refused;
@@ -34,7 +32,9 @@ impl BisectionForest {
         max_level: u8,
     ) -> PyResult<Self> {
         if !voxels_per_cell.is_power_of_two() {
-            return Err(refused(format!("voxels_per_cell is {voxels_per_cell}, want a power of 2")));
+            return Err(refused(format!(
+                "voxels_per_cell is {voxels_per_cell}, want a power of 2"
+            )));
         }
         let volume = label_volume(labels, affine)?;
         let grid = CellGrid::around(&volume, voxels_per_cell).map_err(refused)?;
@@ -99,7 +99,10 @@ impl BisectionForest {
     #[getter]
     fn is_mixed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         let tree = self.forest.tree();
-        vector(py, self.forest.leaves().map(|tet| tree.labels(tet.node).as_slice().len() > 1).collect())
+        vector(
+            py,
+            self.forest.leaves().map(|tet| tree.labels(tet.node).as_slice().len() > 1).collect(),
+        )
     }
 
     /// Bisects tetrahedra, and before them those that have to be for the mesh to fit together; returns how many vertices

@@ -141,9 +141,7 @@ impl Inverse {
         diagonal: &Bound<'_, PyAny>,
     ) -> PyResult<usize> {
         let (coupling, diagonal) = (to_mat(coupling)?, to_mat(diagonal)?);
-        self.with(py, |inverse| {
-            inverse.split(&RingChange::freed(blocks, coupling, diagonal, 0)?)
-        })
+        self.with(py, |inverse| inverse.split(&RingChange::freed(blocks, coupling, diagonal, 0)?))
     }
 
     /// Takes the rows and columns of a block out; returns the number of the block that now has its number, the last before, if

@@ -86,7 +86,8 @@ impl Simulation {
         if let Some(own) = law {
             stages.law = Some(Box::new(PyLaw::new(own, &raised)?));
         }
-        let own = tools.iter().map(|tool| PyTool::new(tool, &raised)).collect::<PyResult<Vec<_>>>()?;
+        let own =
+            tools.iter().map(|tool| PyTool::new(tool, &raised)).collect::<PyResult<Vec<_>>>()?;
         let (in_progress, in_build) = (raised.clone(), raised.clone());
         let built = py.detach(move || {
             let told = move |part: &'static str, done: f64| {
@@ -210,7 +211,10 @@ impl Simulation {
 
     /// Blocks of the stiffness matrix whose inverse is kept, (data, indices, indptr) of a block row matrix of SciPy.
     fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Blocks<'py>> {
-        blocks(py, &self.with(py, |simulation| simulation.inverse().maintainer().stiffness().clone())?)
+        blocks(
+            py,
+            &self.with(py, |simulation| simulation.inverse().maintainer().stiffness().clone())?,
+        )
     }
 
     /// The block row of each vertex, -1 of one that has none.
@@ -274,7 +278,9 @@ impl Simulation {
 
 fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {
     let read = match scene.cast::<PyString>() {
-        Ok(name) if !in_memory => scene_file::load(name.to_str()?, settings).map(|(scene, _)| scene),
+        Ok(name) if !in_memory => {
+            scene_file::load(name.to_str()?, settings).map(|(scene, _)| scene)
+        }
         Ok(name) => {
             let want = "a dictionary: the scene of labels in memory names no image";
             return Err(refused(format!("scene is {:?}, want {want}", name.to_str()?)));

@@ -55,7 +55,9 @@ impl PyHomogenisation {
                 let midpoint = to_rows("the midpoint of combine", &pair.get_item(1)?, 6)?;
                 if midpoint.len() != 18 {
                     let rows = midpoint.len() / 6;
-                    return Err(refused(format!("the midpoint of combine has {rows} rows, want 3")));
+                    return Err(refused(format!(
+                        "the midpoint of combine has {rows} rows, want 3"
+                    )));
                 }
                 (pair.get_item(0)?, SMatrix::from_row_slice(&midpoint))
             }
@@ -167,7 +169,8 @@ impl ConstitutiveLaw for PyLaw {
             let stress = match self.state_len {
                 0 => answer,
                 len => {
-                    let (stress, state) = answer.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>()?;
+                    let (stress, state) =
+                        answer.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>()?;
                     let state = crate::arrays::to_vec("the state of stress", &state, Some(len))?;
                     trial.copy_from_slice(&state);
                     stress
@@ -184,9 +187,8 @@ impl ConstitutiveLaw for PyLaw {
     }
 
     fn energy(&self, point: &MaterialPoint<'_>) -> Option<f64> {
-        self.has_energy.then(|| {
-            self.raised.call(0.0, |py| self.call(py, "energy", point)?.extract())
-        })
+        self.has_energy
+            .then(|| self.raised.call(0.0, |py| self.call(py, "energy", point)?.extract()))
     }
 
     fn stiffening(&self, step_s: f64) -> f64 {

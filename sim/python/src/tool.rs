@@ -30,13 +30,16 @@ impl PyTool {
         let (has_ball, has_loads) = (object.hasattr("ball")?, object.hasattr("loads")?);
         let kind = lasting_name(object)?;
         if !has_ball && !has_loads {
-            return Err(refused(format!("tool {kind} has neither `loads` nor `ball`: it does nothing")));
+            return Err(refused(format!(
+                "tool {kind} has neither `loads` nor `ball`: it does nothing"
+            )));
         }
         let spacing_m = match has_ball {
             true => match object.getattr_opt("spacing_m")? {
                 Some(spacing) => Some(spacing.extract()?),
                 None => {
-                    let want = "has a ball and no `spacing_m`, how far apart the surface's points are";
+                    let want =
+                        "has a ball and no `spacing_m`, how far apart the surface's points are";
                     return Err(refused(format!("tool {kind} {want}")));
                 }
             },
