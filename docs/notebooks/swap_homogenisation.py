@@ -23,7 +23,6 @@ class Reuss:
 
 
 def force(**stage):
-    # Void is left as it is by neither bound: only the mesh's own material counts.
     settings = {"time.steps": 2, "mesh.max_level": 0, "stages.element": "p1"}
     report = yawara.Simulation("liver", settings, **stage).run()[-1]
     assert report.converged

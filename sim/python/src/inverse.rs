@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use faer::Mat;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray1};
 use pyo3::prelude::*;
 use yawara_inverse_update::{
     InverseError, InverseMaintainer, RingChange, SparseStiffness, StiffnessChange, build,
@@ -11,7 +11,10 @@ use yawara_inverse_update::{
 
 use crate::arrays::{matrices, matrix, to_matrix, to_vec, vector};
 use crate::error::refused;
-use crate::simulation::Blocks;
+
+/// Blocks, their columns and where rows begin.
+pub type Blocks<'py> =
+    (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i64>>);
 
 /// K⁻¹ of a symmetric sparse K with square blocks, kept by a maintainer of that name.
 #[pyclass(frozen)]

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
 use nalgebra::Vector3;
-use numpy::{PyArray2, PyArray3};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString};
+use pyo3::types::{PyDict, PyList, PyMapping, PyString};
 use pythonize::{depythonize, pythonize};
 use yawara::report::{Frame, StepReport, ToolReport};
 use yawara::scene::{Scene, ToolEntry, library};
@@ -14,7 +14,7 @@ use yawara::{Pose, SimError, Stages, scene_file};
 
 use crate::arrays::{matrix, rows, to_rows, vector};
 use crate::error::{of_simulation, refused};
-use crate::inverse::blocks;
+use crate::inverse::{Blocks, blocks};
 use crate::raised::Raised;
 use crate::stages::{PyHomogenisation, PyIndicator, PyLaw};
 use crate::tool::PyTool;
@@ -53,14 +53,14 @@ pub struct Simulation {
 #[pymethods]
 impl Simulation {
     /// From a scene: a built-in name, the path of a TOML file or a dictionary of the same keys. `settings` are
-    /// `KEY=VALUE`. Labels with their affine come in the place of the scene's image.
+    /// `KEY=VALUE`, or a dictionary of them. Labels with their affine come in the place of the scene's image.
     #[new]
     #[pyo3(signature = (scene, settings, *, labels=None, affine=None, homogenisation=None, indicator=None, law=None, tools=Vec::new(), progress=None))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         scene: &Bound<'_, PyAny>,
-        settings: Vec<String>,
+        settings: &Bound<'_, PyAny>,
         labels: Option<&Bound<'_, PyAny>>,
         affine: Option<&Bound<'_, PyAny>>,
         homogenisation: Option<&Bound<'_, PyAny>>,
@@ -69,7 +69,7 @@ impl Simulation {
         tools: Vec<Bound<'_, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let scene = read(scene, &settings, labels.is_some())?;
+        let scene = read(scene, &changes(settings)?, labels.is_some())?;
         let volume = match (labels, affine) {
             (None, None) => None,
             (Some(labels), Some(affine)) => Some(label_volume(labels, affine)?),
@@ -218,7 +218,7 @@ impl Simulation {
     }
 
     /// The block row of each vertex, -1 of one that has none.
-    fn slots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, numpy::PyArray1<i64>>> {
+    fn slots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let slots = self.with(py, |simulation| {
             let inverse = simulation.inverse();
             let slot = |v: usize| inverse.slot(v).map_or(-1, |slot| slot as i64);
@@ -228,7 +228,7 @@ impl Simulation {
     }
 
     /// Which vertices are free.
-    fn free<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, numpy::PyArray1<bool>>> {
+    fn free<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let free = self.with(py, |simulation| {
             let body = simulation.body();
             body.vertices().map(|v| body.is_free(v.index())).collect()
@@ -255,10 +255,6 @@ impl Simulation {
     }
 }
 
-/// Blocks, their columns and where rows begin.
-pub type Blocks<'py> =
-    (Bound<'py, PyArray3<f64>>, Bound<'py, numpy::PyArray1<i64>>, Bound<'py, numpy::PyArray1<i64>>);
-
 impl Simulation {
     /// Works on the simulation while other threads of Python run, then raises what its stages in Python have raised.
     fn with<T: Send>(
@@ -274,6 +270,15 @@ impl Simulation {
         self.raised.check(py)?;
         Ok(done)
     }
+}
+
+/// Changes of keys as the command line takes them.
+fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    if settings.cast::<PyMapping>().is_err() {
+        return settings.extract();
+    }
+    let table: toml::Table = depythonize(settings).map_err(refused)?;
+    Ok(table.iter().map(|(key, value)| format!("{key}={value}")).collect())
 }
 
 fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {

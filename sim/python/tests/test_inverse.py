@@ -86,7 +86,7 @@ def test_refusals():
         SparseInverse(-scipy.sparse.eye_array(4))
     with pytest.raises(Error):
         SparseInverse(scipy.sparse.csr_array([[2.0, 1.0], [0.0, 2.0]]))
-    with pytest.raises(Error, match="choices|unknown|want"):
+    with pytest.raises(Error, match="woodbury"):
         SparseInverse(scipy.sparse.eye_array(4), method="magic")
     inverse = SparseInverse(scipy.sparse.eye_array(4))
     with pytest.raises(Error):

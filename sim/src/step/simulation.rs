@@ -193,7 +193,7 @@ impl Simulation {
 
     /// Bisects these tetrahedra, numbered as in a [frame](Self::frame), between two steps, and before them those that
     /// have to be for the mesh to fit together; returns how many vertices came in. What is as fine as
-    /// `mesh.max_level` allows stays, and `budget.max_vertices` holds.
+    /// `mesh.max_level` allows stays, and so does all of a mesh from a file; `mesh.max_vertices` holds.
     ///
     /// Cost: as of so many splits in a step, each O(1) in the mesh, and one batch of the inverse.
     /// # Errors

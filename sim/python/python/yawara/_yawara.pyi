@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ class Simulation:
     def __init__(
         self,
         scene: Any,
-        settings: Sequence[str],
+        settings: Mapping[str, Any] | Sequence[str],
         *,
         labels: ArrayLike | None = None,
         affine: ArrayLike | None = None,

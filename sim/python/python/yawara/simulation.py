@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -126,7 +127,7 @@ class Tool:
     @pose.setter
     def pose(self, pose: Any) -> None:
         match pose:
-            case (move, float() | int() as turn) if np.ndim(move) == 1:
+            case (move, Real() as turn):
                 pass
             case move:
                 turn = 0.0
@@ -209,8 +210,6 @@ class Simulation:
         tools: Sequence[Any] = (),
         progress: Callable[[str, float], object] | None = None,
     ) -> None:
-        if isinstance(settings, Mapping):
-            settings = [f"{key}={_toml(value)}" for key, value in settings.items()]
         if spacing_mm is not None:
             if affine is not None:
                 raise _yawara.Error("spacing_mm and affine both say how large voxels are: give one")
@@ -219,7 +218,7 @@ class Simulation:
             scene = os.fspath(scene)
         self._native = _yawara.Simulation(
             scene,
-            list(settings),
+            settings,
             labels=labels,
             affine=affine,
             homogenisation=homogenisation,
@@ -373,26 +372,3 @@ def _matrix(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> scipy.sparse.b
     size = len(blocks[2]) - 1
     rows = size * blocks[0].shape[1]
     return scipy.sparse.bsr_array(blocks, shape=(rows, rows))
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML has it."""
-    match value:
-        case bool() | np.bool_():
-            return "true" if value else "false"
-        case str():
-            return value
-        case np.ndarray():
-            return _toml(value.tolist())
-        case Mapping():
-            return "{" + ", ".join(f"{key} = {_inner(one)}" for key, one in value.items()) + "}"
-        case list() | tuple():
-            return "[" + ", ".join(_inner(one) for one in value) + "]"
-        case _:
-            return repr(value.item() if isinstance(value, np.generic) else value)
-
-
-def _inner(value: Any) -> str:
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return _toml(value)
