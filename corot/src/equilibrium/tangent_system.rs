@@ -17,7 +17,7 @@ use crate::element::tetrahedron::stress_matrix;
 use crate::element::{Element, ElementPoint};
 use crate::field::Field;
 use crate::forces::ElementTangent;
-use crate::forces::tangent::{CornerVector, each_dent, each_lack};
+use crate::forces::tangent::{CornerVector, ROUNDING, each_dent, each_lack};
 use crate::grip::Turned;
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
@@ -160,16 +160,14 @@ impl<'a> TangentSystem<'a> {
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
         self.dents.clear();
         let (body, tangent_of) = (&*problem.body, problem.forces.tangent()?);
-        (0..body.elements().len())
-            .into_par_iter()
-            .with_min_len(AT_LEAST)
-            .map(|number| tangent_of(body, number, positions))
-            .collect_into_vec(&mut self.tangents);
+        self.tangents.resize(body.elements().len(), ElementTangent::zeros());
+        let each = self.tangents.par_iter_mut().enumerate().with_min_len(AT_LEAST);
+        each.for_each(|(number, tangent)| *tangent = tangent_of(body, number, positions));
         if self.kind == Kind::Whole {
             self.factor_of(problem, positions, None)?;
         } else if !self.is_definite(problem, positions) {
             let mut dents = std::mem::take(&mut self.dents);
-            self.raise(problem.body, &mut dents);
+            self.raise(problem.body, positions, &mut dents);
             self.factor_of(problem, positions, Some(&mut dents))?;
             self.dents = dents;
         }
@@ -198,14 +196,15 @@ impl<'a> TangentSystem<'a> {
     }
 
     /// Makes the elements' tangents positive semi-definite, and adds what they have then too much to `dents`.
-    fn raise(&mut self, body: &Body, dents: &mut Dents) {
-        let of_element = |(tangent, element): (&mut ElementTangent, &Element)| {
+    fn raise(&mut self, body: &Body, positions: &Field, dents: &mut Dents) {
+        let of_element = |(number, tangent): (usize, &mut ElementTangent)| {
             let mut own = Vec::new();
-            each_dent(tangent, |dent| own.push((element.vertices, dent)));
+            let vertices = body.elements()[number].vertices;
+            each_dent(tangent, (body, number), positions, |dent| own.push((vertices, dent)));
             own.iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
             own
         };
-        let each = self.tangents.par_iter_mut().zip(body.elements()).with_min_len(AT_LEAST);
+        let each = self.tangents.par_iter_mut().enumerate().with_min_len(AT_LEAST);
         dents.par_extend(each.flat_map_iter(of_element));
     }
 
@@ -335,14 +334,14 @@ fn assemble(
     let body = &*problem.body;
     let is_convex = entries.kind == Kind::Convex;
     for (number, (element, tangent)) in body.elements().iter().zip(tangents).enumerate() {
-        let (vertices, mut tangent) = (element.vertices, *tangent);
-        if let Some(inertia) = problem.inertia {
-            add_alike(&mut tangent, &inertia.matrix(number));
+        let alike = [problem.inertia.map(|of| of.matrix(number)), body.grip_matrix(element.tet)];
+        if alike.iter().any(Option::is_some) {
+            let mut tangent = *tangent;
+            alike.iter().flatten().for_each(|part| add_alike(&mut tangent, part));
+            entries.add_corners(element.vertices, &tangent);
+        } else {
+            entries.add_corners(element.vertices, tangent);
         }
-        if let Some(held) = body.grip_matrix(element.tet) {
-            add_alike(&mut tangent, &held);
-        }
-        entries.add_corners(vertices, &tangent);
         if let Some(pressed) = body.pressure_tangent(number, positions) {
             add_pressures(body, number, &pressed, entries);
         }
@@ -353,7 +352,7 @@ fn assemble(
             let mut stiffness = stiffness;
             if let Some(dents) = dents.as_deref_mut() {
                 let lacking = stiffness;
-                each_lack(lacking, |lack| {
+                each_lack(lacking, ROUNDING * lacking.trace().abs(), |lack| {
                     stiffness += lack * lack.transpose();
                     let dent = CornerVector::from_fn(|i, _| weights[i / 3] * lack[i % 3]);
                     dents.push((vertices, dent));
