@@ -188,6 +188,21 @@ fn more_than_there_is_room_for_is_not_cut_and_said() {
     assert_eq!(force(&cut), force(&run(&scene(&[]))));
 }
 
+/// A cut that there is no room for leaves what was cut before as it was.
+#[test]
+fn what_is_refused_beside_an_earlier_cut_leaves_that_alone() {
+    let first = format!("tools.1={}", scalpel(-30.0, -5.0, 50.0, 0.5));
+    let second = format!("tools.2={}", scalpel(32.5, -5.0, 50.0, 1.0));
+    let before = run(&scene(&[&first]));
+    let limit = format!("mesh.max_vertices={}", before.body().vertex_count() + 3);
+    let after = run(&scene(&[&first, &second, &limit]));
+    let tools = after.summary().unwrap().tools;
+    assert!(tools[1].doubled > 0 && tools[1].refused == 0, "{:?}", tools[1]);
+    assert!(tools[2].doubled == 0 && tools[2].refused > 0, "{:?}", tools[2]);
+    assert_eq!(after.body().positions(), before.body().positions());
+    assert_eq!(after.body().elements(), before.body().elements());
+}
+
 #[test]
 fn what_can_not_be_beside_a_cut_is_refused() {
     let blade = format!("tools.1={}", scalpel(2.5, -25.0, 50.0, 0.5));
@@ -245,4 +260,108 @@ fn an_incision_is_the_same_twice() {
     let tools = runs[0].summary().unwrap().tools;
     assert!((tools[0].cut_cm2 - 7.68).abs() < 0.1, "{:?}", tools[0]);
     assert!(runs[0].summary().unwrap().energy.unwrap().created_j < 1e-9);
+}
+
+/// Points, m, and tetrahedra of a file of MSH 4.1 in mm, as codes read it that ask for no neighbours: where a cut ends, two
+/// sheets and what is not cut share a face.
+#[cfg(feature = "gmsh")]
+fn msh(text: &str) -> (Vec<Vector3<f64>>, Vec<[usize; 4]>) {
+    let rows = |section: &str| {
+        let from = text.find(section).unwrap();
+        let lines = text[from..].lines().skip(2).take_while(|line| !line.starts_with('$'));
+        lines.map(|line| line.split_whitespace().map(|word| word.parse().unwrap()).collect())
+    };
+    let nodes: Vec<Vec<f64>> = rows("$Nodes").collect();
+    let (mut points, mut tags) = (Vec::new(), Vec::new());
+    let mut rest = &nodes[..];
+    while let [head, block @ ..] = rest {
+        let (block, others) = block.split_at(2 * head[3] as usize);
+        let (own_tags, own) = block.split_at(head[3] as usize);
+        tags.extend(own_tags.iter().map(|tag| tag[0] as usize));
+        points.extend(own.iter().map(|x| Vector3::new(x[0], x[1], x[2]) * 1e-3));
+        rest = others;
+    }
+    let at = |tag: f64| tags.iter().position(|&t| t == tag as usize).unwrap();
+    let of_element = |row: Vec<f64>| (row.len() == 5).then(|| [1, 2, 3, 4].map(|i| at(row[i])));
+    (points, rows("$Elements").filter_map(of_element).collect())
+}
+
+/// The mesh of a cut body in a file, and the stiffness that goes with it, are a problem that other codes can solve.
+#[cfg(feature = "gmsh")]
+#[test]
+fn the_file_of_a_cut_mesh_gives_the_same_force_to_other_codes() {
+    use nalgebra::{DMatrix, DVector, Matrix3};
+
+    let blade = format!("tools.1={}", scalpel(2.5, -5.0, 50.0, 0.5));
+    let scene =
+        scene(&[&blade, "stages.corotation=none", "mesh.start_level=2", "mesh.max_level=2"]);
+    let mut simulation = Simulation::builder(&scene).build().unwrap();
+    // Cut, and not pulled yet.
+    simulation.step().unwrap();
+    let at_rest = simulation.frame().unwrap();
+    let pulled = {
+        while simulation.steps_left() > 0 {
+            assert!(simulation.step().unwrap().converged);
+        }
+        simulation.frame().unwrap()
+    };
+    assert!(simulation.summary().unwrap().tools[1].doubled > 0);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.msh");
+    yawara::output::write_msh(&path, &at_rest).unwrap();
+    let (points, tets) = msh(&std::fs::read_to_string(&path).unwrap());
+    assert_eq!([points.len(), tets.len()], [at_rest.points_mm.len(), at_rest.tets.len()]);
+    let n = 3 * points.len();
+    let mut k = DMatrix::<f64>::zeros(n, n);
+    for (corners, young_modulus_pa) in tets.iter().zip(&at_rest.young_modulus_pa) {
+        let x = corners.map(|v| points[v]);
+        let edges = Matrix3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]);
+        let inverse = edges.try_inverse().unwrap();
+        let last = [0, 1, 2].map(|i| inverse.row(i).transpose());
+        let gradients = [-(last[0] + last[1] + last[2]), last[0], last[1], last[2]];
+        let scale = young_modulus_pa * edges.determinant().abs() / 6.0;
+        // Without a Poisson ratio σ = E ε.
+        for (v, a) in corners.iter().zip(&gradients) {
+            for (w, b) in corners.iter().zip(&gradients) {
+                let block = 0.5 * scale * (Matrix3::identity() * a.dot(b) + b * a.transpose());
+                let mut at = k.fixed_view_mut::<3, 3>(3 * v, 3 * w);
+                at += block;
+            }
+        }
+    }
+    let moved = |v: usize, by: f64| {
+        let [x, y, z] = pulled.displacement_mm[v];
+        (x.abs() - by).abs().max(y.abs()).max(z.abs()) < 1e-9
+    };
+    let along = pulled.displacement_mm.iter().map(|u| u[0]).find(|x| (x.abs() - 20.0).abs() < 1e-9);
+    let along = along.unwrap().signum();
+    let mut u = DVector::zeros(n);
+    let (mut free, mut grabbed) = (Vec::new(), Vec::new());
+    for v in 0..points.len() {
+        if moved(v, 20.0) {
+            u[3 * v] = 0.02 * along;
+            grabbed.push(3 * v);
+        } else if !moved(v, 0.0) {
+            free.extend(3 * v..3 * v + 3);
+        }
+    }
+    assert!(
+        grabbed.len() > 3 && 3 * grabbed.len() + free.len() < n,
+        "{grabbed:?}, {} of {n}",
+        free.len()
+    );
+    let f = &k * &u;
+    let inner = k.select_rows(&free).select_columns(&free);
+    let answer = inner.lu().solve(&-f.select_rows(&free)).unwrap();
+    free.iter().zip(&answer).for_each(|(&row, x)| u[row] = *x);
+    let f = &k * &u;
+    let want: Vector3<f64> =
+        grabbed.iter().map(|&row| Vector3::new(f[row], f[row + 1], f[row + 2])).sum();
+    let want = want.norm();
+    let found = force(&simulation);
+    assert!((found / want - 1.0).abs() < 1e-8, "{found} and {want} N");
+    let apart = |v: usize, axis: usize| u[3 * v + axis] - 1e-3 * pulled.displacement_mm[v][axis];
+    let off = (0..points.len()).flat_map(|v| (0..3).map(move |axis| (v, axis)));
+    let off = off.map(|(v, axis)| apart(v, axis).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-8 * 0.02, "{off} m");
 }

@@ -12,7 +12,8 @@ use crate::bisection::{BisectionForest, Tet};
 /// A valid tetrahedral mesh with a material tag per tetrahedron.
 ///
 /// Every corner is a finite point, every point a corner; signed volumes are positive and no
-/// tetrahedron is flat; a face has one tetrahedron or one on each side.
+/// tetrahedron is flat; a face has one tetrahedron or one on each side, but for sheets of a cut body
+/// ([`with_sheets`](Self::with_sheets)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlainMesh {
     points: Vec<Vector3<f64>>,
@@ -59,12 +60,36 @@ impl PlainMesh {
     /// [`TetMeshError::NonManifoldFace`], [`TetMeshError::OverlappingTets`].
     pub fn new(
         points: Vec<Vector3<f64>>,
+        tets: Vec<[u32; 4]>,
+        tags: Vec<i64>,
+    ) -> Result<(Self, Repairs), TetMeshError> {
+        Self::checked(points, tets, tags, faces::check)
+    }
+
+    /// The same of a body that may be cut: tetrahedra may lie in the same place, as parts of one that a cut has
+    /// parted do, and where a cut ends more than two share a face.
+    ///
+    /// Cost: O(n) in the number of tetrahedra.
+    ///
+    /// # Errors
+    /// As [`PlainMesh::new`], but for those of faces.
+    pub fn with_sheets(
+        points: Vec<Vector3<f64>>,
+        tets: Vec<[u32; 4]>,
+        tags: Vec<i64>,
+    ) -> Result<(Self, Repairs), TetMeshError> {
+        Self::checked(points, tets, tags, |_| Ok(()))
+    }
+
+    fn checked(
+        points: Vec<Vector3<f64>>,
         mut tets: Vec<[u32; 4]>,
         tags: Vec<i64>,
+        faces: impl Fn(&[[u32; 4]]) -> Result<(), TetMeshError>,
     ) -> Result<(Self, Repairs), TetMeshError> {
         check::lists(&points, &tets, &tags)?;
         let rewound = check::rewind(&points, &mut tets)?;
-        faces::check(&tets)?;
+        faces(&tets)?;
         let before = points.len();
         let points = check::drop_unused(points, &mut tets);
         let repairs = Repairs { rewound, dropped_points: before - points.len() };
