@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
-    Arguments, CaseArguments, Common, ablation, compare, cut, drift, elements, endurance,
+    Arguments, CaseArguments, Common, ablation, compare, cracks, cut, drift, elements, endurance,
     estimates, homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, touch,
     validate,
 };
@@ -48,6 +48,8 @@ enum Study {
     Homogenisation(Common),
     /// What it takes to double a vertex, beside a split and a factor made anew (quick: one small size).
     Cut(Common),
+    /// The energy that a cut releases, against fracture mechanics, on even and on graded meshes (quick: coarse ones).
+    Cracks(Common),
     /// Linear tetrahedra towards incompressibility, with and without a pressure (quick: meshes and
     /// references half as fine).
     Elements(Common),
@@ -122,6 +124,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Mesh(arguments) => mesh::run(arguments),
         Study::Homogenisation(arguments) => homogenisation::run(arguments),
         Study::Cut(arguments) => cut::run(arguments),
+        Study::Cracks(arguments) => cracks::run(arguments),
         Study::Elements(arguments) => elements::run(arguments),
         Study::Laws(arguments) => laws::run(arguments),
         Study::Meshes(arguments) => meshes::run(arguments),

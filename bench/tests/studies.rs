@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
-    Arguments, Common, cut, drift, elements, endurance, estimates, homogenisation, meshes, robust,
-    scaling, table1, touch,
+    Arguments, Common, cracks, cut, drift, elements, endurance, estimates, homogenisation, meshes,
+    robust, scaling, table1, touch,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -234,6 +234,34 @@ fn cut_doubles_vertices_to_the_digits_of_a_new_factor() {
     for row in rows(&value) {
         assert!(row["double_ms"].as_f64().unwrap() > 0.0, "{row}");
         assert!(row["error"].as_f64().unwrap() < 1e-9, "{row}");
+    }
+}
+
+/// A finer mesh lets more go, never as much as theory; a graded one takes fewer vertices than an even one that is as good.
+#[test]
+fn cracks_release_less_than_theory_and_more_on_finer_meshes() {
+    let (_root, common) = scratch();
+    let text = cracks::run(&common).unwrap();
+    let value = files(&common.out, "cracks", &text);
+    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().unwrap();
+    for (specimen, even, graded) in [("penny", 2, 3), ("edge", 4, 5)] {
+        let of = |mesh: &str| -> Vec<_> {
+            let own =
+                rows(&value).iter().filter(|r| r["specimen"] == specimen && r["mesh"] == mesh);
+            own.collect()
+        };
+        let (even_rows, graded_rows) = (of("even"), of("graded"));
+        assert_eq!([even_rows.len(), graded_rows.len()], [even, graded]);
+        for meshes in [&even_rows, &graded_rows] {
+            for pair in meshes.windows(2) {
+                assert!(number(pair[0], "released") < number(pair[1], "released"), "{pair:?}");
+            }
+            assert!(meshes.iter().all(|row| number(row, "released") < 1.0), "{meshes:?}");
+        }
+        let finest = even_rows[even - 1];
+        let good = graded_rows.iter().find(|row| number(row, "error") <= number(finest, "error"));
+        let good = number(good.unwrap(), "vertices");
+        assert!(2.0 * good < number(finest, "vertices"), "{good} and {finest}");
     }
 }
 

@@ -9,6 +9,7 @@
 
 pub mod ablation;
 pub mod compare;
+pub mod cracks;
 pub mod cut;
 pub mod drift;
 pub mod elements;
