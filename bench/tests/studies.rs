@@ -243,7 +243,6 @@ fn cracks_release_less_than_theory_and_more_on_finer_meshes() {
     let (_root, common) = scratch();
     let text = cracks::run(&common).unwrap();
     let value = files(&common.out, "cracks", &text);
-    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().unwrap();
     for (specimen, even, graded) in [("penny", 2, 3), ("edge", 4, 5)] {
         let of = |mesh: &str| -> Vec<_> {
             let own =

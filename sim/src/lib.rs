@@ -36,6 +36,7 @@
 
 mod body;
 mod choice;
+pub mod cli;
 mod error;
 #[cfg(feature = "view")]
 pub mod film;

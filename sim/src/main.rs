@@ -1,10 +1,8 @@
-//! The program `yawara`; all of it is in `cli`.
+//! The program `yawara`; all of it is in [`yawara::cli`].
 #![forbid(unsafe_code)]
-
-mod cli;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::run()
+    ExitCode::from(yawara::cli::run(std::env::args_os()))
 }

@@ -5,6 +5,7 @@
 //! call stages that are written in Python, `raised` keeps what these raise.
 
 mod arrays;
+mod command;
 mod error;
 mod forest;
 mod inverse;
@@ -17,6 +18,8 @@ mod volume;
 /// The extension module.
 #[pyo3::pymodule]
 mod _yawara {
+    #[pymodule_export]
+    use crate::command::run_command;
     #[pymodule_export]
     use crate::error::Error;
     #[pymodule_export]

@@ -3,11 +3,11 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
+use crate::scene::LengthUnit;
+use crate::scene_file;
 use clap::{Args, Parser, Subcommand};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
-use yawara::scene::LengthUnit;
-use yawara::scene_file;
 
 /// Deforms and refines inhomogeneous soft objects from label maps.
 ///

@@ -1,7 +1,7 @@
 //! `yawara completions`: what a shell may complete, from the arguments themselves.
 
+use crate::SimError;
 use clap::CommandFactory;
-use yawara::SimError;
 
 use super::arguments::{Arguments, CompletionsArguments};
 use super::printer::Printer;

@@ -2,11 +2,11 @@
 
 use std::fmt::Write;
 
-use yawara::report::{
+use crate::report::{
     BodySummary, EnergyChange, EnergySummary, GoalReport, InverseSummary, MeshSummary, Momentum,
     PlanRow, StepSummary, Summary, SurfaceSummary, ToolSummary,
 };
-use yawara::scene::LibraryMaterial;
+use crate::scene::LibraryMaterial;
 
 /// The plan as a table, a line per stage.
 pub fn plan(rows: &[PlanRow]) -> String {

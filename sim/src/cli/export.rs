@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use yawara::SimError;
-use yawara::film::write_picture;
-use yawara::playback::{Run, write_gltf};
-use yawara::view::write_html;
+use crate::SimError;
+use crate::film::write_picture;
+use crate::playback::{Run, write_gltf};
+use crate::view::write_html;
 
 use super::arguments::ExportArguments;
 use super::printer::Printer;

@@ -1,8 +1,8 @@
 //! `yawara haptic`: a hand on a tool in real time, that of another program or a simulated one.
 
-use yawara::haptic::{self, HapticOptions, HapticSummary, PROTOCOL_VERSION, UdpDevice, UdpSummary};
-use yawara::scene::Scene;
-use yawara::{SimError, Simulation, VirtualCoupling, scene_file};
+use crate::haptic::{self, HapticOptions, HapticSummary, PROTOCOL_VERSION, UdpDevice, UdpSummary};
+use crate::scene::Scene;
+use crate::{SimError, Simulation, VirtualCoupling, scene_file};
 
 use super::arguments::HapticArguments;
 use super::printer::Printer;

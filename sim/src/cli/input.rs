@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use yawara::SimError;
+use crate::SimError;
 use yawara_mesh::image::read_labels;
 use yawara_mesh::phantom::{LiverPhantom, liver};
 use yawara_mesh::volume::LabelVolume;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use yawara::SimError;
+use crate::SimError;
 use yawara_mesh::image::{
     ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,
 };

@@ -2,9 +2,9 @@
 
 use std::fs;
 
+use crate::SimError;
 use clap::CommandFactory;
 use clap_mangen::Man;
-use yawara::SimError;
 
 use super::arguments::{Arguments, ManArguments};
 use super::printer::Printer;

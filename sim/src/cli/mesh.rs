@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::SimError;
+use crate::output::write_vtu;
+use crate::report::Frame;
 use nalgebra::Vector3;
-use yawara::SimError;
-use yawara::output::write_vtu;
-use yawara::report::Frame;
 use yawara_mesh::geometry::signed_volume;
 use yawara_mesh::lattice::MAX_LEVEL;
 use yawara_mesh::volume::{Grid, LabelVolume};
@@ -42,7 +42,7 @@ type Writer = fn(&Path, &Frame) -> Result<(), SimError>;
 const WRITERS: &[(&str, Writer)] = &[
     ("vtu", write_vtu),
     #[cfg(feature = "gmsh")]
-    ("msh", yawara::output::write_msh),
+    ("msh", crate::output::write_msh),
 ];
 
 /// A forest that is not refined any further.

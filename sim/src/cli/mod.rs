@@ -21,14 +21,14 @@ mod surface;
 #[cfg(feature = "view")]
 mod view;
 
+use std::ffi::OsString;
 use std::io::{IsTerminal, Write};
-use std::process::ExitCode;
 
+use crate::output::Cleaned;
+use crate::scene::library;
+use crate::{SimError, Simulation, scene_file};
 use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
-use yawara::output::Cleaned;
-use yawara::scene::library;
-use yawara::{SimError, Simulation, scene_file};
 
 use arguments::{
     Arguments, CleanArguments, Command, DEFAULT_SCENE, PlanArguments, RunArguments, meant,
@@ -42,24 +42,30 @@ const REFUSED: u8 = 2;
 /// All was written, but some steps did not converge.
 const NOT_CONVERGED: u8 = 1;
 
-/// Runs the command line of this process.
-pub fn run() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+/// All is well.
+const DONE: u8 = 0;
+
+/// Runs the program with these words, its own name first; returns the status that it ends with. Results go to
+/// standard output, errors and warnings to standard error.
+pub fn run(words: impl IntoIterator<Item = OsString>) -> u8 {
+    let words: Vec<OsString> = words.into_iter().collect();
+    let arguments = match Arguments::try_parse_from(&words) {
         Ok(arguments) => arguments,
-        Err(error) if error.use_stderr() => return refuse(&misused(&error)),
+        Err(error) if error.use_stderr() => return refuse(&misused(&error, &words)),
         Err(help) => {
             // Help into a closed pipe is no failure.
             let _ = help.print();
-            return ExitCode::SUCCESS;
+            return DONE;
         }
     };
-    tracing_subscriber::fmt()
+    // Whoever calls may have one already.
+    let _ = tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_max_level(LevelFilter::WARN)
         .with_target(false)
         .without_time()
-        .init();
+        .try_init();
     let run = RunArguments { scene: DEFAULT_SCENE.into(), ..RunArguments::default() };
     match execute(arguments.command.unwrap_or(Command::Run(run))) {
         Ok(code) => code,
@@ -68,9 +74,9 @@ pub fn run() -> ExitCode {
 }
 
 /// A usage error, with what was probably meant.
-fn misused(error: &clap::Error) -> String {
+fn misused(error: &clap::Error, words: &[OsString]) -> String {
     let words: Vec<String> =
-        std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+        words.iter().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
     match meant(&words) {
         Some(hint) => format!("{}; {hint}", paragraph(error)),
         None => paragraph(error),
@@ -78,21 +84,21 @@ fn misused(error: &clap::Error) -> String {
 }
 
 /// One paragraph on stderr.
-fn refuse(message: &str) -> ExitCode {
+fn refuse(message: &str) -> u8 {
     let words: Vec<&str> = message.split_whitespace().collect();
     // A closed or full standard error is no reason to panic.
     let _ = writeln!(std::io::stderr(), "error: {}", words.join(" "));
-    ExitCode::from(REFUSED)
+    REFUSED
 }
 
-fn execute(command: Command) -> Result<ExitCode, SimError> {
+fn execute(command: Command) -> Result<u8, SimError> {
     let mut out = Printer::default();
     match command {
         Command::Init(arguments) => init::run(&arguments, &mut out)?,
         Command::Run(arguments) => {
             join_pool();
             if !run::run(&arguments, &mut out)? {
-                return Ok(ExitCode::from(NOT_CONVERGED));
+                return Ok(NOT_CONVERGED);
             }
         }
         Command::Plan(arguments) => plan(&arguments, &mut out)?,
@@ -115,7 +121,7 @@ fn execute(command: Command) -> Result<ExitCode, SimError> {
         Command::Completions(arguments) => completions::run(&arguments, &mut out)?,
         Command::Man(arguments) => man::run(&arguments, &mut out)?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 /// Makes this thread, which steps, one of those that share the work of a step: besides as many of them as there are
@@ -137,7 +143,7 @@ fn plan(arguments: &PlanArguments, out: &mut Printer) -> Result<(), SimError> {
 }
 
 fn clean(arguments: &CleanArguments, out: &mut Printer) -> Result<(), SimError> {
-    let Cleaned { removed, kept } = yawara::output::clean(&arguments.folder, arguments.all)?;
+    let Cleaned { removed, kept } = crate::output::clean(&arguments.folder, arguments.all)?;
     for path in removed {
         out.print(&format!("removed {}\n", path.display()))?;
     }

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use crate::preview::{Picture, Preview};
+use crate::{SimError, scene_file};
 use serde_json::json;
-use yawara::preview::{Picture, Preview};
-use yawara::{SimError, scene_file};
 use yawara_mesh::atomic_file;
 
 use super::arguments::PreviewArguments;

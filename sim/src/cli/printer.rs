@@ -2,7 +2,7 @@
 
 use std::io::{ErrorKind, Write};
 
-use yawara::SimError;
+use crate::SimError;
 
 /// Prints until the reader closes the pipe.
 #[derive(Debug, Default)]

@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use crate::output::{Interrupted, RunDirectory};
+use crate::report::{MadeBy, Summary};
+use crate::scene::Scene;
+use crate::{Checkpoint, SimError, Simulation, scene_file};
 use indicatif::{ProgressBar, ProgressStyle};
-use yawara::output::{Interrupted, RunDirectory};
-use yawara::report::{MadeBy, Summary};
-use yawara::scene::Scene;
-use yawara::{Checkpoint, SimError, Simulation, scene_file};
 use yawara_inverse_update::InverseError;
 
 use super::arguments::RunArguments;

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use yawara::SimError;
+use crate::SimError;
 use yawara_mesh::isosurface::{Outline, Outlines, PlyEncoding, SurfaceData, write_ply, write_vtp};
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{CellGrid, Domain, LabelTree, Lattice, SurfaceError};

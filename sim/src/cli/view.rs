@@ -1,7 +1,7 @@
 //! `yawara view`: a scene in the browser, with hands on it.
 
-use yawara::SimError;
-use yawara::view::{ViewOptions, serve};
+use crate::SimError;
+use crate::view::{ViewOptions, serve};
 
 use super::arguments::ViewArguments;
 use super::printer::Printer;

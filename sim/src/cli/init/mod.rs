@@ -7,8 +7,8 @@ mod text;
 
 use std::path::Path;
 
-use yawara::scene::{Image, LengthUnit};
-use yawara::{SimError, scene_file};
+use crate::scene::{Image, LengthUnit};
+use crate::{SimError, scene_file};
 use yawara_mesh::atomic_file;
 use yawara_mesh::image::{
     ReadReport, ValueRange, classify, gaussian_blur, read_intensities_with, read_labels_with,

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
+use crate::scene::{LengthUnit, LibraryMaterial, MaterialEntry, library_material_of};
 use toml::Value;
-use yawara::scene::{LengthUnit, LibraryMaterial, MaterialEntry, library_material_of};
 use yawara_mesh::volume::LabelVolume;
 
 use super::places::Places;
