@@ -11,7 +11,7 @@ use super::vectors::dot;
 /// in energy from anywhere, quadratic near the solution.
 ///
 /// d is Newton's where the tangent is positive definite, by its own factor; else what conjugate gradients, preconditioned
-/// by the elements' tangents raised to positive semi-definite ones, find up to the first direction that curves down, and
+/// by the positive semi-definite parts of the elements' tangents, find up to the first direction that curves down, and
 /// along that one. Whether it is definite is tried by factoring it, less often the more often it was not.
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
@@ -20,8 +20,8 @@ use super::vectors::dot;
 /// is kept for the next solve.
 /// # Source
 /// Steihaug, The conjugate gradient method and trust regions in large scale optimization, SIAM J. Numer. Anal.
-/// 20(3), 1983; Teran et al., Robust quasistatic finite elements and flesh simulation, SCA 2005 (raising
-/// elements' tangents, by their eigenvectors); Chao, Pinkall, Sanan, Schröder, A simple geometric model for elastic deformations, ACM
+/// 20(3), 1983; Teran et al., Robust quasistatic finite elements and flesh simulation, SCA 2005 (the
+/// semi-definite parts); Chao, Pinkall, Sanan, Schröder, A simple geometric model for elastic deformations, ACM
 /// TOG 29(4), 2010 (the energy).
 #[derive(Default)]
 pub struct Newton {

@@ -17,7 +17,7 @@ use crate::element::tetrahedron::stress_matrix;
 use crate::element::{Element, ElementPoint};
 use crate::field::Field;
 use crate::forces::ElementTangent;
-use crate::forces::tangent::{CornerVector, ROUNDING, each_dent, each_lack};
+use crate::forces::tangent::{CornerVector, each_dent, each_lack};
 use crate::grip::Turned;
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
@@ -167,7 +167,7 @@ impl<'a> TangentSystem<'a> {
             self.factor_of(problem, positions, None)?;
         } else if !self.is_definite(problem, positions) {
             let mut dents = std::mem::take(&mut self.dents);
-            self.raise(problem.body, positions, &mut dents);
+            self.raise(problem.body, &mut dents);
             self.factor_of(problem, positions, Some(&mut dents))?;
             self.dents = dents;
         }
@@ -196,15 +196,14 @@ impl<'a> TangentSystem<'a> {
     }
 
     /// Makes the elements' tangents positive semi-definite, and adds what they have then too much to `dents`.
-    fn raise(&mut self, body: &Body, positions: &Field, dents: &mut Dents) {
-        let of_element = |(number, tangent): (usize, &mut ElementTangent)| {
+    fn raise(&mut self, body: &Body, dents: &mut Dents) {
+        let of_element = |(tangent, element): (&mut ElementTangent, &Element)| {
             let mut own = Vec::new();
-            let vertices = body.elements()[number].vertices;
-            each_dent(tangent, (body, number), positions, |dent| own.push((vertices, dent)));
+            each_dent(tangent, |dent| own.push((element.vertices, dent)));
             own.iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
             own
         };
-        let each = self.tangents.par_iter_mut().enumerate().with_min_len(AT_LEAST);
+        let each = self.tangents.par_iter_mut().zip(body.elements()).with_min_len(AT_LEAST);
         dents.par_extend(each.flat_map_iter(of_element));
     }
 
@@ -352,7 +351,7 @@ fn assemble(
             let mut stiffness = stiffness;
             if let Some(dents) = dents.as_deref_mut() {
                 let lacking = stiffness;
-                each_lack(lacking, ROUNDING * lacking.trace().abs(), |lack| {
+                each_lack(lacking, |lack| {
                     stiffness += lack * lack.transpose();
                     let dent = CornerVector::from_fn(|i, _| weights[i / 3] * lack[i % 3]);
                     dents.push((vertices, dent));
