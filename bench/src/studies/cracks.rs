@@ -97,10 +97,14 @@ struct Row {
 struct Comparison {
     specimen: &'static str,
     /// Of the error over the number of vertices, both as logarithms: the median over pairs of meshes, from level 6 on.
+    #[serde(skip_serializing_if = "Option::is_none")]
     even_slope: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     graded_slope: Option<f64>,
     /// Vertices and seconds of the finest even mesh over those of the least graded one whose error is as small.
+    #[serde(skip_serializing_if = "Option::is_none")]
     vertices_over_graded: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     seconds_over_graded: Option<f64>,
 }
 
