@@ -130,7 +130,7 @@ fn endure(steps: usize, dynamic: bool) {
     assert!(inverse.drift_max <= 1e-8, "{:e}", inverse.drift_max);
     assert_eq!(missed, 0);
     // Times are kept for percentiles: some 30 numbers a step. The first half warms up.
-    let grown = memory[memory.len() - 1] - memory[memory.len() / 2 - 1];
+    let grown = memory[memory.len() - 1] - memory[(memory.len() - 1) / 2];
     let allowed = 1e6 + 200.0 * steps as f64;
     assert!(grown < allowed, "{grown} bytes more after {steps} steps");
 }

@@ -92,7 +92,7 @@ struct Row {
     seconds: f64,
 }
 
-/// How one kind of mesh of a specimen converges.
+/// How the two kinds of mesh of a specimen converge, and what one saves.
 #[derive(Clone, Debug, Serialize)]
 struct Comparison {
     specimen: &'static str,
@@ -219,13 +219,13 @@ impl Specimen {
 
     /// The faces of finest tetrahedra that the crack parts.
     fn crossed(&self, forest: &BisectionForest) -> Vec<Severed> {
-        let units = f64::from(forest.domain().lattice().units * forest.finest_units());
+        let cell = f64::from(forest.domain().lattice().units);
+        let units = cell * f64::from(forest.finest_units());
         let height = self.height();
         let beside = 2.0 * (-f64::from(self.finest) / 3.0).exp2();
         let mut open: HashMap<FineFace, (TetId, Vector3<f64>)> = HashMap::new();
         let mut found = Vec::new();
         for leaf in forest.leaves() {
-            let cell = f64::from(forest.domain().lattice().units);
             let z = leaf.vertices.map(|v| f64::from(forest.point(v)[2]) / cell);
             if z.iter().all(|z| *z < height - beside) || z.iter().all(|z| *z > height + beside) {
                 continue;
