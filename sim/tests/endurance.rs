@@ -129,9 +129,12 @@ fn endure(steps: usize, dynamic: bool) {
     assert!(splits > steps / 10 && merges > steps / 10, "{splits} splits, {merges} merges");
     assert!(inverse.drift_max <= 1e-8, "{:e}", inverse.drift_max);
     assert_eq!(missed, 0);
-    // Times are kept for percentiles: some 30 numbers a step. The first half warms up.
-    let grown = memory[memory.len() - 1] - memory[(memory.len() - 1) / 2];
-    let allowed = 1e6 + 200.0 * steps as f64;
+    // Times are kept for percentiles: some 30 numbers a step. The first half warms up; a factor that a thread is making
+    // just then, or not, is some 2 MB.
+    let most = |part: &[f64]| part.iter().copied().fold(0.0, f64::max);
+    let (first, second) = memory.split_at(memory.len().div_ceil(2));
+    let grown = most(second) - most(first);
+    let allowed = 4e6 + 200.0 * steps as f64;
     assert!(grown < allowed, "{grown} bytes more after {steps} steps");
 }
 
