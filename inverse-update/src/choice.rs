@@ -3,10 +3,12 @@
 use crate::dense::{Delayed, HostStore, Lu, Paper, Woodbury, WoodburyF32};
 use crate::maintainer::InverseMaintainer;
 use crate::sparse::Sparse;
+use crate::two_level::TwoLevel;
 use crate::{InverseError, SparseStiffness};
 
 /// The scene names that [`build`] knows, the default first.
-pub const CHOICES: &[&str] = &["woodbury", "woodbury_f32", "delayed", "sparse", "paper", "lu"];
+pub const CHOICES: &[&str] =
+    &["woodbury", "woodbury_f32", "delayed", "sparse", "two_level", "paper", "lu"];
 
 /// Free vertices from which `sparse` beats a dense inverse at everything but reading columns.
 const SPARSE_FROM: usize = 150;
@@ -26,7 +28,7 @@ pub fn choose(vertices: usize, columns_per_update: usize) -> &'static str {
     if vertices < SPARSE_FROM || reads_many { "woodbury" } else { "sparse" }
 }
 
-/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse`.
+/// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse` and `two_level`.
 /// # Errors
 /// [`InverseError::Unknown`] if `name` is not one of [`CHOICES`]; [`InverseError::Singular`] if
 /// `stiffness` is not positive definite (a part of the body hangs free), or not quasi-definite as
@@ -40,6 +42,7 @@ pub fn build(
         "woodbury_f32" => Ok(Box::new(WoodburyF32::new(stiffness)?)),
         "delayed" => Ok(Box::new(Delayed::new(stiffness, HostStore::new())?)),
         "sparse" => Ok(Box::new(Sparse::new(stiffness)?)),
+        "two_level" => Ok(Box::new(TwoLevel::new(stiffness)?)),
         "paper" => Ok(Box::new(Paper::new(stiffness)?)),
         "lu" => Ok(Box::new(Lu::new(stiffness)?)),
         _ => Err(InverseError::Unknown { name: name.to_owned(), choices: CHOICES }),

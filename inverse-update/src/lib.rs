@@ -29,6 +29,7 @@ mod maintained;
 mod maintainer;
 mod matrix;
 mod sparse;
+mod two_level;
 
 pub use accuracy::{
     DRIFT_LIMIT, DRIFT_LIMIT_F32, MOST_REFINEMENTS, REFINED_RESIDUAL, REFINEMENT_LIMIT,
@@ -44,3 +45,4 @@ pub use maintained::Maintained;
 pub use maintainer::{Counts, InverseMaintainer, Load, drift};
 pub use matrix::{FreshRows, SYMMETRY_LIMIT, SparseStiffness};
 pub use sparse::{RebaseOptions, Sparse, elimination_order};
+pub use two_level::{TwoLevel, TwoLevelOptions};

@@ -16,6 +16,9 @@ pub trait Method: Send + Sized {
     /// Drift above which a rebuild is due.
     const DRIFT_LIMIT: f64 = DRIFT_LIMIT;
 
+    /// Whether what is kept can be worse after many updates than if it had been made from K at once.
+    const CAN_DRIFT: bool = true;
+
     /// Whether solutions are refined to more digits than are kept.
     const REFINED: bool = false;
 
@@ -49,11 +52,11 @@ pub trait Method: Send + Sized {
     fn restore(&mut self) {}
 
     /// C X as it is kept; fails with [`InverseError::Storage`] alone.
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>;
+    fn multiply(&self, k: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError>;
 
     /// Columns of C as they are kept, by row number; fails as [`multiply`](Self::multiply).
     fn columns(&self, k: &SparseStiffness, rows: &[usize]) -> Result<Mat<f64>, InverseError> {
-        self.multiply(k.unit_columns(rows).as_ref())
+        self.multiply(k, k.unit_columns(rows).as_ref())
     }
 
     /// See [`InverseMaintainer::precondition`]; sides are checked.
@@ -97,7 +100,7 @@ pub trait Method: Send + Sized {
         reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
         u: &mut [f64],
     ) -> Result<(), InverseError> {
-        reply_by_two(whole, f, rows, reply, u)
+        reply_by_two(|f, u| whole.apply(f, u), f, rows, reply, u)
     }
 
     /// See [`InverseMaintainer::batch`].
@@ -189,7 +192,8 @@ impl<M: Method> Maintained<M> {
 
     /// See [`InverseMaintainer::watch`].
     fn drift(&self, seed: u64) -> Result<f64, InverseError> {
-        self.read(|m| watched_drift(&self.stiffness, seed, |loads| m.multiply(loads)))
+        let k = &self.stiffness;
+        self.read(|m| watched_drift(k, seed, |loads| m.multiply(k, loads)))
     }
 
     /// A load and room for its answer.
@@ -250,7 +254,7 @@ impl<M: Method> Maintained<M> {
             let kept = self.kept();
             let (method, mut steps) = (&kept.method, 0);
             let first = start(method)?;
-            let multiply = |x: MatRef<'_, f64>| method.multiply(x);
+            let multiply = |x: MatRef<'_, f64>| method.multiply(k, x);
             let refined = if M::REFINED {
                 refine_columns(method.name(), k, loads, first, multiply, &mut steps)
                     .map(|solutions| (solutions, true))
@@ -331,7 +335,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     fn solve(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
         self.check_sides(f, u)?;
         let load = MatRef::from_column_major_slice(f, f.len(), 1);
-        let solution = self.solutions(load, |method| method.multiply(load))?;
+        let solution = self.solutions(load, |method| method.multiply(&self.stiffness, load))?;
         u.copy_from_slice(solution.col_as_slice(0));
         Ok(())
     }
@@ -342,7 +346,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
         }
         self.check_sides(f, u)?;
         let load = MatRef::from_column_major_slice(f, f.len(), 1);
-        let product = self.read(|method| method.multiply(load))?;
+        let product = self.read(|method| method.multiply(&self.stiffness, load))?;
         u.copy_from_slice(product.col_as_slice(0));
         Ok(())
     }
@@ -378,7 +382,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
 
     fn solve_many(&self, loads: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         self.stiffness.check_loads(loads)?;
-        self.solutions(loads, |method| method.multiply(loads))
+        self.solutions(loads, |method| method.multiply(&self.stiffness, loads))
     }
 
     fn columns(&self, slots: &[usize]) -> Result<Mat<f64>, InverseError> {
@@ -412,7 +416,7 @@ impl<M: Method> InverseMaintainer for Maintained<M> {
     }
 
     fn watch(&mut self, seed: u64) -> Result<f64, InverseError> {
-        if self.kept().is_rebuilt {
+        if !M::CAN_DRIFT || self.kept().is_rebuilt {
             return Ok(0.0);
         }
         let drift = self.drift(seed)?;

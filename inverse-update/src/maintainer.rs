@@ -171,11 +171,12 @@ pub trait InverseMaintainer: Send {
         u: &mut [f64],
     ) -> Result<(), InverseError> {
         check_range(rows, self.stiffness().dofs())?;
-        reply_by_two(self, f, rows, reply, u)
+        reply_by_two(|f, u| self.apply(f, u), f, rows, reply, u)
     }
 
     /// u ≈ C f for steps that are checked by what they leave out of balance: what it is off by may have 10⁻⁴ of the
-    /// energy of u, where that makes it faster.
+    /// energy of u, where that makes it faster. [`TwoLevel`](crate::TwoLevel) is off by what one of its cycles leaves.
+    /// Symmetric, and linear until the next update.
     /// # Errors
     /// As [`solve`](Self::solve).
     fn precondition(&self, f: &[f64], u: &mut [f64]) -> Result<(), InverseError> {
@@ -276,7 +277,7 @@ pub trait InverseMaintainer: Send {
     /// [`DRIFT_LIMIT_F32`](crate::DRIFT_LIMIT_F32) where C is kept in f32. Returns the most that a
     /// row misses; what may be rounding of K u, entry by entry, is not counted. An inverse that a
     /// rebuild makes no better is let be. [`Counts`] tell of the rebuild. One that was computed from K since its
-    /// last change has not drifted: nothing is measured, and 0 returned.
+    /// last change has not drifted, nor has one that solves with K itself: nothing is measured, and 0 returned.
     ///
     /// Every row of K C − I shows, whatever the stiffness there, for the loads come together as no
     /// row expects them. To be called now and then, best after updates, each time with another
@@ -368,18 +369,18 @@ pub fn drift(maintainer: &dyn InverseMaintainer, seed: u64, samples: usize) -> f
 }
 
 /// A load, and what it is replied with, applied one after the other.
-pub(crate) fn reply_by_two<M: InverseMaintainer + ?Sized>(
-    maintainer: &M,
+pub(crate) fn reply_by_two(
+    apply: impl Fn(&[f64], &mut [f64]) -> Result<(), InverseError>,
     f: &[f64],
     rows: &[usize],
     reply: &mut dyn FnMut(&[f64]) -> Vec<f64>,
     u: &mut [f64],
 ) -> Result<(), InverseError> {
-    maintainer.apply(f, u)?;
+    apply(f, u)?;
     let there: Vec<f64> = rows.iter().map(|&row| u[row]).collect();
     let (mut load, mut more) = (vec![0.0; f.len()], vec![0.0; f.len()]);
     rows.iter().zip(reply(&there)).for_each(|(&row, force)| load[row] += force);
-    maintainer.apply(&load, &mut more)?;
+    apply(&load, &mut more)?;
     u.iter_mut().zip(more).for_each(|(u, more)| *u += more);
     Ok(())
 }

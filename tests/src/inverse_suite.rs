@@ -11,7 +11,7 @@ mod springs;
 
 pub use by_hand::*;
 pub use choice::{
-    build, device, is_available, method, residual, solves_by_columns, updates_inverse,
+    build, comes_close, device, is_available, method, residual, solves_by_columns, updates_inverse,
 };
 pub use fixing::*;
 pub use history::{Op, Replay, ops, random_history};

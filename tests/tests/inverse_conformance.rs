@@ -13,6 +13,8 @@ inverse_suite!(delayed, "delayed");
 inverse_suite!(delayed_by_8, "delayed@8");
 inverse_suite!(delayed_not_at_all, "delayed@0");
 inverse_suite!(sparse, "sparse");
+inverse_suite!(two_level, "two_level");
+inverse_suite!(two_level_by_patches, "two_level@1");
 
 #[test]
 fn every_choice_can_be_built_and_others_are_named() {

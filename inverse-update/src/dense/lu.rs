@@ -40,7 +40,7 @@ impl Method for LuMethod {
         self.invert(&k)
     }
 
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+    fn multiply(&self, _: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         Ok(self.0.multiply(x))
     }
 

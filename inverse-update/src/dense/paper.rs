@@ -251,7 +251,7 @@ impl Method for PaperMethod {
         Ok(())
     }
 
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+    fn multiply(&self, _: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         Ok(self.0.multiply(x))
     }
 

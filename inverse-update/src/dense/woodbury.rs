@@ -145,7 +145,7 @@ impl<E: Precision> Method for Packed<E> {
         Ok(())
     }
 
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+    fn multiply(&self, _: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         Ok(self.inverse.multiply(&Panel::from_matrix(x)).to_matrix())
     }
 

@@ -14,7 +14,6 @@ use super::edit::Edit;
 use super::pattern::Pattern;
 use super::pivot::BadPivot;
 use super::rebase::{Based, Rebase};
-use super::substitution::TOGETHER;
 use crate::InverseError;
 use crate::change::{Update, UpdateRef};
 use crate::maintained::{Maintained, Method};
@@ -22,7 +21,7 @@ use crate::maintainer::{InverseMaintainer, Load};
 use crate::matrix::{FreshRows, SparseStiffness};
 
 /// The most rows per vertex that the kernels are made for.
-const MOST_ROWS: usize = 4;
+pub(crate) const MOST_ROWS: usize = 4;
 
 /// A pivot that has become this many times smaller has lost digits that a new factor would have.
 const SOFTENED: f64 = 1e4;
@@ -34,8 +33,8 @@ const TYPICAL_WALK: f64 = 0.1;
 /// Measured times in units of one operation of a walk (an update along its path of the elimination
 /// tree): a new factor per operation of its own and, for its order, per vertex; the small algebra
 /// of an update per square of its columns.
-const FRESH_OPERATION: f64 = 0.6;
-const FRESH_VERTEX: f64 = 5e4;
+pub(crate) const FRESH_OPERATION: f64 = 0.6;
+pub(crate) const FRESH_VERTEX: f64 = 5e4;
 const UPDATE_COLUMNS: f64 = 200.0;
 
 /// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these
@@ -241,14 +240,8 @@ impl Method for SparseMethod {
         self.based.restore(&self.journal, &mut self.scratch);
     }
 
-    /// [`TOGETHER`] columns at a time.
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
-        let n = x.nrows();
-        let mut flat: Vec<f64> = x.col_iter().flat_map(|column| column.iter().copied()).collect();
-        for group in flat.chunks_mut((TOGETHER * n).max(1)) {
-            self.based.factor.solve(group);
-        }
-        Ok(MatRef::from_column_major_slice(&flat, n, x.ncols()).to_owned())
+    fn multiply(&self, _: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+        Ok(self.based.factor.solve_columns(x))
     }
 
     fn precondition(

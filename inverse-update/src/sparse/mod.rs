@@ -27,4 +27,11 @@ mod sweep;
 mod symbolic;
 mod vertex_cover;
 
+pub(crate) use dissection::order as dissection_order;
+pub(crate) use factor::Factor;
+pub(crate) use inverse::{FRESH_OPERATION, FRESH_VERTEX, MOST_ROWS};
 pub use inverse::{RebaseOptions, Sparse, elimination_order};
+pub(crate) use pattern::Pattern;
+pub(crate) use pivot::BadPivot;
+pub(crate) use rebase::{Based, Rebase};
+pub(crate) use symbolic::Symbolic;

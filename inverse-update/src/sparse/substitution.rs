@@ -2,6 +2,7 @@
 
 use std::marker::PhantomData;
 
+use faer::{Mat, MatRef};
 use pulp::{Simd, WithSimd};
 
 use super::factor::Factor;
@@ -49,6 +50,16 @@ impl Factor {
                 self.solve_block::<f64, TOGETHER>(sides);
             }
         }
+    }
+
+    /// As [`solve`](Self::solve) for the columns of X, [`TOGETHER`] of them at a time.
+    pub(crate) fn solve_columns(&self, x: MatRef<'_, f64>) -> Mat<f64> {
+        let n = x.nrows();
+        let mut flat: Vec<f64> = x.col_iter().flat_map(|column| column.iter().copied()).collect();
+        for group in flat.chunks_mut((TOGETHER * n).max(1)) {
+            self.solve(group);
+        }
+        MatRef::from_column_major_slice(&flat, n, x.ncols()).to_owned()
     }
 
     /// As [`solve`](Self::solve) for one right-hand side, with L in f32 where it

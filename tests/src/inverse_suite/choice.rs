@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use yawara_gpu::{Device, DeviceOptions, GpuError};
 use yawara_inverse_update::{
     Delayed, HostStore, InverseError, InverseMaintainer, REFINED_RESIDUAL, SparseStiffness,
+    TwoLevel, TwoLevelOptions,
 };
 
 /// The scene name: what stands before the variant, `delayed` of `delayed@1`.
@@ -54,8 +55,8 @@ pub fn is_available(name: &str) -> bool {
     }
 }
 
-/// Makes the maintainer of that name: `delayed@8` folds at 8 columns, `gpu@2` keeps 2 tiles per
-/// buffer.
+/// Makes the maintainer of that name: `delayed@8` folds at 8 columns, `two_level@1` has patches of any size, `gpu@2`
+/// keeps 2 tiles per buffer.
 ///
 /// # Errors
 /// As [`yawara_inverse_update::build`].
@@ -72,6 +73,11 @@ pub fn build(
             let most = most.parse().expect("a number of columns");
             let delayed = Delayed::new(stiffness, HostStore::new())?;
             Ok(Box::new(delayed.with_most_delayed(most)))
+        }
+        Some(("two_level", most)) => {
+            let most = most.parse().expect("a part of the vertices");
+            let options = TwoLevelOptions { most, ..Default::default() };
+            Ok(Box::new(TwoLevel::with_options(stiffness, options)?))
         }
         _ => yawara_inverse_update::build(name, stiffness),
     }
@@ -95,5 +101,11 @@ pub fn updates_inverse(name: &str) -> bool {
 /// Whether `solve` multiplies by what `columns` shows; not where C is a sum of parts, which may
 /// cancel, or kept in factors.
 pub fn solves_by_columns(name: &str) -> bool {
-    !matches!(method(name), "sparse" | "delayed" | "gpu")
+    !matches!(method(name), "sparse" | "two_level" | "delayed" | "gpu")
+}
+
+/// Whether `precondition` and `rough_compliance` are C but for rounding; if not, they are of another matrix, which is
+/// as good as the updates leave it.
+pub fn comes_close(name: &str) -> bool {
+    method(name) != "two_level"
 }

@@ -162,7 +162,7 @@ impl<S: DenseStore> DelayedMethod<S> {
         let at = terms.signed(&terms.at_ring, lost);
         let mut softened = product(lost + &terms.w * at)?;
         let residual = residual(k, rows, change, softened.as_ref())?;
-        let step = self.multiply(residual.as_ref())?;
+        let step = self.ask(|store| store.multiply(residual.as_ref()))?;
         // Yᵀ R = Wᵀ (C R)_r.
         let inner = terms.signed(&terms.w, at_rows(step.as_ref(), rows).as_ref());
         softened += step;
@@ -214,7 +214,7 @@ impl<S: DenseStore> Method for DelayedMethod<S> {
         self.accept(own.as_ref(), update.removed(), k.block())
     }
 
-    fn multiply(&self, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
+    fn multiply(&self, _: &SparseStiffness, x: MatRef<'_, f64>) -> Result<Mat<f64>, InverseError> {
         self.ask(|store| store.multiply(x))
     }
 
