@@ -10,22 +10,20 @@ use crate::{InverseError, SparseStiffness};
 pub const CHOICES: &[&str] =
     &["woodbury", "woodbury_f32", "delayed", "sparse", "two_level", "paper", "lu"];
 
-/// Free vertices from which `sparse` beats a dense inverse at everything but reading columns.
+/// Free vertices from which a sparse factor beats a dense inverse at everything but reading columns.
 const SPARSE_FROM: usize = 150;
 
-/// Free vertices up to which a dense inverse wins where each update is followed by reading columns
-/// of at least [`MANY_COLUMNS`] vertices in full.
-const DENSE_TO: usize = 450;
+/// Updates in a batch from which one patch for all of them takes less than a walk through the factor for each.
+const PATCH_FROM: usize = 8;
 
-/// See [`DENSE_TO`].
-const MANY_COLUMNS: usize = 3;
-
-/// The maintainer that takes least time for a split with a solve, by measurement (the crossings
-/// in the study `table1`), given how many free vertices there are and of how many of them full
-/// columns are read after each update.
-pub fn choose(vertices: usize, columns_per_update: usize) -> &'static str {
-    let reads_many = columns_per_update >= MANY_COLUMNS && vertices <= DENSE_TO;
-    if vertices < SPARSE_FROM || reads_many { "woodbury" } else { "sparse" }
+/// The maintainer that takes least time, by measurement (the crossings in the study `table1`; scenes, see docs/inverse.md), given
+/// how many free vertices there are and how many updates may come in a batch.
+pub fn choose(vertices: usize, updates_at_once: usize) -> &'static str {
+    match vertices < SPARSE_FROM {
+        true => "woodbury",
+        false if updates_at_once < PATCH_FROM => "sparse",
+        false => "two_level",
+    }
 }
 
 /// Makes the maintainer of that name and inverts `stiffness`. Cost: O(n³), O(n²) for `sparse` and `two_level`.
@@ -54,12 +52,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dense_where_it_is_small_or_its_columns_are_read() {
+    fn dense_where_it_is_small_and_patches_where_many_updates_come() {
         assert_eq!(choose(20, 0), "woodbury");
+        assert_eq!(choose(20, 100), "woodbury");
         assert_eq!(choose(400, 0), "sparse");
-        assert_eq!(choose(400, 9), "woodbury");
-        assert_eq!(choose(600, 9), "sparse");
-        assert_eq!(choose(2000, 9), "sparse");
+        assert_eq!(choose(2000, 2), "sparse");
+        assert_eq!(choose(400, 60), "two_level");
         assert!([0, 200, 4000].iter().all(|&n| CHOICES.contains(&choose(n, 1))));
     }
 }

@@ -25,6 +25,8 @@ mod change;
 mod choice;
 mod dense;
 mod error;
+#[cfg(test)]
+mod lattice;
 mod maintained;
 mod maintainer;
 mod matrix;

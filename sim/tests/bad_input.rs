@@ -378,7 +378,7 @@ fn value_out_of_range() {
         ("tools.0.turn_axis=[0, 0, 0]", "tools[0].turn_axis"),
         ("tools.0.region={shape=\"sphere\", centre=[0,0,0], radius_m=0}", "radius_m"),
         ("materials.1={label=1, young_modulus_pa=1, poisson_ratio=0}", "each label once"),
-        ("stages.inverse=magic", "woodbury, woodbury_f32, delayed, sparse, paper, lu"),
+        ("stages.inverse=magic", "woodbury, woodbury_f32, delayed, sparse, two_level, paper, lu"),
         ("stages.element=magic", "auto, p1, p1p1"),
         ("stages.homogenisation=magic", "laminate"),
         ("stages.corotation=magic", "element"),

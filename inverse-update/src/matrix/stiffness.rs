@@ -23,6 +23,7 @@ pub struct SparseStiffness {
     negative: usize,
     pub(super) rows: Vec<BlockRow>,
     order_keys: Vec<u64>,
+    updates_at_once: usize,
 }
 
 /// One block row: columns ascending, `values` one row-major block per column.
@@ -93,7 +94,8 @@ impl SparseStiffness {
             return Err(InverseError::Shape { what, want: (block, block), got: (negative, block) });
         }
         let rows = vec![BlockRow::default(); vertices];
-        Ok(Self { block, negative, rows, order_keys: vec![0; vertices] })
+        let order_keys = vec![0; vertices];
+        Ok(Self { block, negative, rows, order_keys, updates_at_once: 0 })
     }
 
     /// Sets the positions of the vertices: a lattice point each, packed 3 × 21 bits with x lowest.
@@ -117,6 +119,17 @@ impl SparseStiffness {
     #[must_use]
     pub fn order_keys(&self) -> &[u64] {
         &self.order_keys
+    }
+
+    /// Tells how many updates may come in a batch, 0 for not known: which maintainer is the fastest depends on it.
+    pub fn expect_updates(&mut self, at_once: usize) {
+        self.updates_at_once = at_once;
+    }
+
+    /// See [`expect_updates`](Self::expect_updates).
+    #[must_use]
+    pub fn updates_at_once(&self) -> usize {
+        self.updates_at_once
     }
 
     /// Rows at the end of every block whose pivots are negative; 0 for a positive definite matrix.

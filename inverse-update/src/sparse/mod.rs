@@ -33,5 +33,7 @@ pub(crate) use inverse::{FRESH_OPERATION, FRESH_VERTEX, MOST_ROWS};
 pub use inverse::{RebaseOptions, Sparse, elimination_order};
 pub(crate) use pattern::Pattern;
 pub(crate) use pivot::BadPivot;
+#[cfg(test)]
+pub(crate) use rebase::slow_rebases;
 pub(crate) use rebase::{Based, Rebase};
 pub(crate) use symbolic::Symbolic;

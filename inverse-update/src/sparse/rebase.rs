@@ -133,5 +133,11 @@ impl Rebase {
 #[cfg(test)]
 thread_local! {
     /// How long the workers that this thread starts sleep first.
-    pub(super) static SLOW_MS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+    static SLOW_MS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+/// Lets them sleep so long from now on.
+#[cfg(test)]
+pub(crate) fn slow_rebases(ms: u64) {
+    SLOW_MS.with(|slow| slow.set(ms));
 }

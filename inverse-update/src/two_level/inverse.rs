@@ -306,3 +306,6 @@ impl Method for TwoLevelMethod {
         whole.update_all(updates, Some(rows))
     }
 }
+
+#[cfg(test)]
+mod tests;

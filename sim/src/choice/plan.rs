@@ -261,6 +261,10 @@ pub(crate) fn inverse(scene: &Scene, inverse: &InverseLink) -> PlanRow {
     if scene.stages.inverse == AUTO {
         let vertices = inverse.maintainer().vertices();
         why += &format!("; {name} is the fastest for {vertices} vertices with unknowns");
+        match inverse.maintainer().stiffness().updates_at_once() {
+            0 => {}
+            at_once => why += &format!(" and up to {at_once} changes at once"),
+        }
     }
     if let Some(place) = inverse.maintainer().place() {
         why += &format!("; {place}");

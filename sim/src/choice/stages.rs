@@ -95,8 +95,7 @@ impl Stages {
 fn on_host(inverse: String) -> InverseFactory {
     Box::new(move |k| {
         let name = match &inverse[..] {
-            // Tools read compliance blocks, no full columns, where columns are not at hand.
-            AUTO => choose(k.vertices(), 0),
+            AUTO => choose(k.vertices(), k.updates_at_once()),
             name => name,
         };
         yawara_inverse_update::build(name, k)

@@ -352,12 +352,16 @@ fn invert(
         Some(refiner) => Lattice::key(refiner.content.forest.point(v)),
         None => organ.grid_key(&state.rest[v.index()]),
     };
+    let at_once = refiner.map_or(0, |refiner| refiner.rules.refinement.max_splits_per_step);
     InverseLink::new(
         &Elements { body: &state.body, density: &|tet| state.density(tet) },
         formulation,
         state.vertices(),
         |v| state.holds[v] == Hold::Fixed,
         key,
-        factory,
+        Box::new(move |mut k| {
+            k.expect_updates(at_once);
+            factory(k)
+        }),
     )
 }

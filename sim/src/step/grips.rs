@@ -96,7 +96,7 @@ impl Grips {
         if self.answer.as_ref().filter(is_current).is_none() {
             let m = state.body.unknowns_per_vertex();
             let rows = m * state.positions.len();
-            let responses = at_rest.answer(m, rows, |f, y| constrained.apply(f, y))?;
+            let responses = at_rest.answer(m, rows, |f, y| constrained.precondition(f, y))?;
             let responses = Arc::new(responses);
             let (updates, vertices) = (inverse.updates, constrained.slots().to_vec());
             self.answer = Some(Answer { updates, vertices, grips, responses });

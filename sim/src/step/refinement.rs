@@ -33,7 +33,7 @@ const CANCELLED: f64 = 0.25;
 /// Refines the mesh of a body and coarsens it again.
 pub(crate) struct Refiner {
     pub content: Content,
-    rules: Rules,
+    pub(super) rules: Rules,
     /// Where new vertices are held.
     pub(super) regions: Regions,
     /// Step in which each vertex came in.
