@@ -102,7 +102,7 @@ impl Factor {
     /// definite; but forces that cancel on a stiff part in soft surroundings no longer quite do, and move it.
     ///
     /// Cost: a solve and two products with K. Leaves the copy that is read from now on.
-    pub(super) fn try_rounding(&mut self, pattern: &Pattern) {
+    pub(crate) fn try_rounding(&mut self, pattern: &Pattern) {
         let m = self.block;
         let mut state = self.vertices() as u64;
         let entry = |i: usize| {

@@ -45,11 +45,10 @@ impl Default for TwoLevelOptions {
 ///
 /// An update costs a new factor of the patch, those of a batch one in all. A thread meanwhile makes a new factor of the
 /// whole, which is adopted after a fixed amount of work; what has changed since its snapshot is the next patch. Where more
-/// than half of the vertices would be in a patch, and where content softens vertices that stay
-/// ([`StiffnessChange::removed`](crate::StiffnessChange)), K is factored at once.
+/// than half of the vertices would be in a patch, K is factored at once.
 ///
 /// Whether K is still definite is seen on the patch: a body that comes loose beyond it is refused by the solution that
-/// follows, not by the update.
+/// follows, which then finds no end, not by the update.
 ///
 /// Cost in 3-D with p vertices in the patch: O(p²) per update, O(n^(4/3) + p^(4/3)) per cycle, as many numbers.
 /// # Source
@@ -154,10 +153,6 @@ impl TwoLevelMethod {
         k: &SparseStiffness,
         updates: impl Iterator<Item = UpdateRef<'a>> + Clone,
     ) -> Result<(), InverseError> {
-        let softens = |update| matches!(update, UpdateRef::Content(c) if c.removed.ncols() > 0);
-        if updates.clone().any(softens) {
-            return self.invert(k);
-        }
         let followed = |since: &Since| {
             let mut since = since.clone();
             updates.clone().for_each(|update| since.follow(update));

@@ -14,6 +14,9 @@ const LEFT: f64 = 1e-13;
 /// A start that leaves more than this of what the one before left is the last.
 const PROGRESS: f64 = 0.1;
 
+/// A direction that adds less than this part of itself to those before it adds rounding.
+const SINGULAR: f64 = 1e-12;
+
 /// u with K u = f by generalised minimal residuals, in the norm of D^(−½), D = |diag K|, with M ≈ K⁻¹ on the right: M f
 /// where that is exact. K need not be definite.
 ///
@@ -87,12 +90,14 @@ fn start(
             }
         }
         let length = size(&next, scale);
+        let reached = column.iter().fold(length, |sum, x| sum.hypot(*x));
         for (i, &(c, s)) in rotations.iter().enumerate() {
             let (a, b) = (column[i], column[i + 1]);
             (column[i], column[i + 1]) = (c * a + s * b, c * b - s * a);
         }
         let radius = column[at].hypot(length);
-        if !(radius > 0.0 && radius.is_finite()) {
+        // What K can't reach is left; not a number is neither.
+        if !(radius > SINGULAR * reached && radius.is_finite()) {
             break;
         }
         let (c, s) = (column[at] / radius, length / radius);

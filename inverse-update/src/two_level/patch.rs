@@ -30,7 +30,7 @@ struct Coupling {
 pub(super) struct Far<'a> {
     pub factor: &'a Factor,
     pub since: &'a Since,
-    /// Whether it may be read in f32.
+    /// Whether factors may be read in f32.
     pub is_rough: bool,
 }
 
@@ -78,8 +78,9 @@ impl Patch {
         }
         let symbolic = Symbolic::new(&pattern, dissection_order(&pattern));
         let place = |position: usize| slots[symbolic.order[slots.len() - 1 - position]];
-        let factor = Factor::new(&pattern, &symbolic)
+        let mut factor = Factor::new(&pattern, &symbolic)
             .map_err(|bad| BadPivot { position: place(bad.position), ..bad })?;
+        factor.try_rounding(&pattern);
         Ok(Self { slots, number, factor, couplings, values })
     }
 
@@ -102,13 +103,13 @@ impl Patch {
     pub fn cycle(&self, far: &Far<'_>, f: &[f64], u: &mut [f64]) {
         let m = self.factor.block;
         let mut near = self.inner(f);
-        self.factor.solve(&mut near);
+        far.solve_by(&self.factor, &mut near);
         let mut rest = vec![0.0; m * far.factor.vertices()];
         self.outer(far.since, |to, from| {
             rest[m * to..m * (to + 1)].copy_from_slice(&f[m * from..m * (from + 1)]);
         });
         self.leave(far.since, &near, |row, force| rest[row] += force);
-        far.solve(&mut rest);
+        far.solve_by(far.factor, &mut rest);
         self.outer(far.since, |from, to| {
             u[m * to..m * (to + 1)].copy_from_slice(&rest[m * from..m * (from + 1)]);
         });
@@ -119,7 +120,7 @@ impl Patch {
                 near[inner + entry / m] -= value * u[outer + entry % m];
             }
         }
-        self.factor.solve(&mut near);
+        far.solve_by(&self.factor, &mut near);
         for (slot, near) in self.slots.iter().zip(near.chunks_exact(m.max(1))) {
             u[m * slot..m * (slot + 1)].copy_from_slice(near);
         }
@@ -193,10 +194,10 @@ impl Patch {
 }
 
 impl Far<'_> {
-    fn solve(&self, sides: &mut [f64]) {
+    fn solve_by(&self, factor: &Factor, side: &mut [f64]) {
         match self.is_rough {
-            true => self.factor.precondition(sides),
-            false => self.factor.solve(sides),
+            true => factor.precondition(side),
+            false => factor.solve(side),
         }
     }
 
