@@ -124,5 +124,5 @@ pub(crate) fn maintainers() -> impl Iterator<Item = &'static str> {
 
 /// True for methods that don't hold n² numbers.
 pub(crate) fn is_sparse(name: &str) -> bool {
-    name.starts_with("sparse")
+    name.starts_with("sparse") || name == "two_level"
 }
