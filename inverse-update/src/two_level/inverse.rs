@@ -39,7 +39,7 @@ impl Default for TwoLevelOptions {
 ///
 /// One cycle solves for the patch, for the others by the old factor, and for the patch again. That is a symmetric
 /// preconditioner, off by what the new elements of the patch change of the stiffness that the others feel behind the
-/// layer: by the tenth part or less, whatever the contrast of moduli. [`precondition`](InverseMaintainer::precondition)
+/// layer. [`precondition`](InverseMaintainer::precondition)
 /// is one cycle; [`solve`](InverseMaintainer::solve) makes as many, between products with K, as a solution takes (GMRES,
 /// since pressures make K indefinite), four to twenty.
 ///
