@@ -147,13 +147,6 @@ impl Factor {
         self.position_of.len()
     }
 
-    /// The multiplications that make such a factor: half the square of each column.
-    pub(crate) fn operations(&self) -> f64 {
-        let column = |panel: &Panel, at: usize| (panel.width - at + panel.rows.len()) as f64;
-        let panel = |p: &Panel| (0..p.width).map(|at| 0.5 * column(p, at).powi(2)).sum::<f64>();
-        (self.block as f64).powi(3) * self.panels.iter().map(panel).sum::<f64>()
-    }
-
     pub(crate) fn positions(&self) -> usize {
         self.panel_of.len()
     }

@@ -11,6 +11,7 @@ use faer::{Mat, MatRef};
 use super::bennett::Scratch;
 use super::dissection;
 use super::edit::Edit;
+use super::factor::NONE;
 use super::pattern::Pattern;
 use super::pivot::BadPivot;
 use super::rebase::{Based, Rebase};
@@ -31,11 +32,12 @@ const SOFTENED: f64 = 1e4;
 const TYPICAL_WALK: f64 = 0.1;
 
 /// Measured times in units of one operation of a walk (an update along its path of the elimination
-/// tree): a new factor per operation of its own and, for its order, per vertex; the small algebra
-/// of an update per square of its columns.
+/// tree): a new factor per operation of its own and per vertex, with a new order and with that of before; the small
+/// algebra of an update per square of its columns.
 pub(crate) const FRESH_OPERATION: f64 = 0.6;
 pub(crate) const FRESH_VERTEX: f64 = 5e4;
-const UPDATE_COLUMNS: f64 = 200.0;
+const INHERITED_VERTEX: f64 = 3e4;
+const UPDATE_COLUMNS: f64 = 4e3;
 
 /// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these
 /// limits, or as soon as a pivot has become so small (stiff tissue removed from soft) that digits
@@ -102,6 +104,8 @@ pub struct SparseMethod {
     /// A factor with a fresh elimination order, being made.
     rebase: Option<Pending>,
     options: RebaseOptions,
+    /// What the order of the factor says of the next K that is factored.
+    ranks: Option<Vec<u32>>,
     /// Working memory and statistics of the walks on `based`.
     scratch: Scratch,
     rebases: usize,
@@ -177,10 +181,24 @@ impl SparseMethod {
             // Walks of a batch are alike: a few tell what the others will take.
             _ => mean(all).max(mean((all.0 - before.0, all.1 - before.1))),
         };
-        let fresh = FRESH_OPERATION * self.based.operations + FRESH_VERTEX * k.vertices() as f64;
+        let fresh =
+            FRESH_OPERATION * self.based.operations + INHERITED_VERTEX * k.vertices() as f64;
         let square = |update: &Update| (update.borrowed().most_columns(k.block()) as f64).powi(2);
         let columns: f64 = updates.iter().map(square).sum();
         updates.len() as f64 * walk + UPDATE_COLUMNS * columns > fresh
+    }
+
+    /// When the vertices of the factor are eliminated, by the slots they have after some updates.
+    fn ranks_after(&self, updates: &[Update]) -> Vec<u32> {
+        let mut ranks = self.based.ranks();
+        for update in updates {
+            match (update.borrowed(), update.borrowed().removed()) {
+                (UpdateRef::Content(_), _) => {}
+                (_, Some(slot)) => _ = ranks.swap_remove(slot),
+                _ => ranks.push(NONE),
+            }
+        }
+        ranks
     }
 
     fn is_due(&self) -> bool {
@@ -213,8 +231,12 @@ impl Method for SparseMethod {
             let (method, limit) = ("sparse", MOST_ROWS);
             return Err(InverseError::BlockTooLarge { method, block, limit });
         }
-        let based = Based::new(&Pattern::of(k))
-            .map_err(|bad| bad.into_error("the stiffness", bad.position, block))?;
+        let pattern = Pattern::of(k);
+        let based = match self.ranks.take() {
+            Some(ranks) => self.based.renewed(&pattern, &ranks, self.options.growth),
+            None => Based::new(&pattern),
+        };
+        let based = based.map_err(|bad| bad.into_error("the stiffness", bad.position, block))?;
         self.adopt(based, Vec::new());
         Ok(())
     }
@@ -323,6 +345,8 @@ impl Sparse {
                     Some(rows) => k.arrange(rest, rows),
                     None => rest.iter().try_for_each(|update| k.update(update)),
                 };
+                let method = self.method();
+                method.ranks = Some(method.ranks_after(rest));
                 if changed.is_ok() && self.replace(k).is_ok() {
                     self.method().rebases += 1;
                     return Ok(());

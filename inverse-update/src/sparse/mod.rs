@@ -13,6 +13,7 @@ mod compliance;
 mod dissection;
 mod edit;
 mod factor;
+mod inherit;
 mod inverse;
 mod lower;
 mod numeric;

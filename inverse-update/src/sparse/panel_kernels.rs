@@ -1,41 +1,156 @@
-//! The kernels of a factorisation that are not matrix products, compiled for each vector unit.
+//! The kernels of a factorisation, compiled for each vector unit.
 
 use pulp::{Simd, WithSimd};
 
 use super::factor::Panel;
 use super::pivot::{BadPivot, Pivot};
 
-/// The columns `first..end` of a panel, to be eliminated; all before them are.
+/// L D of a panel's columns: for every block row the columns one after the other, M numbers each.
+pub(crate) struct Scaled<const M: usize> {
+    pub values: Vec<[f64; M]>,
+    /// Scalar columns of the panel.
+    pub columns: usize,
+}
+
+impl<const M: usize> Scaled<M> {
+    /// Those of scalar columns `first..end` in a block row.
+    #[inline(always)]
+    fn of_row(&self, row: usize, first: usize, end: usize) -> &[[f64; M]] {
+        &self.values[self.columns * row + first..self.columns * row + end]
+    }
+}
+
+/// The block columns `first..end` of a panel, to be eliminated; what those before them change in them is done.
 pub(crate) struct PanelColumns<'a, const M: usize> {
     pub panel: &'a mut Panel,
     pub first: usize,
     pub end: usize,
-    /// L D of the panel's columns, one scalar column of the panel's height after the other.
-    pub scaled: &'a mut [f64],
+    pub scaled: &'a mut Scaled<M>,
     pub negative: usize,
     /// The least pivots by column and row.
     pub floors: &'a [[f64; M]],
+}
+
+/// What block columns of a panel change in some columns of another one, or in its own later ones: those minus L (L D)ᵀ.
+pub(crate) struct Subtract<'a, const M: usize> {
+    /// L of the block columns `from..to`, and from one scalar column to the next.
+    pub lower: &'a [f64],
+    pub stride: usize,
+    pub from: usize,
+    pub to: usize,
+    pub scaled: &'a Scaled<M>,
+    /// The first block row that counts, and how many columns are changed: those of as many rows from the first on.
+    pub first: usize,
+    pub count: usize,
+    /// Where the block rows from the first on are in the target.
+    pub local: &'a [usize],
+    /// Its columns from block column `offset` on, and from one scalar column to the next.
+    pub target: &'a mut [f64],
+    pub offset: usize,
+    pub target_stride: usize,
+}
+
+/// Runs a kernel with as many vectors at once as there are registers for, and rows enough for a block.
+macro_rules! by_unit {
+    ($unit:ident, $kernel:expr, $simd:expr) => {
+        match (size_of::<$unit::f64s>(), M) {
+            (32, 4) => $kernel.run::<$unit, 2>($simd),
+            (32.., _) => $kernel.run::<$unit, 3>($simd),
+            _ => $kernel.run::<$unit, 6>($simd),
+        }
+    };
 }
 
 impl<const M: usize> WithSimd for PanelColumns<'_, M> {
     type Output = Result<(), BadPivot>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
-        for column in self.first..self.end {
-            self.pivot(column)?;
-            self.change_later(column);
-        }
-        Ok(())
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        by_unit!(S, self, simd)
     }
 }
 
+impl<const M: usize> WithSimd for Subtract<'_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        by_unit!(S, self, simd)
+    }
+}
+
+/// Rows that are handled at once, at most.
+const MOST: usize = 24;
+
+/// Σ over columns of the R vectors of their scalar rows from `row` on times M factors each.
+#[inline(always)]
+fn products<S: Simd, const M: usize, const R: usize>(
+    simd: S,
+    lower: &[f64],
+    stride: usize,
+    row: usize,
+    factors: &[[f64; M]],
+) -> [[f64; MOST]; M] {
+    let mut sums = [[simd.splat_f64s(0.0); R]; M];
+    for (column, factor) in lower.chunks_exact(stride).zip(factors) {
+        let Some(rows) = S::as_simd_f64s(&column[row..]).0.first_chunk::<R>() else { break };
+        for (sums, factor) in sums.iter_mut().zip(factor) {
+            let factor = simd.splat_f64s(*factor);
+            for (sum, rows) in sums.iter_mut().zip(rows) {
+                *sum = simd.mul_add_e_f64s(factor, *rows, *sum);
+            }
+        }
+    }
+    let mut out = [[0.0; MOST]; M];
+    for (out, sums) in out.iter_mut().zip(sums) {
+        S::as_mut_simd_f64s(out).0[..R].copy_from_slice(&sums);
+    }
+    out
+}
+
+/// Scalar rows of R vectors.
+#[inline(always)]
+fn rows_of<S: Simd, const R: usize>(_: S) -> usize {
+    R * size_of::<S::f64s>() / size_of::<f64>()
+}
+
 impl<const M: usize> PanelColumns<'_, M> {
-    /// D of one block column, and L on the rows below.
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(mut self, simd: S) -> Result<(), BadPivot> {
+        for column in self.first..self.end {
+            self.catch_up::<S, R>(simd, column);
+            self.pivot(column)?;
+        }
+        Ok(())
+    }
+
+    /// What the block columns from the first one on change in one.
+    #[inline(always)]
+    fn catch_up<S: Simd, const R: usize>(&mut self, simd: S, column: usize) {
+        let (panel, first) = (&mut *self.panel, self.first);
+        if column == first {
+            return;
+        }
+        let (stride, height) = (panel.stride, M * (panel.width + panel.rows.len()));
+        let (done, own) = panel.values.split_at_mut(stride * M * column);
+        let done = &done[stride * M * first..];
+        let factors = self.scaled.of_row(column, M * first, M * column);
+        let together = rows_of::<S, R>(simd);
+        for row in (M * column..height).step_by(together) {
+            let sums = products::<S, M, R>(simd, done, stride, row, factors);
+            for (values, sums) in own.chunks_exact_mut(stride).zip(&sums) {
+                for (value, sum) in values[row..row + together].iter_mut().zip(sums) {
+                    *value -= sum;
+                }
+            }
+        }
+    }
+
+    /// D of one block column, and L and L D on the rows below.
     #[inline(always)]
     fn pivot(&mut self, column: usize) -> Result<(), BadPivot> {
         let panel = &mut *self.panel;
-        let (stride, height) = (panel.stride, M * (panel.width + panel.rows.len()));
+        let (stride, rows) = (panel.stride, panel.width + panel.rows.len());
         let mut d = [[0.0; M]; M];
         for a in 0..M {
             for b in 0..=a {
@@ -48,83 +163,44 @@ impl<const M: usize> PanelColumns<'_, M> {
         let own = M * M * column..M * M * (column + 1);
         panel.diagonal[own.clone()].copy_from_slice(d.as_flattened());
         pivot.write(&mut panel.pivots[own]);
-        let below = M * (column + 1)..height;
         let mut columns = panel.values[stride * M * column..].chunks_mut(stride);
-        let lower: [&mut [f64]; M] = std::array::from_fn(|_| match columns.next() {
-            Some(values) => &mut values[below.clone()],
+        let lower: [&mut [[f64; M]]; M] = std::array::from_fn(|_| match columns.next() {
+            Some(values) => &mut values.as_chunks_mut::<M>().0[..rows],
             None => &mut [],
         });
-        let mut columns = self.scaled[height * M * column..].chunks_exact_mut(height);
-        for values in &lower {
-            if let Some(scaled) = columns.next() {
-                scaled[below.clone()].copy_from_slice(values);
+        let width = self.scaled.columns;
+        let mut scaled = self.scaled.values.chunks_exact_mut(width).skip(column + 1);
+        for row in column + 1..rows {
+            let mut x: [[f64; M]; M] = std::array::from_fn(|b| lower[b][row]);
+            if let Some(scaled) = scaled.next() {
+                scaled[M * column..M * (column + 1)].copy_from_slice(&x);
             }
-        }
-        let count = below.len();
-        let lower = lower.map(|values| &mut values[..count]);
-        for row in 0..count {
-            let mut x: [f64; M] = std::array::from_fn(|b| lower[b][row]);
-            pivot.solve(&mut x);
+            pivot.solve_all(&mut x);
             for b in 0..M {
                 lower[b][row] = x[b];
             }
         }
         Ok(())
     }
-
-    /// What one block column changes in those up to `end`.
-    #[inline(always)]
-    fn change_later(&mut self, column: usize) {
-        let (stride, height) = (self.panel.stride, M * (self.panel.width + self.panel.rows.len()));
-        let (done, rest) = self.panel.values.split_at_mut(stride * M * (column + 1));
-        let done = &done[stride * M * column..];
-        for (at, target) in rest.chunks_mut(stride).take(M * (self.end - column - 1)).enumerate() {
-            let later = M * (column + 1) + at;
-            let rows = later / M * M..height;
-            let factors: [f64; M] =
-                std::array::from_fn(|b| self.scaled[height * (M * column + b) + later]);
-            let target = &mut target[rows.clone()];
-            let lower: [&[f64]; M] =
-                std::array::from_fn(|b| &done[stride * b..][rows.clone()][..target.len()]);
-            for (row, t) in target.iter_mut().enumerate() {
-                let mut sum = 0.0;
-                for b in 0..M {
-                    sum += factors[b] * lower[b][row];
-                }
-                *t -= sum;
-            }
-        }
-    }
 }
 
-/// The panel's product with itself, subtracted from a panel above it.
-pub(crate) struct Scatter<'a, const M: usize> {
-    /// Lower half, column-major, `rows` scalar rows.
-    pub product: &'a [f64],
-    pub rows: usize,
-    /// The first block row that goes to this panel, and how many of its columns do.
-    pub first: usize,
-    pub count: usize,
-    /// Where the block rows from the first on are in the panel.
-    pub local: &'a [usize],
-    pub target: &'a mut Panel,
-}
-
-impl<const M: usize> WithSimd for Scatter<'_, M> {
-    type Output = ();
-
+impl<const M: usize> Subtract<'_, M> {
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { product, rows, first, count, local, target } = self;
+    fn run<S: Simd, const R: usize>(self, simd: S) {
+        let together = rows_of::<S, R>(simd);
+        let Self { lower, stride, from, to, scaled, first, count, local, .. } = self;
         for j in 0..count {
-            for b in 0..M {
-                let from = &product[rows * (M * (first + j) + b)..][..rows][M * (first + j)..];
-                let column = target.stride * (M * local[j] + b);
-                let to = &mut target.values[column..column + target.stride];
-                for (from, &at) in from.as_chunks::<M>().0.iter().zip(&local[j..]) {
-                    let to = &mut to[M * at..M * at + M];
-                    for a in 0..M {
-                        to[a] -= from[a];
+            let factors = scaled.of_row(first + j, M * from, M * to);
+            let column = self.target_stride * M * (local[j] - self.offset);
+            let own = &mut self.target[column..column + self.target_stride * M];
+            for i in (j..local.len()).step_by(together / M) {
+                let sums = products::<S, M, R>(simd, lower, stride, M * (first + i), factors);
+                for (own, sums) in own.chunks_exact_mut(self.target_stride).zip(&sums) {
+                    let own = own.as_chunks_mut::<M>().0;
+                    for (sums, &at) in sums[..together].as_chunks::<M>().0.iter().zip(&local[i..]) {
+                        for a in 0..M {
+                            own[at][a] -= sums[a];
+                        }
                     }
                 }
             }

@@ -1,4 +1,4 @@
-//! The matrix as a factorisation wants it: one flat copy of the lower half, and its graph.
+//! The matrix as a factorisation wants it: one flat copy, and its graph.
 
 use crate::matrix::SparseStiffness;
 
@@ -12,13 +12,12 @@ pub(crate) struct Pattern {
     /// Row i has the neighbours `columns[starts[i]..starts[i + 1]]`, itself included, ascending.
     pub starts: Vec<usize>,
     pub columns: Vec<u32>,
-    /// Row-major blocks of the columns up to the diagonal, in the same order.
-    pub value_starts: Vec<usize>,
+    /// Row-major blocks in the same order.
     pub values: Vec<f64>,
 }
 
 impl Pattern {
-    /// Copies the matrix. Cost: one pass over half of it.
+    /// Copies the matrix. Cost: one pass over it.
     pub(crate) fn of(k: &SparseStiffness) -> Self {
         let (n, size) = (k.vertices(), k.block() * k.block());
         let stored = k.stored_blocks();
@@ -28,19 +27,14 @@ impl Pattern {
             keys: k.order_keys().to_vec(),
             starts: Vec::with_capacity(n + 1),
             columns: Vec::with_capacity(stored),
-            value_starts: Vec::with_capacity(n + 1),
-            values: Vec::with_capacity((stored + n) / 2 * size),
+            values: Vec::with_capacity(stored * size),
         };
         for i in 0..n {
             pattern.starts.push(pattern.columns.len());
-            pattern.value_starts.push(pattern.values.len() / size);
-            let neighbours = k.neighbours(i);
-            pattern.columns.extend(neighbours.iter().map(|&j| j as u32));
-            let lower = neighbours.partition_point(|&j| j <= i);
-            pattern.values.extend_from_slice(&k.row_values(i)[..lower * size]);
+            pattern.columns.extend(k.neighbours(i).iter().map(|&j| j as u32));
+            pattern.values.extend_from_slice(k.row_values(i));
         }
         pattern.starts.push(pattern.columns.len());
-        pattern.value_starts.push(pattern.values.len() / size);
         pattern
     }
 
@@ -53,41 +47,28 @@ impl Pattern {
         &self.columns[self.starts[i]..self.starts[i + 1]]
     }
 
-    /// The block that couples i and j, which are neighbours: stored once, so that it may have to
-    /// be transposed.
-    pub(crate) fn block_at(&self, i: usize, j: usize) -> (&[f64], bool) {
-        let (row, column) = (i.max(j), i.min(j));
+    /// The blocks of row i, of the columns that [`neighbours`](Self::neighbours) tells.
+    pub(crate) fn row(&self, i: usize) -> impl Iterator<Item = (usize, &[f64])> {
         let size = self.block * self.block;
-        let at = self.neighbours(row).partition_point(|&c| (c as usize) < column);
-        let first = size * (self.value_starts[row] + at);
-        (&self.values[first..first + size], row != i)
+        let values = &self.values[size * self.starts[i]..size * self.starts[i + 1]];
+        let columns = self.neighbours(i).iter().map(|&j| j as usize);
+        columns.zip(values.chunks_exact(size.max(1)))
     }
 
     /// |K_ii| for row `a` of vertex `i`; 0 where nothing is stored.
     pub(crate) fn diagonal(&self, i: usize, a: usize) -> f64 {
-        match self.neighbours(i).binary_search(&(i as u32)) {
-            Ok(_) => self.block_at(i, i).0[(self.block + 1) * a].abs(),
-            Err(_) => 0.0,
-        }
+        let own = self.row(i).find(|(j, _)| *j == i);
+        own.map_or(0.0, |(_, block)| block[(self.block + 1) * a].abs())
     }
 
-    /// K x. Cost: one pass over half of K.
+    /// K x. Cost: one pass over K.
     pub(crate) fn multiply(&self, x: &[f64]) -> Vec<f64> {
         let m = self.block;
         let mut y = vec![0.0; x.len()];
-        for i in 0..self.vertices() {
-            let lower = &self.values[m * m * self.value_starts[i]..];
-            for (&j, block) in self.neighbours(i).iter().zip(lower.chunks_exact(m * m)) {
-                let j = j as usize;
-                if j > i {
-                    break;
-                }
-                for (at, entry) in block.iter().enumerate() {
-                    let (row, column) = (m * i + at / m, m * j + at % m);
-                    y[row] += entry * x[column];
-                    if j < i {
-                        y[column] += entry * x[row];
-                    }
+        for (i, y) in y.chunks_exact_mut(m.max(1)).enumerate() {
+            for (j, block) in self.row(i) {
+                for (y, row) in y.iter_mut().zip(block.chunks_exact(m)) {
+                    *y += row.iter().zip(&x[m * j..]).map(|(k, x)| k * x).sum::<f64>();
                 }
             }
         }

@@ -67,17 +67,25 @@ impl<const M: usize> Pivot<M> {
     /// x ← D⁻¹ x.
     #[inline(always)]
     pub(crate) fn solve(&self, x: &mut [f64; M]) {
-        for i in 1..M {
+        let mut column = x.map(|entry| [entry]);
+        self.solve_all(&mut column);
+        *x = column.map(|[entry]| entry);
+    }
+
+    /// The same of N at once, `x[i]` the entries i of all.
+    #[inline(always)]
+    pub(crate) fn solve_all<const N: usize>(&self, x: &mut [[f64; N]; M]) {
+        for i in 0..M {
             for k in 0..i {
-                x[i] -= self.lower[i][k] * x[k];
+                (0..N).for_each(|n| x[i][n] -= self.lower[i][k] * x[k][n]);
             }
         }
         for i in 0..M {
-            x[i] *= self.lower[i][i];
+            (0..N).for_each(|n| x[i][n] *= self.lower[i][i]);
         }
         for i in (0..M).rev() {
             for k in i + 1..M {
-                x[i] -= self.lower[k][i] * x[k];
+                (0..N).for_each(|n| x[i][n] -= self.lower[k][i] * x[k][n]);
             }
         }
     }

@@ -8,7 +8,8 @@ use rayon::ThreadPoolBuilder;
 use super::bennett::Scratch;
 use super::dissection;
 use super::edit::Edit;
-use super::factor::Factor;
+use super::factor::{Factor, NONE};
+use super::inherit::inherited_order;
 use super::pattern::Pattern;
 use super::pivot::BadPivot;
 use super::symbolic::Symbolic;
@@ -22,6 +23,14 @@ pub(crate) struct Based {
     /// Blocks of the base, and the operations that it took.
     pub blocks: usize,
     pub operations: f64,
+    /// Positions of the base: higher ones came with edits.
+    ordered: usize,
+    /// Operations per square of the vertices, as they were when the order was found.
+    usual: f64,
+}
+
+fn squared(pattern: &Pattern) -> f64 {
+    (pattern.vertices() as f64).powi(2)
 }
 
 impl Based {
@@ -30,12 +39,47 @@ impl Based {
     /// [`BadPivot`] with the slot of the vertex for its position.
     pub(crate) fn new(pattern: &Pattern) -> Result<Self, BadPivot> {
         let symbolic = Symbolic::new(pattern, dissection::order(pattern));
+        let mut based = Self::of(pattern, &symbolic)?;
+        based.usual = based.operations / squared(pattern);
+        Ok(based)
+    }
+
+    /// Factors another matrix in the order of this one, if that takes no more than `growth` times the operations that a
+    /// new order took per square of the vertices; else as [`new`](Self::new). `ranks` are those of
+    /// [`ranks`](Self::ranks), brought up to date.
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn renewed(
+        &self,
+        pattern: &Pattern,
+        ranks: &[u32],
+        growth: f64,
+    ) -> Result<Self, BadPivot> {
+        let symbolic = Symbolic::new(pattern, inherited_order(pattern, ranks));
+        if symbolic.operations(pattern.block) > growth * self.usual * squared(pattern) {
+            return Self::new(pattern);
+        }
+        let mut based = Self::of(pattern, &symbolic)?;
+        based.usual = self.usual;
+        Ok(based)
+    }
+
+    fn of(pattern: &Pattern, symbolic: &Symbolic) -> Result<Self, BadPivot> {
         let last = symbolic.order.len();
-        let mut factor = Factor::new(pattern, &symbolic)
+        let mut factor = Factor::new(pattern, symbolic)
             .map_err(|bad| BadPivot { position: symbolic.order[last - 1 - bad.position], ..bad })?;
         factor.try_rounding(pattern);
-        let (blocks, operations) = (factor.blocks, factor.operations());
-        Ok(Self { base: None, factor, blocks, operations })
+        let (blocks, operations) = (factor.blocks, symbolic.operations(pattern.block));
+        Ok(Self { base: None, factor, blocks, operations, ordered: last, usual: 0.0 })
+    }
+
+    /// When each slot's vertex is eliminated; [`NONE`] for those that edits brought.
+    pub(crate) fn ranks(&self) -> Vec<u32> {
+        let rank = |&position: &u32| match self.ordered.checked_sub(position as usize + 1) {
+            Some(rank) => rank as u32,
+            None => NONE,
+        };
+        self.factor.position_of.iter().map(rank).collect()
     }
 
     /// Makes an edit.

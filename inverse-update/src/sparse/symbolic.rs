@@ -33,10 +33,22 @@ impl Symbolic {
     /// 11(1), 1990; Ashcraft, Grimes, The influence of relaxed supernode partitions, 1989.
     pub(crate) fn new(pattern: &Pattern, order: Vec<usize>) -> Self {
         let parent = elimination_tree(pattern, &order);
-        let order: Vec<usize> = postorder(&parent).into_iter().map(|at| order[at]).collect();
-        let parent = elimination_tree(pattern, &order);
+        let sorted = postorder(&parent);
+        // The same tree.
+        let step = steps(&sorted);
+        let above = |&at: &usize| step.get(parent[at]).copied().unwrap_or(NONE);
+        let parent: Vec<usize> = sorted.iter().map(above).collect();
+        let order: Vec<usize> = sorted.into_iter().map(|at| order[at]).collect();
         let panels = panels(pattern, &order, &parent);
         Self { order, panels }
+    }
+
+    /// The multiplications that make such a factor: half the square of each column.
+    pub(crate) fn operations(&self, block: usize) -> f64 {
+        let column = |panel: &PanelShape, at: usize| (panel.width - at + panel.rows.len()) as f64;
+        let panel =
+            |p: &PanelShape| (0..p.width).map(|at| 0.5 * column(p, at).powi(2)).sum::<f64>();
+        (block as f64).powi(3) * self.panels.iter().map(panel).sum::<f64>()
     }
 }
 

@@ -203,7 +203,7 @@ impl TwoLevelMethod {
     ) -> Result<Patch, InverseError> {
         let patch = patch
             .map_err(|bad| bad.into_error("the changed stiffness", bad.position, k.block()))?;
-        self.has_done(making(patch.operations(), patch.slots.len()));
+        self.has_done(making(patch.operations, patch.slots.len()));
         Ok(patch)
     }
 }

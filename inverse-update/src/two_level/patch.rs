@@ -15,6 +15,8 @@ pub(super) struct Patch {
     /// By slot, the vertex's number here; [`NONE`] for those outside, all of which K had before.
     number: Vec<u32>,
     factor: Factor,
+    /// Operations that it took.
+    pub operations: f64,
     couplings: Vec<Coupling>,
     /// Their blocks, row-major, rows those of the inner vertex.
     values: Vec<f64>,
@@ -57,7 +59,6 @@ impl Patch {
             keys: slots.iter().map(|&slot| k.order_keys()[slot]).collect(),
             starts: vec![0],
             columns: Vec::new(),
-            value_starts: vec![0],
             values: Vec::new(),
         };
         let (mut couplings, mut values) = (Vec::new(), Vec::new());
@@ -69,24 +70,17 @@ impl Patch {
                     continue;
                 }
                 pattern.columns.push(number[other]);
-                if other <= slot {
-                    pattern.values.extend_from_slice(block);
-                }
+                pattern.values.extend_from_slice(block);
             }
             pattern.starts.push(pattern.columns.len());
-            pattern.value_starts.push(pattern.values.len() / size);
         }
         let symbolic = Symbolic::new(&pattern, dissection_order(&pattern));
         let place = |position: usize| slots[symbolic.order[slots.len() - 1 - position]];
         let mut factor = Factor::new(&pattern, &symbolic)
             .map_err(|bad| BadPivot { position: place(bad.position), ..bad })?;
         factor.try_rounding(&pattern);
-        Ok(Self { slots, number, factor, couplings, values })
-    }
-
-    /// Operations that its factor took.
-    pub fn operations(&self) -> f64 {
-        self.factor.operations()
+        let operations = symbolic.operations(pattern.block);
+        Ok(Self { slots, number, factor, operations, couplings, values })
     }
 
     /// Multiplications of a [`cycle`](Self::cycle), those with the factor of before not included.

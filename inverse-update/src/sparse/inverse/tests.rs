@@ -122,12 +122,12 @@ fn a_batch_counts_its_small_algebra_and_what_its_own_walks_show() {
     seem_free(&mut copy.kept);
     copy.kept.batch(&body.splits(400)).unwrap();
     assert_eq!((copy.kept.rebases(), copy.kept.method().scratch.walks), (1, 1_000_000_000));
-    // Rank one has next to no small algebra: the first walks tell that five thousand are many.
+    // Rank one has next to no small algebra: the first walks tell that four hundred are many.
     let added = Mat::from_fn(3, 1, |i, _| if i == 0 { 1e-3 } else { 0.0 });
     let change = StiffnessChange { slots: vec![0], added, removed: Mat::zeros(3, 0) };
     let mut copy = lattice(4, 3, 0, quiet());
     seem_free(&mut copy.kept);
-    copy.kept.batch(&vec![Update::Content(change); 5000]).unwrap();
+    copy.kept.batch(&vec![Update::Content(change); 400]).unwrap();
     let walks = copy.kept.method().scratch.walks - 1_000_000_000;
     assert!(copy.kept.rebases() == 1 && (1..100).contains(&walks), "{walks} walks");
     assert!(copy.error() < 1e-14, "a fresh factor: {:e}", copy.error());
@@ -199,7 +199,7 @@ fn a_rebase_gives_the_same_bits_wherever_and_whenever_it_is_made() {
 /// A stiff part on soft springs has no stiffness of its own to spare for rounding.
 #[test]
 fn l_is_rounded_where_that_costs_little() {
-    for (contrast, may_round) in [(1.0, true), (1e9, true), (1e14, false)] {
+    for (contrast, may_round) in [(1.0, true), (1e9, true), (3e14, false)] {
         let n = 40;
         let mut k = SparseStiffness::zeros(n, 1).unwrap();
         for i in 0..n {
