@@ -197,14 +197,18 @@ impl<'a> TangentSystem<'a> {
 
     /// Makes the elements' tangents positive semi-definite, and adds what they have then too much to `dents`.
     fn raise(&mut self, body: &Body, dents: &mut Dents) {
-        let of_element = |(tangent, element): (&mut ElementTangent, &Element)| {
-            let mut own = Vec::new();
-            each_dent(tangent, |dent| own.push((element.vertices, dent)));
-            own.iter().for_each(|(_, dent)| tangent.ger(1.0, dent, dent, 1.0));
+        let of_some = |(tangents, elements): (&mut [ElementTangent], &[Element])| {
+            let mut own = Dents::new();
+            let mut lacks = Vec::new();
+            each_dent(tangents, |at, dent| lacks.push((at, dent)));
+            for (at, dent) in lacks {
+                tangents[at].ger(1.0, &dent, &dent, 1.0);
+                own.push((elements[at].vertices, dent));
+            }
             own
         };
-        let each = self.tangents.par_iter_mut().zip(body.elements()).with_min_len(AT_LEAST);
-        dents.par_extend(each.flat_map_iter(of_element));
+        let some = self.tangents.par_chunks_mut(AT_LEAST);
+        dents.par_extend(some.zip(body.elements().par_chunks(AT_LEAST)).flat_map_iter(of_some));
     }
 
     /// Factors M where the problem's body stands, with N into `dents`; without these S.
@@ -351,7 +355,7 @@ fn assemble(
             let mut stiffness = stiffness;
             if let Some(dents) = dents.as_deref_mut() {
                 let lacking = stiffness;
-                each_lack(lacking, |lack| {
+                each_lack(&[lacking], |_, lack| {
                     stiffness += lack * lack.transpose();
                     let dent = CornerVector::from_fn(|i, _| weights[i / 3] * lack[i % 3]);
                     dents.push((vertices, dent));

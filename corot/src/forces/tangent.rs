@@ -2,17 +2,15 @@
 
 use std::cmp::Ordering;
 
-use nalgebra::allocator::Allocator;
-use nalgebra::{
-    DefaultAllocator, DimDiff, DimSub, Matrix3, OMatrix, OVector, SMatrix, SVector, SymmetricEigen,
-    U1,
-};
+use nalgebra::{Const, DimMin, Matrix3, SMatrix, SVector};
 use yawara_embed::strain_from_gradient;
 
 use crate::body::Body;
 use crate::element::tetrahedron::stress_matrix;
 use crate::element::turning::{axial, inverse_of_turning};
 use crate::field::Field;
+use crate::kernels::jacobi::eigen;
+use crate::kernels::simd::LANES;
 
 /// ∂f_a/∂x_b of the four corners, 12×12, corner-major x, y, z.
 pub type ElementTangent = SMatrix<f64, 12, 12>;
@@ -73,11 +71,12 @@ pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> Element
 /// A vector on the corners of an element, corner-major x, y, z.
 pub(crate) type CornerVector = SVector<f64, 12>;
 
-/// Calls `visit` with vectors d: the least Σ d dᵀ that makes the symmetric part of an element's tangent, with it,
-/// positive semi-definite. The tangent must be one that moving along as a whole costs nothing.
-pub(crate) fn each_dent(tangent: &ElementTangent, mut visit: impl FnMut(CornerVector)) {
+/// Calls `visit` with numbers of elements and vectors d: the least Σ d dᵀ that makes the symmetric part of an element's
+/// tangent, with it, positive semi-definite. Tangents must be such that moving along as a whole costs nothing.
+pub(crate) fn each_dent(tangents: &[ElementTangent], mut visit: impl FnMut(usize, CornerVector)) {
     let shapes = shapes();
-    each_lack(shapes.tr_mul(&(tangent * shapes)), |lack| visit(shapes * lack));
+    let own: Vec<_> = tangents.iter().map(|t| shapes.tr_mul(&(t * shapes))).collect();
+    each_lack(&own, |number, lack| visit(number, shapes * lack));
 }
 
 /// Of all that an element's corners may do but to move along as a whole, an orthonormal basis by columns: corner 1
@@ -95,25 +94,30 @@ fn shapes() -> SMatrix<f64, 12, 9> {
     })
 }
 
-/// Calls `visit` with vectors d: the least Σ d dᵀ that makes the symmetric part of a matrix, with it, positive
-/// semi-definite.
-pub(crate) fn each_lack<D>(matrix: OMatrix<f64, D, D>, mut visit: impl FnMut(OVector<f64, D>))
-where
-    D: DimSub<U1>,
-    DefaultAllocator: Allocator<D> + Allocator<D, D> + Allocator<DimDiff<D, U1>>,
+/// Calls `visit` with numbers of matrices, in order, and vectors d: the least Σ d dᵀ that makes the symmetric part of a
+/// matrix, with it, positive semi-definite.
+pub(crate) fn each_lack<const N: usize>(
+    matrices: &[SMatrix<f64, N, N>],
+    mut visit: impl FnMut(usize, SVector<f64, N>),
+) where
+    Const<N>: DimMin<Const<N>, Output = Const<N>>,
 {
-    let matrix = (&matrix + matrix.transpose()) * 0.5;
-    // To turn without a strain costs nothing either.
-    let rounding = ROUNDING * matrix.trace().abs();
-    let mut raised = matrix.clone();
-    (0..matrix.nrows()).for_each(|i| raised[(i, i)] += rounding);
-    if raised.cholesky().is_some() {
-        return;
-    }
-    let SymmetricEigen { eigenvectors, eigenvalues } = matrix.symmetric_eigen();
-    for (vector, value) in eigenvectors.column_iter().zip(&eigenvalues) {
-        if *value < -rounding {
-            visit(vector * (-value).sqrt());
+    let is_lacking = |(number, matrix): (usize, &SMatrix<f64, N, N>)| {
+        let matrix = (matrix + matrix.transpose()) * 0.5;
+        // To turn without a strain costs nothing either.
+        let rounding = ROUNDING * matrix.trace().abs();
+        let raised = matrix + SMatrix::identity() * rounding;
+        raised.cholesky().is_none().then_some((number, rounding, matrix))
+    };
+    let lacking: Vec<_> = matrices.iter().enumerate().filter_map(is_lacking).collect();
+    for some in lacking.chunks(LANES) {
+        let matrices: Vec<_> = some.iter().map(|(.., matrix)| *matrix).collect();
+        for ((number, rounding, _), (values, vectors)) in some.iter().zip(eigen(&matrices)) {
+            for (vector, value) in vectors.column_iter().zip(&values) {
+                if *value < -rounding {
+                    visit(*number, vector * (-value).sqrt());
+                }
+            }
         }
     }
 }
@@ -149,7 +153,7 @@ mod tests {
                 tangent *= tangent;
             }
             let (mut raised, mut count) = (tangent, 0);
-            each_dent(&tangent, |dent| {
+            each_dent(&[tangent], |_, dent| {
                 raised += dent * dent.transpose();
                 count += 1;
             });

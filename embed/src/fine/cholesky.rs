@@ -4,6 +4,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::perm::PermRef;
 use faer::reborrow::{Reborrow, ReborrowMut};
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
@@ -257,6 +258,10 @@ fn scale(lower: SparseColMatRef<'_, usize, f64>) -> Vec<f64> {
     largest.into_iter().map(|size| if size > 0.0 { power(size) } else { 1.0 }).collect()
 }
 
+/// From how many operations per entry of L on columns are eliminated together, relative to what the library takes for enough:
+/// tangents of a few hundred vertices are below that, and take longer column by column.
+const SUPERNODAL: SupernodalThreshold = SupernodalThreshold(0.2);
+
 /// The pattern of L.
 fn symbolic(
     lower: SymbolicSparseColMatRef<'_, usize>,
@@ -275,7 +280,10 @@ fn symbolic(
         }
         None => SymmetricOrdering::Amd,
     };
-    let parameters = CholeskySymbolicParams::default();
+    let parameters = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SUPERNODAL,
+        ..CholeskySymbolicParams::default()
+    };
     factorize_symbolic_cholesky(lower, Side::Lower, ordering, parameters).ok()
 }
 

@@ -23,6 +23,8 @@ pub struct FreshRows {
     rows: Vec<BlockRow>,
     /// Of each block of each row the largest of what it was summed from.
     scales: Vec<Vec<f64>>,
+    /// Working memory of [`add`](Self::add).
+    symmetric: Vec<f64>,
 }
 
 impl FreshRows {
@@ -38,7 +40,7 @@ impl FreshRows {
             }
         }
         let (rows, scales) = (vec![BlockRow::default(); slots.len()], vec![vec![]; slots.len()]);
-        Ok(Self { block, place, slots, rows, scales })
+        Ok(Self { block, place, slots, rows, scales, symmetric: Vec::new() })
     }
 
     /// Whether the row of a slot is among them.
@@ -60,6 +62,11 @@ impl FreshRows {
             let what = "the matrix to add";
             return Err(InverseError::Shape { what, want: (want, want), got: dense.shape() });
         }
+        // The same half on both sides of the diagonal.
+        self.symmetric.clear();
+        for j in 0..want {
+            self.symmetric.extend((0..want).map(|i| 0.5 * dense[(i, j)] + 0.5 * dense[(j, i)]));
+        }
         for (p, &slot) in slots.iter().enumerate() {
             let Some(at) = self.place[slot] else { continue };
             let (row, scales) = (&mut self.rows[at], &mut self.scales[at]);
@@ -72,12 +79,12 @@ impl FreshRows {
                     scales.len() - 1
                 });
                 let (sums, scale) = (&mut row.values[m * m * found..][..m * m], &mut scales[found]);
-                for (e, sum) in sums.iter_mut().enumerate() {
-                    let (i, j) = (m * p + e / m, m * q + e % m);
-                    // The same half on both sides of the diagonal.
-                    let entry = 0.5 * dense[(i, j)] + 0.5 * dense[(j, i)];
-                    *sum += entry;
-                    *scale = scale.max(entry.abs());
+                for (a, sums) in sums.chunks_exact_mut(m).enumerate() {
+                    let entries = &self.symmetric[want * (m * p + a) + m * q..][..m];
+                    for (sum, entry) in sums.iter_mut().zip(entries) {
+                        *sum += entry;
+                        *scale = scale.max(entry.abs());
+                    }
                 }
             }
         }

@@ -39,6 +39,9 @@ pub(crate) const FRESH_VERTEX: f64 = 5e4;
 const INHERITED_VERTEX: f64 = 3e4;
 const UPDATE_COLUMNS: f64 = 4e3;
 
+/// Updates that take as long as a new factor that a batch makes itself once it is due.
+const FEW: f64 = 8.0;
+
 /// When the factor of [`Sparse`] is replaced by one with a fresh elimination order: by these
 /// limits, or as soon as a pivot has become so small (stiff tissue removed from soft) that digits
 /// were lost.
@@ -104,6 +107,8 @@ pub struct SparseMethod {
     /// A factor with a fresh elimination order, being made.
     rebase: Option<Pending>,
     options: RebaseOptions,
+    /// Whether updates come in batches now.
+    is_batched: bool,
     /// What the order of the factor says of the next K that is factored.
     ranks: Option<Vec<u32>>,
     /// Working memory and statistics of the walks on `based`.
@@ -171,9 +176,9 @@ impl SparseMethod {
         self.scratch.forget();
     }
 
-    /// Whether updates would take longer than a new factor, given the number of walks and their
-    /// operations before the batch.
-    fn is_many(&self, k: &SparseStiffness, updates: &[Update], before: (usize, f64)) -> bool {
+    /// What an update takes, given the number of walks and their operations before the batch, and what a new factor
+    /// takes, in operations of walks.
+    fn costs(&self, k: &SparseStiffness, before: (usize, f64)) -> (f64, f64) {
         let mean = |(walks, operations): (usize, f64)| operations / walks.max(1) as f64;
         let all = (self.scratch.walks, self.scratch.operations);
         let walk = match all.0 {
@@ -181,11 +186,23 @@ impl SparseMethod {
             // Walks of a batch are alike: a few tell what the others will take.
             _ => mean(all).max(mean((all.0 - before.0, all.1 - before.1))),
         };
-        let fresh =
-            FRESH_OPERATION * self.based.operations + INHERITED_VERTEX * k.vertices() as f64;
+        let vertices = INHERITED_VERTEX * k.vertices() as f64;
+        (walk, FRESH_OPERATION * self.based.operations + vertices)
+    }
+
+    /// Whether updates would take longer than a new factor.
+    fn is_many(&self, k: &SparseStiffness, updates: &[Update], before: (usize, f64)) -> bool {
+        let (walk, fresh) = self.costs(k, before);
         let square = |update: &Update| (update.borrowed().most_columns(k.block()) as f64).powi(2);
         let columns: f64 = updates.iter().map(square).sum();
         updates.len() as f64 * walk + UPDATE_COLUMNS * columns > fresh
+    }
+
+    /// Whether the next batch gets a new factor, whatever its length: one is due, and takes no longer than a few updates.
+    /// A thread would take more from who works meanwhile.
+    fn is_renewed_soon(&self, k: &SparseStiffness) -> bool {
+        let (walk, fresh) = self.costs(k, (0, 0.0));
+        self.is_due() && fresh <= FEW * walk
     }
 
     /// When the vertices of the factor are eliminated, by the slots they have after some updates.
@@ -247,7 +264,7 @@ impl Method for SparseMethod {
     }
 
     fn updated(&mut self, k: &SparseStiffness) {
-        if self.rebase.is_none() && self.is_due() {
+        if self.rebase.is_none() && self.is_due() && !(self.is_batched && self.is_renewed_soon(k)) {
             let background = self.options.background;
             self.rebase = Some(Pending {
                 rebase: Rebase::start(Pattern::of(k), background, self.old.take()),
@@ -331,12 +348,26 @@ impl Sparse {
         updates: &[Update],
         rows: Option<&FreshRows>,
     ) -> Result<(), InverseError> {
+        self.method().is_batched = true;
+        let done = self.update_in_turn(updates, rows);
+        self.method().is_batched = false;
+        done
+    }
+
+    fn update_in_turn(
+        &mut self,
+        updates: &[Update],
+        rows: Option<&FreshRows>,
+    ) -> Result<(), InverseError> {
         let scratch = &self.method().scratch;
         let before = (scratch.walks, scratch.operations);
+        let k = &self.stiffness;
         let mut is_walked = false;
+        let is_due = self.read(|method| method.is_renewed_soon(k));
         for (done, update) in updates.iter().enumerate() {
             let rest = &updates[done..];
-            if !is_walked && self.read(|method| method.is_many(&self.stiffness, rest, before)) {
+            let is_many = |method: &SparseMethod| method.is_many(&self.stiffness, rest, before);
+            if !is_walked && (is_due || self.read(is_many)) {
                 // The new factor can have its memory: to get more from the system takes as long as
                 // half of the work.
                 self.method().old = None;

@@ -111,6 +111,39 @@ fn a_long_batch_is_factored_afresh_and_a_short_one_walked() {
 }
 
 #[test]
+fn a_due_factor_that_costs_few_updates_is_made_by_the_next_batch() {
+    let options =
+        RebaseOptions { updates: 4, growth: f64::INFINITY, patience: 0.0, background: false };
+    // A factor takes as long as so many updates.
+    let with = |cost: f64| {
+        let mut body = lattice(4, 3, 0, options);
+        let fresh = body.kept.read(|method| method.costs(&body.kept.stiffness, (0, 0.0)).1);
+        let scratch = &mut body.kept.method().scratch;
+        (scratch.walks, scratch.operations) = (1_000_000_000, 1e9 * fresh / cost);
+        body
+    };
+    let updates = lattice(4, 3, 0, quiet()).splits(3);
+    let seen = |body: &mut Lattice| {
+        let method = body.kept.method();
+        (method.rebases, method.journal.len(), method.rebase.is_some())
+    };
+    for (cost, due, after) in
+        [(4.0, (0, 4, false), (1, 0, false)), (16.0, (0, 4, true), (0, 6, true))]
+    {
+        let mut body = with(cost);
+        updates[..4].chunks(2).for_each(|some| body.kept.batch(some).unwrap());
+        assert_eq!(seen(&mut body), due, "{cost} updates a factor");
+        body.kept.batch(&updates[4..]).unwrap();
+        assert_eq!(seen(&mut body), after, "{cost} updates a factor");
+        assert!(body.error() < 1e-13, "{:e}", body.error());
+    }
+    // Whoever makes one after the other has no next batch.
+    let mut body = with(4.0);
+    updates[..4].iter().for_each(|update| update.make(&mut body.kept).unwrap());
+    assert_eq!(seen(&mut body), (0, 4, true));
+}
+
+#[test]
 fn a_batch_counts_its_small_algebra_and_what_its_own_walks_show() {
     // Walks seem to cost nothing so far.
     let seem_free = |sparse: &mut Sparse| {
