@@ -79,7 +79,9 @@ impl Default for RebaseOptions {
 /// column and makes the pass with −M; that of any other vertex deletes its row, which adds
 /// l D lᵀ of its column, and makes one pass with that, −M and −a12 A22⁻¹ a12ᵀ.
 ///
-/// A batch that would take longer than a new factor gets one.
+/// A batch that would take longer than a new factor gets one, in the order of the factor before: a new vertex is placed
+/// beside one that has its neighbours. A new order is found where that would take [`growth`](RebaseOptions::growth) times
+/// the operations that the last one took, for the square of the vertices.
 ///
 /// Whoever preconditions with it reads L in f32 where that is a hundredth off at most in the norm
 /// of energy, which is measured of each new factor.

@@ -1,8 +1,8 @@
 //! `sparse`: a block LDLᵀ of K, newest vertex eliminated first.
 //!
 //! `inverse.rs` is the file to open first: [`Sparse`](inverse::Sparse). Making a factor:
-//! `pattern.rs` (K as it is read), `dissection.rs` with `vertex_cover.rs` (elimination order),
-//! `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
+//! `pattern.rs` (K as it is read), `dissection.rs` with `vertex_cover.rs` (elimination order), `inherit.rs` (that of
+//! before, for a K that updates have changed), `symbolic.rs` (tree and panels), `numeric.rs` with `panel_kernels.rs` (the numbers). Keeping it:
 //! `factor.rs` (panels of columns) with `lower.rs` (their L), `pivot.rs` (diagonal blocks), `edit.rs` (what an update does),
 //! `bennett.rs` with `sweep.rs` (a low-rank change along a path of the tree), `rebase.rs` (a
 //! new elimination order from a thread). Reading it: `packed.rs` (panels in the order
