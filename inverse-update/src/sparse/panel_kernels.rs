@@ -50,11 +50,13 @@ pub(crate) struct Subtract<'a, const M: usize> {
     pub target_stride: usize,
 }
 
-/// Runs a kernel with as many vectors at once as there are registers for, and rows enough for a block.
+/// Runs a kernel with as many vectors at once as there are registers for, rows enough for a block, and no more than there is
+/// room for behind the last row of a panel: six blocks and a [chunk](super::lower::CHUNK) less one row.
 macro_rules! by_unit {
     ($unit:ident, $kernel:expr, $simd:expr) => {
         match (size_of::<$unit::f64s>(), M) {
             (32, 4) => $kernel.run::<$unit, 2>($simd),
+            (64.., 1 | 2) => $kernel.run::<$unit, 1>($simd),
             (32.., _) => $kernel.run::<$unit, 3>($simd),
             _ => $kernel.run::<$unit, 6>($simd),
         }
@@ -91,6 +93,7 @@ fn products<S: Simd, const M: usize, const R: usize>(
     row: usize,
     factors: &[[f64; M]],
 ) -> [[f64; MOST]; M] {
+    debug_assert!(row + rows_of::<S, R>(simd) <= stride, "row {row} of {stride} has no room");
     let mut sums = [[simd.splat_f64s(0.0); R]; M];
     for (column, factor) in lower.chunks_exact(stride).zip(factors) {
         let Some(rows) = S::as_simd_f64s(&column[row..]).0.first_chunk::<R>() else { break };
