@@ -292,7 +292,7 @@ mod tests {
     fn beam(length: usize) -> Pattern {
         let n = 4 * length;
         let mut k = SparseStiffness::quasi_definite(n, 4, 1).unwrap();
-        let keys = (0..n).map(|v| (v % 2 | (v / 2 % 2) << 21 | (v / 4) << 42) as u64);
+        let keys = (0..n).map(|v| ((v % 2) | ((v / 2 % 2) << 21) | ((v / 4) << 42)) as u64);
         k.set_order_keys(&keys.collect::<Vec<_>>()).unwrap();
         let sign = |i: usize| if i % 4 == 3 { -1.0 } else { 1.0 };
         for cube in 0..length - 1 {
