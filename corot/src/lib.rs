@@ -18,6 +18,7 @@ mod grip;
 mod kernels;
 mod law;
 mod time;
+mod vectors;
 
 pub use body::{Body, LawState};
 pub use contact::{Contact, ContactOutcome, Obstacle, Pushes, Sphere, solve_with_contact};
@@ -30,8 +31,8 @@ pub use equilibrium::{
 pub use error::CorotError;
 pub use field::Field;
 pub use forces::{
-    ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, NoCorotation,
-    PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
+    ElementCorotation, ElementReference, ElementTangent, FORCES, InternalForces, MassSpring,
+    NoCorotation, PaperCorotation, RowCorotation, TangentOf, element_tangent, forces_by_name,
 };
 pub use grip::{Constraints, EdgeLoad, Grip, Loads, Responses, WeightedPoint};
 pub use kernels::element::StiffnessPacket;

@@ -104,6 +104,16 @@ conformance!(
     forces_balance
 );
 
+// Springs are another material.
+conformance!(
+    internal_forces,
+    mass_spring,
+    "mass_spring",
+    a_translation_gives_no_force,
+    a_rotation_gives_no_force,
+    forces_balance
+);
+
 conformance!(constitutive_law, linear_law, "linear");
 conformance!(constitutive_law, rayleigh, "rayleigh");
 conformance!(constitutive_law, neo_hookean, "neo_hookean");
@@ -231,7 +241,7 @@ fn every_choice_has_its_line() {
     let equilibria = ["fallback", "anderson", "lbfgs", "direct", "newton", "residual_newton"];
     assert_eq!(EQUILIBRIA, equilibria);
     assert_eq!(indicator::CHOICES, ["energy", "residual", "goal", "volume", "rotation"]);
-    assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none"]);
+    assert_eq!(FORCES, ["element", "element_reference", "row", "paper", "none", "mass_spring"]);
     assert_eq!(LAWS, ["linear", "rayleigh", "neo_hookean"]);
     assert_eq!(INTEGRATORS, ["implicit_euler", "newmark", "quasi_static"]);
 }

@@ -36,7 +36,7 @@ impl Choices<'_> {
         if self.runs("homogenisation") {
             self.stage(&mut list, "homogenisation", yawara_embed::CHOICES);
         }
-        self.stage(&mut list, "corotation", &["none", "paper", "row", "element"]);
+        self.stage(&mut list, "corotation", &["none", "paper", "row", "mass_spring", "element"]);
         let solvers: &[&str] = if self.quick { &["newton"] } else { yawara_corot::EQUILIBRIA };
         self.stage(&mut list, "equilibrium", solvers);
         if self.scene.mesh.refines() {

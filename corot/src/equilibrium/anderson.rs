@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::iteration::Iteration;
 use super::problem::Problem;
 use super::solver::Equilibrium;
-use super::vectors::{axpy, dot};
+use crate::vectors::{axpy, dot};
 
 /// x ← x + T C Tᵀ(f_ext − f_int(x)) with Anderson mixing over the last `depth` iterates: the
 /// combination of past steps whose preconditioned residual is least.
@@ -91,9 +91,8 @@ impl Memory {
             *value *= damping;
         }
         for (g, (df, dx)) in gamma.iter().zip(&self.pairs) {
-            for i in 0..step.len() {
-                step[i] -= g * (dx[i] + damping * df[i]);
-            }
+            axpy(-g, dx, step);
+            axpy(-g * damping, df, step);
         }
         self.last = Some((f, step.to_vec()));
     }

@@ -6,7 +6,7 @@ use super::iteration::Iteration;
 use super::line_search::search;
 use super::problem::Problem;
 use super::solver::Equilibrium;
-use super::vectors::{axpy, dot};
+use crate::vectors::{axpy, dot};
 
 /// L-BFGS over the last `depth` steps, its first matrix the warped inverse T C Tᵀ of the current
 /// rotations; each step by a line search on the force along it.

@@ -2,7 +2,7 @@
 
 use super::iteration::Iteration;
 use super::problem::Problem;
-use super::vectors::dot;
+use crate::vectors::dot;
 
 /// Trials at most.
 const TRIALS: usize = 12;

@@ -19,7 +19,6 @@ mod residual_newton;
 mod solver;
 mod sparse_lu;
 mod tangent_system;
-mod vectors;
 
 pub use anderson::Anderson;
 pub use direct::Direct;

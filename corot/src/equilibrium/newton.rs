@@ -5,7 +5,7 @@ use super::line_search::{LONGEST, search};
 use super::problem::{Problem, Tolerance};
 use super::solver::Equilibrium;
 use super::tangent_system::{Kind, Pattern, TangentSystem};
-use super::vectors::dot;
+use crate::vectors::dot;
 
 /// x ← x + α d, d from the tangent with the derivatives of the rotations, α by a line search: what goes down
 /// in energy from anywhere, quadratic near the solution.

@@ -212,9 +212,9 @@ impl Problem<'_> {
         if let Some(turned) = &turned {
             turned.balance(scratch, m, self.free);
         }
-        self.turn_back(scratch);
+        self.body.turn_back(scratch);
         self.inverse.apply(scratch, step);
-        self.turn(step);
+        self.body.turn(step);
         if let Some(turned) = turned {
             turned.correct(step, m, None);
         }
@@ -247,7 +247,7 @@ impl Problem<'_> {
             return;
         }
         scratch.copy_from_slice(residual);
-        self.turn_back(&mut scratch);
+        self.body.turn_back(&mut scratch);
         let rows: Vec<usize> =
             vertices.iter().flat_map(|v| (0..3).map(move |a| m * v + a)).collect();
         let turns = self.body.vertex_rotations();
@@ -261,35 +261,7 @@ impl Problem<'_> {
             local.flat_map(<[f64; 3]>::from).collect()
         };
         self.inverse.apply_and_reply(&scratch, &rows, &mut reply, step);
-        self.turn(step);
-    }
-
-    /// Tᵀ on a residual by vertex number.
-    fn turn_back(&self, residual: &mut [f64]) {
-        let m = self.unknowns_per_vertex();
-        let rotations = self.body.vertex_rotations().iter().take(self.free.len());
-        for (v, (row, r)) in residual.chunks_exact_mut(m).zip(rotations).enumerate() {
-            let local = r.tr_mul(&Vector3::from_column_slice(&row[..3]));
-            row[..3].copy_from_slice(local.as_slice());
-            if m > 3 {
-                let (_, weight) = self.body.pressure_row(v);
-                row[3] = if weight > 0.0 { row[3] / weight } else { 0.0 };
-            }
-        }
-    }
-
-    /// T on a step by vertex number.
-    fn turn(&self, step: &mut [f64]) {
-        let m = self.unknowns_per_vertex();
-        let rotations = self.body.vertex_rotations().iter().take(self.free.len());
-        for (v, (row, r)) in step.chunks_exact_mut(m).zip(rotations).enumerate() {
-            let world = r * Vector3::from_column_slice(&row[..3]);
-            row[..3].copy_from_slice(world.as_slice());
-            if m > 3 {
-                let (_, weight) = self.body.pressure_row(v);
-                row[3] = if weight > 0.0 { row[3] / weight } else { 0.0 };
-            }
-        }
+        self.body.turn(step);
     }
 
     /// Moves the body along with what constraints lead, as in the linear body with its rotations of

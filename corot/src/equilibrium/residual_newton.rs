@@ -4,7 +4,7 @@ use super::iteration::Iteration;
 use super::problem::Problem;
 use super::solver::Equilibrium;
 use super::tangent_system::{Kind, TangentSystem};
-use super::vectors::dot;
+use crate::vectors::dot;
 
 /// x ← x + α d, d = S⁻¹ r from the whole tangent S, that of the loads too and not symmetric, and α the first of
 /// 1, ½, ¼ … for which ‖S⁻¹ r(x + α d)‖ ≤ (1 − α/4) ‖d‖: the natural test of monotonicity, which sees no scale of

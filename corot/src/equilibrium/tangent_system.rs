@@ -10,7 +10,6 @@ use yawara_embed::{LdlPattern, SparseLdl};
 use super::following::Following;
 use super::problem::Problem;
 use super::sparse_lu::SparseLu;
-use super::vectors::{axpy, dot};
 use crate::body::Body;
 use crate::element::pressures::PressureTangent;
 use crate::element::tetrahedron::stress_matrix;
@@ -19,6 +18,7 @@ use crate::field::Field;
 use crate::forces::ElementTangent;
 use crate::forces::tangent::{CornerVector, each_dent, each_lack};
 use crate::grip::Turned;
+use crate::vectors::{axpy, dot};
 
 /// S = M − N on displacements, pressures eliminated: M is positive definite and factored, N the sum of what
 /// elements, and obstacles that turn away, have too little of for that. Or all of S with what loads that follow the body add to it, factored

@@ -1,11 +1,13 @@
 //! Linear constraints on positions: what holds the mean of a grip.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
 
 use super::grip::Grip;
 use crate::body::Body;
+use crate::vectors::{axpy, dot};
 
 /// G x = g: rows on vertices, what they are to be, and how the body answers to them.
 ///
@@ -27,11 +29,12 @@ pub struct Responses {
     inverse: DMatrix<f64>,
 }
 
-/// What a [`Constraints`] makes of the body's rotations as they are now.
+/// What a [`Constraints`] makes of the body's rotations as they are now: W = T C Gᵀ.
 pub(crate) struct Turned<'a> {
     constraints: &'a Constraints,
-    /// W = T C Gᵀ, a column each.
-    columns: Vec<Vec<f64>>,
+    /// A column each; of a body, before it turns them.
+    columns: Cow<'a, [Vec<f64>]>,
+    body: Option<&'a Body>,
     /// (G W)⁻¹; entries that are not finite where it has none.
     inverse: DMatrix<f64>,
 }
@@ -59,14 +62,14 @@ impl Grip {
         let moments = self.moments();
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         for (k, axis) in axes.iter().enumerate() {
-            let row = moments.iter().map(|(&v, (first, _))| (v, *first * axis));
+            let row = moments.iter().map(|(v, (first, _))| (*v, *first * axis));
             constraints.push(row.collect(), centre[k]);
         }
         if let Some(gyration) = self.gyration() {
             for axis in &axes {
                 // e · (R a × x) = (e × R a) · x.
                 let row =
-                    moments.iter().map(|(&v, (_, arm))| (v, axis.cross(&(turn * arm)) / gyration));
+                    moments.iter().map(|(v, (_, arm))| (*v, axis.cross(&(turn * arm)) / gyration));
                 constraints.push(row.collect(), 0.0);
             }
         }
@@ -101,15 +104,29 @@ impl Constraints {
             apply(&force, &mut column)?;
             columns.push(column);
         }
-        let inverse = self.inverse_of(&columns, unknowns);
+        let inverse = self.inverse_of(&columns, unknowns, None);
         Ok(Responses { columns, inverse })
     }
 
-    /// (G W)⁻¹ of columns W; not a number where there is none.
-    fn inverse_of(&self, columns: &[Vec<f64>], unknowns: usize) -> DMatrix<f64> {
+    /// (G W)⁻¹ of columns W, which `body` turns first; not a number where there is none.
+    fn inverse_of(
+        &self,
+        columns: &[Vec<f64>],
+        unknowns: usize,
+        body: Option<&Body>,
+    ) -> DMatrix<f64> {
         let n = self.len();
-        let products: Vec<DVector<f64>> = columns.iter().map(|w| self.times(w, unknowns)).collect();
-        let product = DMatrix::from_fn(n, n, |i, j| products[j][i]);
+        let mut product = DMatrix::zeros(n, n);
+        for (i, row) in self.rows.iter().enumerate() {
+            for (v, g) in row {
+                let turn = body.and_then(|body| body.vertex_rotations().get(*v));
+                let local = turn.map_or(*g, |turn| turn.tr_mul(g));
+                for (j, column) in columns.iter().enumerate() {
+                    let entries = &column[unknowns * v..unknowns * v + 3];
+                    product[(i, j)] += local.dot(&Vector3::from_column_slice(entries));
+                }
+            }
+        }
         product.try_inverse().unwrap_or_else(|| DMatrix::repeat(n, n, f64::NAN))
     }
 
@@ -171,28 +188,16 @@ impl Constraints {
     }
 
     /// W and (G W)⁻¹ with the rotations of `body`.
-    pub(crate) fn turned(&self, body: &Body) -> Turned<'_> {
-        let m = body.unknowns_per_vertex();
-        let mut columns = self.responses.columns.clone();
-        for column in &mut columns {
-            let turns = body.vertex_rotations();
-            for (v, (entries, turn)) in column.chunks_exact_mut(m).zip(turns).enumerate() {
-                let turned = turn * Vector3::from_column_slice(&entries[..3]);
-                entries[..3].copy_from_slice(turned.as_slice());
-                if m > 3 {
-                    // As in a step of the problem, so that all entries have one unit.
-                    let (_, weight) = body.pressure_row(v);
-                    entries[3] = if weight > 0.0 { entries[3] / weight } else { 0.0 };
-                }
-            }
-        }
-        self.answered_by(columns, m)
+    pub(crate) fn turned<'a>(&'a self, body: &'a Body) -> Turned<'a> {
+        let Responses { columns, .. } = &*self.responses;
+        let inverse = self.inverse_of(columns, body.unknowns_per_vertex(), Some(body));
+        Turned { constraints: self, columns: columns.into(), body: Some(body), inverse }
     }
 
     /// With columns W of a body with `unknowns` per vertex.
     pub(crate) fn answered_by(&self, columns: Vec<Vec<f64>>, unknowns: usize) -> Turned<'_> {
-        let inverse = self.inverse_of(&columns, unknowns);
-        Turned { constraints: self, columns, inverse }
+        let inverse = self.inverse_of(&columns, unknowns, None);
+        Turned { constraints: self, columns: columns.into(), body: None, inverse }
     }
 
     /// The forces −Gᵀμ of the constraints on the body in equilibrium, N: per row vertex numbers with
@@ -243,9 +248,12 @@ impl Constraints {
 impl Turned<'_> {
     /// μ = (G W)⁻ᵀ Wᵀ r for a residual r: r − Gᵀμ is what the constraints leave of it.
     pub fn multipliers(&self, residual: &[f64]) -> DVector<f64> {
-        let dot = |w: &Vec<f64>| w.iter().zip(residual).map(|(a, b)| a * b).sum();
-        let products = DVector::from_iterator(self.columns.len(), self.columns.iter().map(dot));
-        self.inverse.tr_mul(&products)
+        let mut residual = Cow::Borrowed(residual);
+        if let Some(body) = self.body {
+            body.turn_back(residual.to_mut());
+        }
+        let products = self.columns.iter().map(|w| dot(w, &residual));
+        self.inverse.tr_mul(&DVector::from_iterator(self.columns.len(), products))
     }
 
     /// r ← r − Gᵀμ on the vertices that are `free`.
@@ -265,8 +273,13 @@ impl Turned<'_> {
             off -= lack;
         }
         let weights = &self.inverse * off;
+        let mut more = vec![0.0; step.len()];
         for (column, weight) in self.columns.iter().zip(weights.iter()) {
-            step.iter_mut().zip(column).for_each(|(d, w)| *d -= weight * w);
+            axpy(-weight, column, &mut more);
         }
+        if let Some(body) = self.body {
+            body.turn(&mut more);
+        }
+        axpy(1.0, &more, step);
     }
 }

@@ -1,6 +1,7 @@
 //! Weighted points of material, each in one element of a mesh that changes.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3, Vector4};
 use yawara_embed::LinearTet;
@@ -36,6 +37,8 @@ pub struct Grip {
     stiffness: Option<f64>,
     pose: Isometry3<f64>,
     shares: BTreeMap<TetId, Share>,
+    /// What every evaluation asks of them, until they change.
+    sums: OnceLock<Sums>,
     weight: f64,
     centre: Vector3<f64>,
     /// Σ w (|r|² I − r rᵀ) / Σ w at rest, r arms about the centre, m².
@@ -58,6 +61,24 @@ struct Share {
     second: Matrix4<f64>,
     /// Of the bump φ of each edge Σ w φ λ_a and Σ w φ².
     bumps: [(Vector4<f64>, f64); 6],
+}
+
+/// All that elements have of a grip.
+#[derive(Clone, Debug)]
+struct Sums {
+    springs: Vec<Spring>,
+    /// The largest Σ w λ_a².
+    largest: f64,
+    /// By ascending vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m.
+    moments: Vec<(usize, (f64, Vector3<f64>))>,
+}
+
+/// Of a [`Share`] what forces are made of.
+#[derive(Clone, Debug)]
+struct Spring {
+    vertices: [usize; 4],
+    corners: [Vector3<f64>; 4],
+    second: Matrix4<f64>,
 }
 
 impl Share {
@@ -83,19 +104,23 @@ impl Share {
         Self { vertices, corners, points, first, second, bumps }
     }
 
-    /// κ Σ w λ_a (x_f − y_f) of the corners, which are `off` from where their material is to be, N: what
-    /// the body's internal forces have of it, the opposite of its force on the body.
-    fn spring_forces(&self, stiffness: f64, off: &[Vector3<f64>; 4]) -> [Vector3<f64>; 4] {
-        [0, 1, 2, 3].map(|a| {
-            let sum: Vector3<f64> = (0..4).map(|b| self.second[(a, b)] * off[b]).sum();
-            stiffness * sum
-        })
-    }
-
     /// Σ w λ_a X_f = Σ w λ_a Σ λ_b X_b of a corner.
     fn rest(&self, corner: usize) -> Vector3<f64> {
         (0..4).map(|b| self.second[(corner, b)] * self.corners[b]).sum()
     }
+}
+
+/// κ Σ w λ_a (x_f − y_f) of corners that are `off` from where their material is to be, N, by `second`,
+/// Σ w λ_a λ_b: what the body's internal forces have of it, the opposite of its force on the body.
+fn spring_forces(
+    second: &Matrix4<f64>,
+    stiffness: f64,
+    off: &[Vector3<f64>; 4],
+) -> [Vector3<f64>; 4] {
+    [0, 1, 2, 3].map(|a| {
+        let sum: Vector3<f64> = (0..4).map(|b| second[(a, b)] * off[b]).sum();
+        stiffness * sum
+    })
 }
 
 impl Grip {
@@ -145,7 +170,17 @@ impl Grip {
         let can_turn = axes.min() > FLAT * FLAT * axes.max();
         let gyration = can_turn.then(|| spread.trace().sqrt());
         let pose = Isometry3::identity();
-        Some(Self { points, stiffness, pose, shares, weight, centre, inertia, gyration })
+        Some(Self {
+            points,
+            stiffness,
+            pose,
+            shares,
+            sums: OnceLock::new(),
+            weight,
+            centre,
+            inertia,
+            gyration,
+        })
     }
 
     /// κ, N/m per unit of weight, of an elastic grip that has not let go.
@@ -180,8 +215,7 @@ impl Grip {
 
     /// The largest diagonal entry of the elements' [matrices](Self::matrix), N/m.
     pub(crate) fn stiffest(&self) -> f64 {
-        let largest = |share: &Share| share.second.diagonal().max();
-        self.stiffness.unwrap_or(0.0) * self.shares.values().map(largest).fold(0.0, f64::max)
+        self.stiffness.unwrap_or(0.0) * self.sums().largest
     }
 
     /// Where its points are to be, from rest.
@@ -206,9 +240,14 @@ impl Grip {
     }
 
     /// How far an element's corners are from where their material is to be, m: nothing but zero at rest.
-    fn offsets(&self, share: &Share, positions: &[Vector3<f64>]) -> [Vector3<f64>; 4] {
-        let target = |b: usize| (self.pose * Point3::from(share.corners[b])).coords;
-        std::array::from_fn(|b| positions[share.vertices[b]] - target(b))
+    fn offsets(
+        &self,
+        vertices: &[usize; 4],
+        corners: &[Vector3<f64>; 4],
+        positions: &[Vector3<f64>],
+    ) -> [Vector3<f64>; 4] {
+        let target = |b: usize| (self.pose * Point3::from(corners[b])).coords;
+        std::array::from_fn(|b| positions[vertices[b]] - target(b))
     }
 
     /// Calls `visit` with vertex numbers and the forces of an elastic grip on the body there, N.
@@ -218,9 +257,10 @@ impl Grip {
         mut visit: impl FnMut(usize, Vector3<f64>),
     ) {
         let Some(stiffness) = self.stiffness else { return };
-        for share in self.shares.values() {
-            let forces = share.spring_forces(stiffness, &self.offsets(share, positions));
-            share.vertices.into_iter().zip(forces).for_each(|(v, force)| visit(v, -force));
+        for Spring { vertices, corners, second } in &self.sums().springs {
+            let off = self.offsets(vertices, corners, positions);
+            let forces = spring_forces(second, stiffness, &off);
+            vertices.iter().copied().zip(forces).for_each(|(v, force)| visit(v, -force));
         }
     }
 
@@ -249,14 +289,14 @@ impl Grip {
 
     /// Σ w |x_f − y_f|² of the points in an element.
     fn squares(&self, share: &Share, positions: &[Vector3<f64>]) -> f64 {
-        let off = self.offsets(share, positions);
+        let off = self.offsets(&share.vertices, &share.corners, positions);
         let product = |(a, b): (usize, usize)| share.second[(a, b)] * off[a].dot(&off[b]);
         (0..16).map(|i| product((i / 4, i % 4))).sum()
     }
 
     /// Adds to `loads` what an elastic grip does to the body.
     pub fn add_loads(&self, positions: &[Vector3<f64>], loads: &mut Loads) {
-        self.add_pull(|share| self.offsets(share, positions), loads);
+        self.add_pull(|share| self.offsets(&share.vertices, &share.corners, positions), loads);
     }
 
     /// Adds to `loads` by how much that changes where the body moves by `moves` (by vertex number) and
@@ -270,7 +310,8 @@ impl Grip {
         let Some(stiffness) = self.stiffness else { return };
         for share in self.shares.values() {
             let off = off(share);
-            for (v, force) in share.vertices.into_iter().zip(share.spring_forces(stiffness, &off)) {
+            let forces = spring_forces(&share.second, stiffness, &off);
+            for (v, force) in share.vertices.into_iter().zip(forces) {
                 loads.add_vertex(v, -force);
             }
             for (edge, (moment, square)) in EDGES.into_iter().zip(&share.bumps) {
@@ -335,30 +376,40 @@ impl Grip {
         let turn = self.pose.rotation;
         let (mut mean, mut sum) = (Vector3::zeros(), Vector3::zeros());
         for (v, (first, arm)) in self.moments() {
-            mean += first * positions[v];
-            sum += (turn * arm).cross(&positions[v]);
+            mean += *first * positions[*v];
+            sum += (turn * arm).cross(&positions[*v]);
         }
         let inverse = self.gyration.and_then(|_| self.inertia.try_inverse()).unwrap_or_default();
         (mean, turn * (inverse * (turn.inverse() * sum)))
     }
 
-    /// By vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the
+    /// By ascending vertex number Σ w λ_a / Σ w and Σ w λ_a (X − c) / Σ w, 1 and m, c the
     /// [centre](Self::centre): the mean of the body's points is Σ of the first times x_a.
-    pub(super) fn moments(&self) -> BTreeMap<usize, (f64, Vector3<f64>)> {
-        let mut moments = BTreeMap::new();
-        for share in self.shares.values() {
-            for (a, v) in share.vertices.into_iter().enumerate() {
-                let (first, arm) = moments.entry(v).or_insert((0.0, Vector3::zeros()));
-                *first += share.first[a] / self.weight;
-                *arm += (share.rest(a) - share.first[a] * self.centre) / self.weight;
+    pub(super) fn moments(&self) -> &[(usize, (f64, Vector3<f64>))] {
+        &self.sums().moments
+    }
+
+    fn sums(&self) -> &Sums {
+        self.sums.get_or_init(|| {
+            let mut springs = Vec::with_capacity(self.shares.len());
+            let (mut largest, mut moments) = (0.0f64, BTreeMap::new());
+            for share in self.shares.values() {
+                let Share { vertices, corners, second, .. } = *share;
+                largest = largest.max(second.diagonal().max());
+                springs.push(Spring { vertices, corners, second });
+                for (a, v) in vertices.into_iter().enumerate() {
+                    let (first, arm) = moments.entry(v).or_insert((0.0, Vector3::zeros()));
+                    *first += share.first[a] / self.weight;
+                    *arm += (share.rest(a) - share.first[a] * self.centre) / self.weight;
+                }
             }
-        }
-        moments
+            Sums { springs, largest, moments: moments.into_iter().collect() }
+        })
     }
 
     /// Σ w λ_a / Σ w by vertex number: what each weighs in the mean of the points.
     pub fn mean_weights(&self) -> Vec<(usize, f64)> {
-        self.moments().into_iter().map(|(v, (first, _))| (v, first)).collect()
+        self.moments().iter().map(|(v, (first, _))| (*v, *first)).collect()
     }
 
     /// ρ of [`can_turn`](Self::can_turn), m.
@@ -369,12 +420,14 @@ impl Grip {
     /// Goes along where an element has got other vertices at the same places.
     pub(crate) fn move_to(&mut self, tet: TetId, vertices: [usize; 4]) {
         if let Some(share) = self.shares.get_mut(&tet) {
+            self.sums.take();
             share.vertices = vertices;
         }
     }
 
     /// Hands the points of the ring's elements on to those that took their place, exactly.
     pub fn follow(&mut self, delta: &MeshDelta) {
+        self.sums.take();
         for RingTet { parent, children } in &delta.ring {
             let corners = parent.vertices.map(|v| v.index());
             let new = delta.vertex.index();

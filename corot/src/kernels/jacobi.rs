@@ -1,6 +1,7 @@
 //! Eigenvalues and eigenvectors of small symmetric matrices, eight at once.
 
 use nalgebra::{SMatrix, SVector};
+use pulp::{Simd, WithSimd};
 
 use super::simd::{LANES, Row};
 
@@ -31,7 +32,7 @@ pub(crate) fn eigen<const N: usize>(
         std::array::from_fn(|i| std::array::from_fn(|j| of(i, j)))
     };
     let mut turned = Turned::<N> { matrix: square(&entry), vectors: square(&one) };
-    pulp::Arch::new().dispatch(|| turned.diagonalize());
+    pulp::Arch::new().dispatch(&mut turned);
     let of_lane = |lane: usize| {
         let values = SVector::from_fn(|i, _| turned.matrix[i][i][lane]);
         (values, SMatrix::from_fn(|i, j| turned.vectors[i][j][lane]))
@@ -39,9 +40,12 @@ pub(crate) fn eigen<const N: usize>(
     (0..matrices.len()).map(of_lane).collect()
 }
 
-impl<const N: usize> Turned<N> {
+impl<const N: usize> WithSimd for &mut Turned<N> {
+    type Output = ();
+
+    /// Plain loops over lanes, which the compiler brings to the vector unit.
     #[inline(always)]
-    fn diagonalize(&mut self) {
+    fn with_simd<S: Simd>(self, _: S) {
         for _ in 0..SWEEPS {
             if self.is_diagonal() {
                 return;
@@ -53,7 +57,9 @@ impl<const N: usize> Turned<N> {
             }
         }
     }
+}
 
+impl<const N: usize> Turned<N> {
     /// Whether what is beside the diagonal is rounding in all lanes.
     #[inline(always)]
     fn is_diagonal(&self) -> bool {

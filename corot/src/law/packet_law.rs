@@ -24,6 +24,6 @@ pub trait PacketLaw: Send + Sync {
     /// [`growth`](crate::ConstitutiveLaw::growth), tr ε without that.
     ///
     /// Loops over lanes become vector code only inside of a function that is compiled for the machine's vector unit:
-    /// `pulp::Arch::new().dispatch(|| ...)`.
+    /// a [`pulp::WithSimd`] for `pulp::Arch::new().dispatch(...)`, since a closure may be compiled outside of it.
     fn stress(&self, points: &PointPacket<'_>, stress: &mut [Lanes; 6], growth: &mut Lanes);
 }

@@ -1,5 +1,7 @@
 //! Block rows of K, summed anew from all elements that there are.
 
+use std::sync::Arc;
+
 use faer::MatRef;
 
 use super::checks::{check_range, check_slots};
@@ -24,7 +26,8 @@ pub struct FreshRows {
     /// Of each block of each row the largest of what it was summed from.
     scales: Vec<Vec<f64>>,
     /// Working memory of [`add`](Self::add).
-    symmetric: Vec<f64>,
+    entries: Vec<f64>,
+    halved: Vec<f64>,
 }
 
 impl FreshRows {
@@ -40,7 +43,7 @@ impl FreshRows {
             }
         }
         let (rows, scales) = (vec![BlockRow::default(); slots.len()], vec![vec![]; slots.len()]);
-        Ok(Self { block, place, slots, rows, scales, symmetric: Vec::new() })
+        Ok(Self { block, place, slots, rows, scales, entries: Vec::new(), halved: Vec::new() })
     }
 
     /// Whether the row of a slot is among them.
@@ -62,13 +65,10 @@ impl FreshRows {
             let what = "the matrix to add";
             return Err(InverseError::Shape { what, want: (want, want), got: dense.shape() });
         }
-        // The same half on both sides of the diagonal.
-        self.symmetric.clear();
-        for j in 0..want {
-            self.symmetric.extend((0..want).map(|i| 0.5 * dense[(i, j)] + 0.5 * dense[(j, i)]));
-        }
+        self.copy(dense);
         for (p, &slot) in slots.iter().enumerate() {
             let Some(at) = self.place[slot] else { continue };
+            self.halve(p, want);
             let (row, scales) = (&mut self.rows[at], &mut self.scales[at]);
             for (q, &other) in slots.iter().enumerate() {
                 let found = row.columns.iter().position(|&column| column == other);
@@ -78,17 +78,43 @@ impl FreshRows {
                     scales.push(0.0);
                     scales.len() - 1
                 });
-                let (sums, scale) = (&mut row.values[m * m * found..][..m * m], &mut scales[found]);
-                for (a, sums) in sums.chunks_exact_mut(m).enumerate() {
-                    let entries = &self.symmetric[want * (m * p + a) + m * q..][..m];
-                    for (sum, entry) in sums.iter_mut().zip(entries) {
-                        *sum += entry;
-                        *scale = scale.max(entry.abs());
-                    }
+                let sums = &mut row.values[m * m * found..][..m * m];
+                let entries = &self.halved[m * m * q..][..m * m];
+                let mut largest = scales[found];
+                for (sum, entry) in sums.iter_mut().zip(entries) {
+                    *sum += entry;
+                    // Not `max`, which asks for more than numbers: what is none is found in the sum.
+                    largest = if entry.abs() > largest { entry.abs() } else { largest };
                 }
+                scales[found] = largest;
             }
         }
         Ok(())
+    }
+
+    /// The entries of an element, columns one after the other.
+    fn copy(&mut self, dense: MatRef<'_, f64>) {
+        self.entries.clear();
+        for column in dense.col_iter() {
+            match column.try_as_col_major() {
+                Some(column) => self.entries.extend_from_slice(column.as_slice()),
+                None => self.entries.extend(column.iter()),
+            }
+        }
+    }
+
+    /// The blocks in row `p` of the element whose matrix of `rows` rows was [copied](Self::copy), row-major one after
+    /// the other: the mean of both sides of the diagonal, the same on either.
+    fn halve(&mut self, p: usize, rows: usize) {
+        let m = self.block;
+        self.halved.clear();
+        for q in 0..rows / m {
+            for a in m * p..m * (p + 1) {
+                let mirrored = &self.entries[rows * a + m * q..][..m];
+                let own = self.entries[rows * m * q..].chunks_exact(rows).map(|column| column[a]);
+                self.halved.extend(mirrored.iter().zip(own).map(|(x, y)| 0.5 * x + 0.5 * y));
+            }
+        }
     }
 
     /// A row with its columns in order, without blocks that have cancelled.
@@ -148,21 +174,21 @@ impl SparseStiffness {
     pub(crate) fn take_fresh(&mut self, fresh: &FreshRows) {
         let m = self.block();
         for (at, &slot) in fresh.slots.iter().enumerate() {
-            let row = fresh.sorted(at);
+            let row = Arc::new(fresh.sorted(at));
             let is_kept = |column: usize| fresh.place[column].is_none();
-            for column in std::mem::take(&mut self.rows[slot].columns) {
+            let before = std::mem::replace(&mut self.rows[slot], Arc::clone(&row));
+            for &column in &before.columns {
                 if is_kept(column) && row.columns.binary_search(&column).is_err() {
-                    self.rows[column].remove(slot, m * m);
+                    self.row_mut(column).remove(slot, m * m);
                 }
             }
             for (&column, value) in row.columns.iter().zip(row.values.chunks_exact(m * m)) {
                 if is_kept(column) {
                     let mirrored: Vec<f64> =
                         (0..m * m).map(|e| value[m * (e % m) + e / m]).collect();
-                    self.rows[column].set(slot, &mirrored);
+                    self.row_mut(column).set(slot, &mirrored);
                 }
             }
-            self.rows[slot] = row;
         }
     }
 }

@@ -1,5 +1,7 @@
 //! The stiffness matrix itself, sparse: for residuals, and to rebuild an inverse from.
 
+use std::sync::Arc;
+
 use faer::{Mat, MatRef};
 
 use super::checks::{check_length, check_matrix, check_slots, check_symmetry, check_vector};
@@ -21,7 +23,8 @@ pub(super) const CANCELLED: f64 = 16.0 * f64::EPSILON;
 pub struct SparseStiffness {
     block: usize,
     negative: usize,
-    pub(super) rows: Vec<BlockRow>,
+    /// A copy of the matrix shares them until one of both changes them.
+    pub(super) rows: Vec<Arc<BlockRow>>,
     order_keys: Vec<u64>,
     updates_at_once: usize,
 }
@@ -61,7 +64,7 @@ impl BlockRow {
 #[derive(Debug)]
 pub(crate) struct RowsBefore {
     vertices: usize,
-    rows: Vec<(usize, BlockRow)>,
+    rows: Vec<(usize, Arc<BlockRow>)>,
 }
 
 impl SparseStiffness {
@@ -93,7 +96,7 @@ impl SparseStiffness {
             let what = "the negative part of a block";
             return Err(InverseError::Shape { what, want: (block, block), got: (negative, block) });
         }
-        let rows = vec![BlockRow::default(); vertices];
+        let rows = vec![Arc::default(); vertices];
         let order_keys = vec![0; vertices];
         Ok(Self { block, negative, rows, order_keys, updates_at_once: 0 })
     }
@@ -159,6 +162,11 @@ impl SparseStiffness {
     #[must_use]
     pub fn dofs(&self) -> usize {
         self.block * self.rows.len()
+    }
+
+    /// A row to change.
+    pub(super) fn row_mut(&mut self, slot: usize) -> &mut BlockRow {
+        Arc::make_mut(&mut self.rows[slot])
     }
 
     /// The rows of some vertices, in their order.
@@ -256,12 +264,12 @@ impl SparseStiffness {
     /// not a slot.
     #[must_use]
     pub fn neighbours(&self, i: usize) -> &[usize] {
-        self.rows.get(i).map_or(&[], |row| &row.columns)
+        self.rows.get(i).map_or(&[], |row| &*row.columns)
     }
 
     /// The blocks of row `i` in the order of its neighbours, row-major; none where `i` is no slot.
     pub(crate) fn row_values(&self, i: usize) -> &[f64] {
-        self.rows.get(i).map_or(&[], |row| &row.values)
+        self.rows.get(i).map_or(&[], |row| &*row.values)
     }
 
     /// K_jj of row j in `0..dofs()`; 0 where nothing is stored.
@@ -304,16 +312,16 @@ impl SparseStiffness {
             let scale = self.replaced(slots, (p, q), (minus, plus), &mut value);
             let largest = value.iter().fold(0.0, |worst: f64, x| worst.max(x.abs()));
             if p != q && largest <= CANCELLED * scale {
-                self.rows[slots[p]].remove(slots[q], value.len());
-                self.rows[slots[q]].remove(slots[p], value.len());
+                self.row_mut(slots[p]).remove(slots[q], value.len());
+                self.row_mut(slots[q]).remove(slots[p], value.len());
                 continue;
             }
-            self.rows[slots[p]].set(slots[q], &value);
+            self.row_mut(slots[p]).set(slots[q], &value);
             if p != q {
                 for (e, entry) in mirrored.iter_mut().enumerate() {
                     *entry = value[m * (e % m) + e / m];
                 }
-                self.rows[slots[q]].set(slots[p], &mirrored);
+                self.row_mut(slots[q]).set(slots[p], &mirrored);
             }
         }
     }
@@ -354,7 +362,7 @@ impl SparseStiffness {
         let m = self.block;
         let new = self.rows.len();
         self.order_keys.push(order_key);
-        self.rows.push(BlockRow::default());
+        self.rows.push(Arc::default());
         let mut value = vec![0.0; m * m];
         for (p, &slot) in slots.iter().enumerate() {
             for (e, entry) in value.iter_mut().enumerate() {
@@ -363,19 +371,19 @@ impl SparseStiffness {
             if value.iter().all(|&x| x == 0.0) {
                 continue;
             }
-            self.rows[slot].set(new, &value);
+            self.row_mut(slot).set(new, &value);
             let transposed: Vec<f64> = (0..m * m).map(|e| value[m * (e % m) + e / m]).collect();
-            self.rows[new].set(slot, &transposed);
+            self.row_mut(new).set(slot, &transposed);
         }
         for (e, entry) in value.iter_mut().enumerate() {
             *entry = 0.5 * own[(e / m, e % m)] + 0.5 * own[(e % m, e / m)];
         }
-        self.rows[new].set(new, &value);
+        self.row_mut(new).set(new, &value);
     }
 
     /// The rows that a split on `slots` changes, as they are.
     pub(crate) fn rows_before(&self, slots: &[usize]) -> RowsBefore {
-        let rows = slots.iter().map(|&slot| (slot, self.rows[slot].clone())).collect();
+        let rows = slots.iter().map(|&slot| (slot, Arc::clone(&self.rows[slot]))).collect();
         RowsBefore { vertices: self.vertices(), rows }
     }
 
@@ -391,9 +399,10 @@ impl SparseStiffness {
     /// Removes a vertex and moves the last one into its slot, as `Vec::swap_remove`.
     pub(crate) fn swap_remove(&mut self, slot: usize) {
         let size = self.block * self.block;
-        for column in std::mem::take(&mut self.rows[slot].columns) {
+        let gone = std::mem::take(&mut self.rows[slot]);
+        for &column in &gone.columns {
             if column != slot {
-                self.rows[column].remove(slot, size);
+                self.row_mut(column).remove(slot, size);
             }
         }
         let last = self.rows.len() - 1;
@@ -405,8 +414,8 @@ impl SparseStiffness {
         for column in self.rows[slot].columns.clone() {
             // The last vertex's diagonal block is still in its own row, which has moved.
             let row = if column == last { slot } else { column };
-            if let Some(value) = self.rows[row].remove(last, size) {
-                self.rows[row].set(slot, &value);
+            if let Some(value) = self.row_mut(row).remove(last, size) {
+                self.row_mut(row).set(slot, &value);
             }
         }
     }

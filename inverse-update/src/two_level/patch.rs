@@ -110,8 +110,10 @@ impl Patch {
         let mut near = self.inner(f);
         for (Coupling { inner, outer }, block) in self.coupled() {
             let (inner, outer) = (m * *inner as usize, m * *outer as usize);
-            for (entry, value) in block.iter().enumerate() {
-                near[inner + entry / m] -= value * u[outer + entry % m];
+            let there = &u[outer..outer + m];
+            for (near, row) in near[inner..inner + m].iter_mut().zip(block.chunks_exact(m)) {
+                let sum: f64 = row.iter().zip(there).map(|(value, u)| value * u).sum();
+                *near -= sum;
             }
         }
         far.solve_by(&self.factor, &mut near);
@@ -163,7 +165,11 @@ impl Patch {
     /// The patch's part of a vector.
     fn inner(&self, f: &[f64]) -> Vec<f64> {
         let m = self.factor.block;
-        self.slots.iter().flat_map(|slot| f[m * slot..m * (slot + 1)].iter().copied()).collect()
+        let mut inner = vec![0.0; m * self.slots.len()];
+        for (slot, inner) in self.slots.iter().zip(inner.chunks_exact_mut(m.max(1))) {
+            inner.copy_from_slice(&f[m * slot..m * (slot + 1)]);
+        }
+        inner
     }
 
     /// The slots before and now of each vertex outside.
@@ -180,8 +186,9 @@ impl Patch {
         let m = self.factor.block;
         for (Coupling { inner, outer }, block) in self.coupled() {
             let outer = m * since.before[*outer as usize] as usize;
-            for (entry, value) in block.iter().enumerate() {
-                add(outer + entry % m, -value * u[m * *inner as usize + entry / m]);
+            let here = &u[m * *inner as usize..m * (*inner as usize + 1)];
+            for (u, row) in here.iter().zip(block.chunks_exact(m)) {
+                row.iter().enumerate().for_each(|(axis, value)| add(outer + axis, -value * u));
             }
         }
     }

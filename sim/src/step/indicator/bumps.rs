@@ -1,7 +1,7 @@
 //! What is out of balance on the bump of every edge, and what that costs.
 
 use nalgebra::{Matrix3, Vector3};
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use yawara_corot::{EDGES, EdgeLoad, Element, Loads};
 use yawara_embed::Strain;
 
@@ -36,6 +36,8 @@ pub(super) struct Bumps {
     stiffness: Vec<[f64; 6]>,
     /// By bump, m.
     heights: Vec<Vector3<f64>>,
+    /// By bump, what each element around it has of its worth.
+    shares: Vec<f64>,
 }
 
 /// What a measurement depends on besides stencils.
@@ -72,7 +74,7 @@ impl Seen {
 /// The bump of each of the loads on edges that has one.
 fn loaded(stencils: &Stencils, loads: &Loads, mut visit: impl FnMut(usize, &EdgeLoad)) {
     for load in loads.edges() {
-        if let Ok(bump) = stencils.ends.binary_search(&load.ends) {
+        if let Some(bump) = stencils.find(&load.ends) {
             visit(bump, load);
         }
     }
@@ -82,36 +84,49 @@ fn loaded(stencils: &Stencils, loads: &Loads, mut visit: impl FnMut(usize, &Edge
 const TOGETHER: usize = 8;
 
 /// A⁻¹ r of each bump, m; zero where A is not positive definite.
-///
-/// `stiffness` are the lower halves of A by columns, N/m, `residuals` r, N. Plain loops over lanes, which the
-/// compiler brings to the vector unit that its caller was chosen for.
-#[inline(always)]
-fn solve_bumps(stiffness: &[[f64; 6]], residuals: &[Vector3<f64>], heights: &mut [Vector3<f64>]) {
-    let chunks = stiffness.chunks(TOGETHER).zip(residuals.chunks(TOGETHER));
-    for ((stiffness, residuals), heights) in chunks.zip(heights.chunks_mut(TOGETHER)) {
-        // Behind the last one A = I and r = 0.
-        let mut a = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0].map(|entry| [entry; TOGETHER]);
-        let mut r = [[0.0; TOGETHER]; 3];
-        for (lane, (stiffness, residual)) in stiffness.iter().zip(residuals).enumerate() {
-            (0..6).for_each(|entry| a[entry][lane] = stiffness[entry]);
-            (0..3).for_each(|axis| r[axis][lane] = residual[axis]);
-        }
-        for lane in 0..TOGETHER {
-            let [xx, yx, zx, yy, zy, zz] = [0, 1, 2, 3, 4, 5].map(|entry| a[entry][lane]);
-            // A = L D Lᵀ.
-            let (l_yx, l_zx) = (yx / xx, zx / xx);
-            let (d_y, t_zy) = (yy - l_yx * yx, zy - l_zx * yx);
-            let l_zy = t_zy / d_y;
-            let d_z = zz - l_zx * zx - l_zy * t_zy;
-            let y = r[1][lane] - l_yx * r[0][lane];
-            let z = (r[2][lane] - l_zx * r[0][lane] - l_zy * y) / d_z;
-            let y = y / d_y - l_zy * z;
-            let x = r[0][lane] / xx - l_yx * y - l_zx * z;
-            let is_definite = xx > 0.0 && d_y > 0.0 && d_z > 0.0;
-            (0..3).for_each(|axis| r[axis][lane] = if is_definite { [x, y, z][axis] } else { 0.0 });
-        }
-        for (lane, height) in heights.iter_mut().enumerate() {
-            *height = Vector3::new(r[0][lane], r[1][lane], r[2][lane]);
+struct Solve<'a> {
+    /// The lower halves of A by columns, N/m.
+    stiffness: &'a [[f64; 6]],
+    /// r, N.
+    residuals: &'a [Vector3<f64>],
+    heights: &'a mut [Vector3<f64>],
+}
+
+impl WithSimd for Solve<'_> {
+    type Output = ();
+
+    /// Plain loops over lanes, which the compiler brings to the vector unit.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { stiffness, residuals, heights } = self;
+        let chunks = stiffness.chunks(TOGETHER).zip(residuals.chunks(TOGETHER));
+        for ((stiffness, residuals), heights) in chunks.zip(heights.chunks_mut(TOGETHER)) {
+            // Behind the last one A = I and r = 0.
+            let mut a = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0].map(|entry| [entry; TOGETHER]);
+            let mut r = [[0.0; TOGETHER]; 3];
+            for (lane, (stiffness, residual)) in stiffness.iter().zip(residuals).enumerate() {
+                (0..6).for_each(|entry| a[entry][lane] = stiffness[entry]);
+                (0..3).for_each(|axis| r[axis][lane] = residual[axis]);
+            }
+            for lane in 0..TOGETHER {
+                let [xx, yx, zx, yy, zy, zz] = [0, 1, 2, 3, 4, 5].map(|entry| a[entry][lane]);
+                // A = L D Lᵀ.
+                let (l_yx, l_zx) = (yx / xx, zx / xx);
+                let (d_y, t_zy) = (yy - l_yx * yx, zy - l_zx * yx);
+                let l_zy = t_zy / d_y;
+                let d_z = zz - l_zx * zx - l_zy * t_zy;
+                let y = r[1][lane] - l_yx * r[0][lane];
+                let z = (r[2][lane] - l_zx * r[0][lane] - l_zy * y) / d_z;
+                let y = y / d_y - l_zy * z;
+                let x = r[0][lane] / xx - l_yx * y - l_zx * z;
+                let is_definite = xx > 0.0 && d_y > 0.0 && d_z > 0.0;
+                (0..3).for_each(|axis| {
+                    r[axis][lane] = if is_definite { [x, y, z][axis] } else { 0.0 }
+                });
+            }
+            for (lane, height) in heights.iter_mut().enumerate() {
+                *height = Vector3::new(r[0][lane], r[1][lane], r[2][lane]);
+            }
         }
     }
 }
@@ -148,11 +163,11 @@ impl Bumps {
             *force = if counts { *force / *volume } else { Vector3::zeros() };
         }
         let mut residuals = vec![Vector3::zeros(); stencils.ends.len()];
-        for ((&number, bumps), forces) in stencils.solids.iter().zip(&stencils.of).zip(forces) {
+        for (&number, forces) in stencils.solids.iter().zip(forces) {
             let Element { geometry, vertices, .. } = &elements[number];
             let load: Vector3<f64> = vertices.iter().map(|&v| left[v].0).sum();
             let load = 0.2 * geometry.volume * load;
-            for (bump, [i, j]) in bumps.iter().zip(EDGES) {
+            for (bump, [i, j]) in stencils.of[number].iter().zip(EDGES) {
                 residuals[*bump] += load - forces[i] - forces[j];
             }
         }
@@ -162,8 +177,7 @@ impl Bumps {
 
     /// The indicator of all elements by `weight`, and the errors of energy and of the duals' figures.
     ///
-    /// Cost: some thousand flops per element that has turned, some hundred per other; a comparison where
-    /// nothing has changed since the last call.
+    /// Cost: some thousand flops per element; a comparison where nothing has changed since the last call.
     pub fn measure(&mut self, sight: &Sight<'_>, weight: Weight) -> Measured {
         let is_same_body = self.stencils.follow(sight.body);
         let seen = sight.body.body.law().is_linear().then(|| Seen::new(sight, weight));
@@ -185,19 +199,19 @@ impl Bumps {
             self.residuals(state, |number| body.stress_change(number, field, pressures), loads)
         };
         let duals: Vec<Vec<Vector3<f64>>> = sight.duals.iter().map(dual).collect();
-        let Self { stencils, stiffness, heights, .. } = self;
-        stiffness.clear();
-        stiffness.extend((0..stencils.ends.len()).map(|bump| stencils.stiffness(bump)));
+        let Self { stencils, stiffness, heights, shares, .. } = self;
+        stencils.stiffness(stiffness);
         loaded(stencils, sight.loads, |bump, load| {
             [0, 3, 5].into_iter().for_each(|own| stiffness[bump][own] += load.stiffness);
         });
         heights.resize(primal.len(), Vector3::zeros());
-        Arch::new().dispatch(|| solve_bumps(stiffness, &primal, heights));
-        let mut values = vec![0.0; state.elements().len()];
+        Arch::new().dispatch(Solve { stiffness, residuals: &primal, heights });
+        shares.clear();
         let (mut energy, mut errors) = (0.0, vec![0.0; duals.len()]);
-        for (bump, ends) in stencils.ends.iter().enumerate() {
+        for (bump, (ends, around)) in stencils.ends.iter().zip(&stencils.around).enumerate() {
             // What does not move takes nothing.
             if !ends.iter().any(|&v| state.is_free(v)) {
+                shares.push(0.0);
                 continue;
             }
             let height = heights[bump];
@@ -209,8 +223,11 @@ impl Bumps {
                 Weight::Energy => released,
                 Weight::Goal => changes.map(f64::abs).next().unwrap_or(0.0),
             };
-            let around = stencils.around(bump);
-            around.iter().for_each(|&number| values[number] += worth / around.len() as f64);
+            shares.push(worth / *around as f64);
+        }
+        let mut values = vec![0.0; state.elements().len()];
+        for &number in &stencils.solids {
+            values[number] = stencils.of[number].iter().map(|&bump| shares[bump]).sum();
         }
         let errors = errors.into_iter().map(|error: f64| OVER_GAIN * error.abs()).collect();
         Measured { values, energy_error: Some(OVER_GAIN * energy), errors }
@@ -291,7 +308,8 @@ mod tests {
         let stiffness: Vec<_> = made.iter().map(|(a, _)| lower(a)).collect();
         let residuals: Vec<_> = made.iter().map(|(_, r)| *r).collect();
         let mut heights = vec![Vector3::repeat(f64::NAN); made.len()];
-        solve_bumps(&stiffness, &residuals, &mut heights);
+        let solve = Solve { stiffness: &stiffness, residuals: &residuals, heights: &mut heights };
+        Arch::new().dispatch(solve);
         let mut refused = 0;
         for ((a, r), height) in made.iter().zip(&heights) {
             match a.cholesky() {

@@ -17,7 +17,7 @@ use super::sight::{Measured, Sight};
 /// edge between two held vertices has no bump. Unlike [`Energy`] it sees all that an element lacks, not
 /// what its next vertex alone would bring. Rings to be merged are measured by [`Energy`].
 ///
-/// Cost: some thousand flops per element that turns; little where nothing has moved since the last time.
+/// Cost: some thousand flops per element; little where nothing has moved since the last time.
 ///
 /// Source: Deuflhard, Leinen and Yserentant, IMPACT of Computing in Science and Engineering 1(1), 1989.
 ///
