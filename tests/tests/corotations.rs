@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Rotation3, SVector, Vector3};
 use proptest::prelude::*;
 use yawara_corot::{Body, Element, ElementCorotation, FORCES, InternalForces, forces_by_name};
+use yawara_embed::MixedModuli;
 use yawara_tests::organ::{Organ, elements, organs};
 
 fn setting(organ: &Organ) -> (Body, Vec<Vector3<f64>>) {
@@ -65,6 +66,24 @@ fn by_turning(body: &Body, x: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     forces
 }
 
+/// k (‖x_b − x_a‖ − L) along the edges of each element, k = E V/L².
+fn by_springs(body: &Body, rest: &[Vector3<f64>], x: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mut forces = vec![Vector3::zeros(); x.len()];
+    for e in body.elements() {
+        let MixedModuli { bulk, shear, .. } = MixedModuli::new(&e.elasticity).unwrap();
+        let modulus = 9.0 * bulk * shear / (3.0 * bulk + shear);
+        for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            let (a, b) = (e.vertices[a], e.vertices[b]);
+            let (length, edge) = ((rest[b] - rest[a]).norm(), x[b] - x[a]);
+            let stiffness = modulus * e.geometry.volume / length.powi(2);
+            let pull = stiffness * (edge.norm() - length) * edge.normalize();
+            forces[a] -= pull;
+            forces[b] += pull;
+        }
+    }
+    forces
+}
+
 fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
 }
@@ -88,6 +107,7 @@ proptest! {
             let n = x.len();
             let vertex = body.vertex_rotations();
             let want = match *name {
+                "mass_spring" => by_springs(&body, &rest, &x),
                 "none" => by_matrices(&body, n, |_, _| Matrix3::identity(), |e, _, j| {
                     x[e.vertices[j]] - rest[e.vertices[j]]
                 }),
@@ -122,7 +142,8 @@ proptest! {
         let stretch = Matrix3::identity() + Matrix3::new(a, d, e, d, b, f, e, f, c);
         let x: Vec<_> = rest.iter().map(|x| stretch * x).collect();
         let (want, scale) = forces("none", &mut body, &x);
-        for name in FORCES {
+        // Springs are another material.
+        for name in FORCES.iter().filter(|name| **name != "mass_spring") {
             let (got, _) = forces(name, &mut body, &x);
             let got: Vec<_> = match *name {
                 "element" | "element_reference" => {
