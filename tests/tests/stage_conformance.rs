@@ -70,6 +70,7 @@ conformance!(
     internal_forces,
     element,
     "element",
+    a_stretch_gives_the_linear_force,
     a_translation_gives_no_force,
     a_rotation_gives_no_force,
     small_displacements_give_the_linear_force,
@@ -79,6 +80,7 @@ conformance!(
     internal_forces,
     element_reference,
     "element_reference",
+    a_stretch_gives_the_linear_force,
     a_translation_gives_no_force,
     a_rotation_gives_no_force,
     small_displacements_give_the_linear_force,
@@ -89,16 +91,18 @@ conformance!(
     internal_forces,
     row,
     "row",
+    a_stretch_gives_the_linear_force,
     a_translation_gives_no_force,
     a_rotation_gives_no_force,
     small_displacements_give_the_linear_force
 );
 // Turns about the origin, where neighbours turn differently: promises nothing more.
-conformance!(internal_forces, paper, "paper");
+conformance!(internal_forces, paper, "paper", a_stretch_gives_the_linear_force);
 conformance!(
     internal_forces,
     none,
     "none",
+    a_stretch_gives_the_linear_force,
     a_translation_gives_no_force,
     small_displacements_give_the_linear_force,
     forces_balance

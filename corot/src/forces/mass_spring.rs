@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use yawara_embed::MixedModuli;
 
 use super::internal_forces::InternalForces;
-use super::tangent::{ElementTangent, TangentOf};
+use super::tangent::{TangentOf, beyond_tangent};
 use crate::body::Body;
 use crate::element::{EDGES, Element};
 use crate::field::Field;
@@ -127,11 +127,10 @@ impl InternalForces for MassSpring {
         (squares + body.add_law_forces(positions, forces)).sqrt()
     }
 
-    /// That of the springs alone, without what a law has beyond D ε.
     fn tangent(&self) -> Option<TangentOf<'_>> {
         Some(Box::new(|body, number, positions| {
             let element = &body.elements()[number];
-            let mut tangent = ElementTangent::zeros();
+            let mut tangent = beyond_tangent(body, number, positions);
             for (spring, [i, j]) in Spring::of(element).into_iter().zip(EDGES) {
                 let edge = positions[element.vertices[j]] - positions[element.vertices[i]];
                 let block = spring.tangent(&edge);

@@ -2,8 +2,8 @@
 
 use std::cmp::Ordering;
 
-use nalgebra::{Const, DimMin, Matrix3, SMatrix, SVector};
-use yawara_embed::strain_from_gradient;
+use nalgebra::{Const, DimMin, Matrix3, Matrix6, SMatrix, SVector};
+use yawara_embed::{Strain, strain_from_gradient};
 
 use crate::body::Body;
 use crate::element::tetrahedron::stress_matrix;
@@ -31,13 +31,39 @@ const ROUNDING: f64 = 1e-13;
 /// # Panics
 /// If `number` is not below the number of the body's elements.
 pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> ElementTangent {
+    let (stress, modulus) = body.response(number, positions);
+    tangent_of(body, number, positions, (&stress, &modulus), true)
+}
+
+/// The exact tangent of V R (σ − D ε) ∇λ_a, what the law of `body` has beyond D ε, as
+/// [`Body::add_law_forces`] adds it; nothing under a linear law. N/m.
+pub(super) fn beyond_tangent(body: &Body, number: usize, positions: &Field) -> ElementTangent {
     let element = &body.elements()[number];
     let (stress, modulus) = body.response(number, positions);
+    let strain = element.corotated_strain(&body.rotation(number), positions);
+    let (stress, modulus) = (stress - element.elasticity * strain, modulus - element.elasticity);
+    if stress.amax() == 0.0 && modulus.amax() == 0.0 {
+        return ElementTangent::zeros();
+    }
+    tangent_of(body, number, positions, (&stress, &modulus), false)
+}
+
+/// Of V R (σ − b×) ∇λ_a with σ and ∂σ/∂ε; b is zero where forces do not take part in the
+/// work of turning.
+fn tangent_of(
+    body: &Body,
+    number: usize,
+    positions: &Field,
+    (stress, modulus): (&Strain, &Matrix6<f64>),
+    takes_part: bool,
+) -> ElementTangent {
+    let element = &body.elements()[number];
     let (r, gradients) = (body.rotation(number), &element.geometry.gradients);
     let s = r.transpose() * element.deformation_gradient(positions);
-    let stress = stress_matrix(&stress);
+    let stress = stress_matrix(stress);
     let turning = inverse_of_turning(&s);
-    let b = turning * axial(&(stress * s));
+    let part = if takes_part { 1.0 } else { 0.0 };
+    let b = part * (turning * axial(&(stress * s)));
     let acting = stress - b.cross_matrix();
     let mut tangent = ElementTangent::zeros();
     for corner in 0..4 {
@@ -48,7 +74,7 @@ pub fn element_tangent(body: &Body, number: usize, positions: &Field) -> Element
             let n = m - omega * s;
             let n = 0.5 * (n + n.transpose());
             let change = stress_matrix(&(modulus * strain_from_gradient(&n)));
-            let moment = axial(&(change * s + stress * n)) - (b * n.trace() - n * b);
+            let moment = part * axial(&(change * s + stress * n)) - (b * n.trace() - n * b);
             let local = omega * acting + change - (turning * moment).cross_matrix();
             let local = local * element.geometry.volume;
             for a in 0..4 {

@@ -44,7 +44,6 @@ macro_rules! conformance {
     (internal_forces, $($line:tt)*) => {
         $crate::conformance!(@ internal_forces, $($line)*;
             at_rest_there_is_no_force
-            a_stretch_gives_the_linear_force
             flat_and_inverted_elements_give_finite_forces
             the_tangent_is_the_derivative
         );
