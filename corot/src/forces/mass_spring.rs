@@ -69,9 +69,7 @@ impl Spring {
             Self { ends: [a.min(b), a.max(b)], length, stiffness }
         })
     }
-}
 
-impl Spring {
     /// k (n nᵀ + (1 − L/ℓ)(1 − n nᵀ)) of an edge ℓ n, N/m: ∂pull/∂x_b.
     fn tangent(&self, edge: &Vector3<f64>) -> Matrix3<f64> {
         let now = edge.norm();
@@ -92,7 +90,7 @@ impl Net {
         if self.stamps.len() == count && (0..count).all(is_same) {
             return;
         }
-        self.stamps = (0..count).map(|number| body.stamp(number)).collect();
+        self.stamps.clear();
         self.springs = body.elements().iter().flat_map(Spring::of).collect();
         self.springs.sort_by_key(|spring| spring.ends);
         self.springs.dedup_by(|next, kept| {
@@ -100,6 +98,8 @@ impl Net {
             kept.stiffness += if is_same { next.stiffness } else { 0.0 };
             is_same
         });
+        // Last: springs that are half made are of no body.
+        self.stamps.extend((0..count).map(|number| body.stamp(number)));
     }
 }
 
@@ -109,7 +109,7 @@ impl InternalForces for MassSpring {
     }
 
     fn internal_forces(&self, body: &mut Body, positions: &Field, forces: &mut Field) -> f64 {
-        // Whatever a thread has left half done is made anew where stamps differ.
+        // What a thread has left half made has no stamps, and is made anew.
         let mut net = self.net.lock().unwrap_or_else(PoisonError::into_inner);
         net.follow(body);
         body.renew_rotations(positions);
