@@ -1,5 +1,7 @@
 //! The tangent of a problem where it stands: a factor of its convex part, and what is beside that.
 
+use std::cmp::Ordering;
+
 use faer::Mat;
 use faer::reborrow::Reborrow;
 use faer::sparse::{Pair, SparseColMatMut, SymbolicSparseColMat};
@@ -43,7 +45,7 @@ pub(super) struct TangentSystem<'a> {
     constraints: Option<Turned<'a>>,
 }
 
-/// Where the entries that elements add, in their order, are among those of the matrix, and where its factor has some.
+/// Where the runs of entries that elements add, in their order, begin among those of the matrix, and where its factor has some.
 /// It serves all problems of the same shape.
 pub(super) struct Pattern {
     shape: Shape,
@@ -100,11 +102,14 @@ struct Entries<'a> {
 
 /// Where entries go.
 enum Sink<'a> {
-    /// Their places in a list, to make a pattern of.
-    Places(Vec<Pair<usize, usize>>),
+    /// The places of runs in a list, to make a pattern of.
+    Places(Vec<Run>),
     /// Their values to the matrix's, by what is left of [`Pattern::at`].
     Values(std::slice::Iter<'a, u32>, &'a mut [f64]),
 }
+
+/// Entries of a column in rows that follow each other: the first, and how many.
+type Run = (Pair<usize, usize>, usize);
 
 /// Elements that a thread takes at once.
 const AT_LEAST: usize = 32;
@@ -373,7 +378,7 @@ fn assemble(
     // Rows without elements.
     let unknowns = entries.unknowns;
     for (row, sign) in unknowns.signs.iter().enumerate() {
-        entries.push(row, row, f64::from(*sign) * f64::MIN_POSITIVE);
+        entries.push(row, row, &[f64::from(*sign) * f64::MIN_POSITIVE]);
     }
 }
 
@@ -393,15 +398,19 @@ impl Unknowns {
 }
 
 impl Pattern {
-    /// Of n × n entries that come in this order.
-    fn new(shape: &Shape, n: usize, places: &[Pair<usize, usize>]) -> Option<Self> {
-        let (matrix, _) = SymbolicSparseColMat::try_new_from_indices(n, n, places).ok()?;
-        let at = |place: &Pair<usize, usize>| {
+    /// Of n × n entries in runs that come in this order.
+    fn new(shape: &Shape, n: usize, runs: &[Run]) -> Option<Self> {
+        let of_run = |&(Pair { row, col }, length): &Run| {
+            (row..row + length).map(move |row| Pair { row, col })
+        };
+        let places: Vec<_> = runs.iter().flat_map(of_run).collect();
+        let (matrix, _) = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok()?;
+        let at = |(place, _): &Run| {
             let column = matrix.col_range(place.col);
             let rows = &matrix.row_idx()[column.clone()];
             Some((column.start + rows.binary_search(&place.row).ok()?) as u32)
         };
-        let at = places.iter().map(at).collect::<Option<_>>()?;
+        let at = runs.iter().map(at).collect::<Option<_>>()?;
         Some(Self { shape: shape.clone(), matrix, at, factor: None })
     }
 }
@@ -425,31 +434,42 @@ impl Entries<'_> {
     fn add(&mut self, row: usize, column: usize, value: f64) {
         let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
         if row != HELD && column != HELD && (row >= column || self.kind == Kind::Whole) {
-            self.push(row, column, value);
+            self.push(row, column, &[value]);
         }
     }
 
-    /// Adds the matrix of what has four corners.
+    /// Adds the matrix of what has four corners. Displacements of a vertex are unknown all three, or held, and
+    /// follow each other.
     fn add_corners(&mut self, vertices: [usize; 4], matrix: &ElementTangent) {
         let m = self.unknowns.per_vertex;
-        let rows: [usize; 12] =
-            std::array::from_fn(|i| self.unknowns.of[m * vertices[i / 3] + i % 3]);
+        let first = vertices.map(|v| self.unknowns.of[m * v]);
         let is_whole = self.kind == Kind::Whole;
-        for (column, values) in rows.iter().zip(matrix.column_iter()) {
-            for (row, value) in rows.iter().zip(&values) {
-                if *row != HELD && *column != HELD && (row >= column || is_whole) {
-                    self.push(*row, *column, *value);
-                }
+        for (values, column) in matrix.as_slice().chunks_exact(12).zip(0..) {
+            let (corner, axis) = (column / 3, column % 3);
+            if first[corner] == HELD {
+                continue;
+            }
+            for (&row, values) in first.iter().zip(values.chunks_exact(3)) {
+                let above = match row.cmp(&first[corner]) {
+                    _ if row == HELD => continue,
+                    _ if is_whole => 0,
+                    Ordering::Less => continue,
+                    Ordering::Equal => axis,
+                    Ordering::Greater => 0,
+                };
+                self.push(row + above, first[corner] + axis, &values[above..]);
             }
         }
     }
 
-    fn push(&mut self, row: usize, col: usize, value: f64) {
+    /// Adds values of a column from a row on.
+    fn push(&mut self, row: usize, col: usize, values: &[f64]) {
         match &mut self.sink {
-            Sink::Places(places) => places.push(Pair { row, col }),
-            Sink::Values(at, values) => {
+            Sink::Places(places) => places.push((Pair { row, col }, values.len())),
+            Sink::Values(at, sums) => {
                 if let Some(&at) = at.next() {
-                    values[at as usize] += value;
+                    let sums = &mut sums[at as usize..][..values.len()];
+                    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
                 }
             }
         }

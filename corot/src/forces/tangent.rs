@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use nalgebra::{Const, DimMin, Matrix3, Matrix6, SMatrix, SVector};
+use nalgebra::{Const, DimMin, Matrix3, Matrix3x4, Matrix6, SMatrix, SVector, Vector3};
 use yawara_embed::{Strain, strain_from_gradient};
 
 use crate::body::Body;
@@ -65,33 +65,33 @@ fn tangent_of(
     let part = if takes_part { 1.0 } else { 0.0 };
     let b = part * (turning * axial(&(stress * s)));
     let acting = stress - b.cross_matrix();
-    let mut tangent = ElementTangent::zeros();
-    for corner in 0..4 {
-        for k in 0..3 {
-            let mut m = Matrix3::zeros();
-            m.set_row(k, &gradients[corner].transpose());
-            let omega = (turning * axial(&m)).cross_matrix();
-            let n = m - omega * s;
-            let n = 0.5 * (n + n.transpose());
-            let change = stress_matrix(&(modulus * strain_from_gradient(&n)));
-            let moment = part * axial(&(change * s + stress * n)) - (b * n.trace() - n * b);
-            let local = omega * acting + change - (turning * moment).cross_matrix();
-            let local = local * element.geometry.volume;
-            for a in 0..4 {
-                let mut column = tangent.fixed_view_mut::<3, 1>(3 * a, 3 * corner + k);
-                column.copy_from(&(local * gradients[a]));
-            }
-        }
+    let by_corner = Matrix3x4::from_columns(gradients);
+    // Along each axis of the world, and along each of the element's frame in which that may vary: by corners.
+    let mut along = [[Matrix3x4::zeros(); 3]; 3];
+    for (k, j) in (0..3).flat_map(|k| (0..3).map(move |j| (k, j))) {
+        let mut m = Matrix3::zeros();
+        m.set_column(j, &r.row(k).transpose());
+        let omega = turning * axial(&m);
+        let n = m - cross_columns(&omega, &s);
+        let n = 0.5 * (n + n.transpose());
+        let change = stress_matrix(&(modulus * strain_from_gradient(&n)));
+        let moment = part * axial(&(change * s + stress * n)) - (b * n.trace() - n * b);
+        let local = cross_columns(&omega, &acting) + change - (turning * moment).cross_matrix();
+        along[k][j] = r * (local * element.geometry.volume) * by_corner;
     }
-    // From the element's frame to the world's.
-    for a in 0..4 {
-        for b in 0..4 {
-            let block = tangent.fixed_view::<3, 3>(3 * a, 3 * b).into_owned();
-            let world = r * block * r.transpose();
-            tangent.fixed_view_mut::<3, 3>(3 * a, 3 * b).copy_from(&world);
+    let mut tangent = ElementTangent::zeros();
+    for (corner, gradient) in gradients.iter().enumerate() {
+        for (k, [x, y, z]) in along.iter().enumerate() {
+            let forces = x * gradient.x + y * gradient.y + z * gradient.z;
+            tangent.column_mut(3 * corner + k).copy_from_slice(forces.as_slice());
         }
     }
     tangent
+}
+
+/// ω× M.
+fn cross_columns(omega: &Vector3<f64>, m: &Matrix3<f64>) -> Matrix3<f64> {
+    Matrix3::from_columns(&[0, 1, 2].map(|j| omega.cross(&m.column(j))))
 }
 
 /// A vector on the corners of an element, corner-major x, y, z.
@@ -100,9 +100,15 @@ pub(crate) type CornerVector = SVector<f64, 12>;
 /// Calls `visit` with numbers of elements and vectors d: the least Σ d dᵀ that makes the symmetric part of an element's
 /// tangent, with it, positive semi-definite. Tangents must be such that moving along as a whole costs nothing.
 pub(crate) fn each_dent(tangents: &[ElementTangent], mut visit: impl FnMut(usize, CornerVector)) {
+    // Most elements lack nothing, which shows where corner 0 stays as well.
+    let is_lacking = |number: &usize| {
+        let held: SMatrix<f64, 9, 9> = tangents[*number].fixed_view::<9, 9>(3, 3).into_owned();
+        is_indefinite(&symmetric(&held)).is_some()
+    };
+    let lacking: Vec<_> = (0..tangents.len()).filter(is_lacking).collect();
     let shapes = shapes();
-    let own: Vec<_> = tangents.iter().map(|t| shapes.tr_mul(&(t * shapes))).collect();
-    each_lack(&own, |number, lack| visit(number, shapes * lack));
+    let own: Vec<_> = lacking.iter().map(|&at| shapes.tr_mul(&(tangents[at] * shapes))).collect();
+    each_lack(&own, |number, lack| visit(lacking[number], shapes * lack));
 }
 
 /// Of all that an element's corners may do but to move along as a whole, an orthonormal basis by columns: corner 1
@@ -129,11 +135,8 @@ pub(crate) fn each_lack<const N: usize>(
     Const<N>: DimMin<Const<N>, Output = Const<N>>,
 {
     let is_lacking = |(number, matrix): (usize, &SMatrix<f64, N, N>)| {
-        let matrix = (matrix + matrix.transpose()) * 0.5;
-        // To turn without a strain costs nothing either.
-        let rounding = ROUNDING * matrix.trace().abs();
-        let raised = matrix + SMatrix::identity() * rounding;
-        raised.cholesky().is_none().then_some((number, rounding, matrix))
+        let matrix = symmetric(matrix);
+        is_indefinite(&matrix).map(|rounding| (number, rounding, matrix))
     };
     let lacking: Vec<_> = matrices.iter().enumerate().filter_map(is_lacking).collect();
     for some in lacking.chunks(LANES) {
@@ -148,11 +151,23 @@ pub(crate) fn each_lack<const N: usize>(
     }
 }
 
+fn symmetric<const N: usize>(matrix: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+    (matrix + matrix.transpose()) * 0.5
+}
+
+/// What counts as zero in a symmetric matrix that is not positive semi-definite.
+fn is_indefinite<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Option<f64> {
+    // To turn without a strain costs nothing either.
+    let rounding = ROUNDING * matrix.trace().abs();
+    let raised = matrix + SMatrix::identity() * rounding;
+    raised.cholesky().is_none().then_some(rounding)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{ElementReference, InternalForces};
-    use nalgebra::{Matrix6, Rotation3, Vector3};
+    use nalgebra::Rotation3;
     use proptest::prelude::*;
     use yawara_embed::isotropic;
 

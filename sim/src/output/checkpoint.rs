@@ -21,7 +21,7 @@ pub(super) const FILE: &str = "checkpoint";
 
 /// What the first line begins with, and the version of the layout that follows it.
 const NAME: &str = "yawara checkpoint ";
-const LAYOUT: &str = "1";
+const LAYOUT: &str = "2";
 
 /// Hexadecimal digits of a SHA-256.
 const DIGITS: usize = 64;

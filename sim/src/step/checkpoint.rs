@@ -125,8 +125,8 @@ pub(crate) type KeptForces = Vec<(usize, [f64; 3])>;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct KeptSolver {
-    /// The move of each probe in the last step, m.
-    pub moves: Vec<(usize, [f64; 3])>,
+    /// The move of each tool that holds or presses in the last step, m, and its turn, rad.
+    pub moves: Vec<(usize, [f64; 6])>,
     pub tool_loads: KeptForces,
     pub fading: KeptForces,
     /// In how many steps what splits and merges left unbalanced is gone, and the loads of it.

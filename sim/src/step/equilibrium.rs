@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use yawara_corot::{
     Equilibrium, InternalForces, Loads, Outcome, Problem, Tolerance, forces_with_inertia,
 };
@@ -18,7 +18,7 @@ use super::held::Held;
 use super::indicator::Dual;
 use super::missed;
 use super::pace::Pace;
-use super::predictor::Predictor;
+use super::predictor::{Move, Predictor};
 use super::refinement::Exchange;
 use super::settling::Settling;
 use super::span::Span;
@@ -100,7 +100,7 @@ impl StepSolver {
 
     /// What the next step starts from besides the body.
     pub fn kept(&self, numbers: &Numbers) -> KeptSolver {
-        let moves = self.predictor.last().iter().map(|(tool, moved)| (*tool, (*moved).into()));
+        let moves = self.predictor.last().iter().map(|(tool, by)| (*tool, (*by).into()));
         let fading = self.fading.iter().map(|(v, force)| (v.index(), force));
         KeptSolver {
             moves: moves.collect(),
@@ -115,7 +115,7 @@ impl StepSolver {
 
     /// Goes on from what was kept, with the rotations and forces of `state`.
     pub fn resume(&mut self, kept: &KeptSolver, state: &mut BodyState) {
-        let moves = kept.moves.iter().map(|(tool, moved)| (*tool, Vector3::from(*moved)));
+        let moves = kept.moves.iter().map(|(tool, by)| (*tool, Vector6::from(*by)));
         self.predictor = Predictor::after(moves.collect());
         let field = |forces: &KeptForces| {
             let mut field = vec![Vector3::zeros(); state.positions.len()];
@@ -372,6 +372,7 @@ impl StepSolver {
     fn arrive(&mut self, step: Span, total: &StepOutcome, acting: &mut Acting<'_>) {
         let StepOutcome { report, from_rest, .. } = total;
         let left = step.left_at(self.reached_s);
+        let is_released = !self.fading.is_empty();
         for (_, force) in &mut self.fading {
             *force *= left;
         }
@@ -383,7 +384,7 @@ impl StepSolver {
             Some(motion) => motion.finish(acting.state),
             None => {
                 let is_whole = report.converged && report.substeps == 1 && *from_rest == 0;
-                let continues = is_whole && acting.contact.is_pressed();
+                let continues = is_whole && !is_released;
                 acting.contact.end(continues);
                 self.predictor.end(continues, acting.state, self.step_s);
             }
@@ -413,7 +414,10 @@ impl StepSolver {
             self.evaluate_forces(state);
         }
         let probing = self.probing(tools, span.to);
-        let share = if span == step { self.predict(&probing, state) } else { 0.0 };
+        let share = match span == step {
+            true => self.predict(self.moves(tools, &held, span.to, state), state),
+            false => 0.0,
+        };
         let moved = held.drag(state, tools, span.to)?;
         total.report.times.tool_ms += milliseconds(begin);
 
@@ -504,14 +508,34 @@ impl StepSolver {
 
     /// Moves the free vertices to where a whole step probably takes them. Returns which share of
     /// their last growth the probes' forces start with.
-    fn predict(&mut self, probing: &[Probing], state: &mut BodyState) -> f64 {
+    fn predict(&mut self, moves: Vec<Move>, state: &mut BodyState) -> f64 {
         match &self.motion {
             Some(motion) => {
                 motion.coast(&*self.forces, state, &mut self.internal);
                 0.0
             }
-            None => self.predictor.follow(probing, state, self.step_s),
+            None => self.predictor.follow(moves, state, self.step_s),
         }
+    }
+
+    /// How the tools that hold or press the body go from where it was followed to, to where they are at time `t`.
+    fn moves(
+        &self,
+        tools: &[Box<dyn Tool>],
+        held: &Held<'_>,
+        t: f64,
+        state: &BodyState,
+    ) -> Vec<Move> {
+        let from = self.reached_s;
+        let holds = |tool: usize| state.grip_tools.contains(&Some(tool)) || held.is_by(tool);
+        let of_tool = |(number, tool): (usize, &Box<dyn Tool>)| {
+            let has = tool.acts_at(t) && (tool.obstacle(t).is_some() || holds(number));
+            let way = tool.reference(t) - tool.reference(from);
+            let turn = (tool.pose(t).rotation / tool.pose(from).rotation).scaled_axis();
+            let by = [way.x, way.y, way.z, turn.x, turn.y, turn.z];
+            has.then_some((number, Vector6::from(by)))
+        };
+        tools.iter().enumerate().filter_map(of_tool).collect()
     }
 
     /// The probes that act at time `t`.

@@ -35,6 +35,11 @@ impl<'a> Held<'a> {
         Ok(Held { constrained: inverse.constrained(&vertices)?, vertices, tools, free })
     }
 
+    /// Whether a tool holds any.
+    pub fn is_by(&self, tool: usize) -> bool {
+        self.tools.contains(&tool)
+    }
+
     /// A first iterate with the held vertices at their targets, and the others moved along
     /// as in the linear body with its current rotations.
     pub fn drag(

@@ -1,44 +1,53 @@
-//! The first iterate of a body that probes press: it moves on as in the last step.
+//! The first iterate of a body that tools move: it moves on as in the last step.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
-use super::contact::Probing;
 use crate::body::{BodyState, Hold, Standing};
 
-/// The largest part of the probes' moves, as a fraction, that may lie off the direction of their
+/// The largest part of the tools' moves, as a fraction, that may lie off the direction of their
 /// last ones. Beyond it they have turned, and the last step says nothing about this one.
 const ALIKE: f64 = 0.5;
 
 /// The largest multiple of the last step that is taken again.
 const LONGEST: f64 = 2.0;
 
-/// How probes moved in the last step and move in the current one.
+/// How tools that hold or press the body moved in the last step and move in the current one.
 #[derive(Default)]
 pub(crate) struct Predictor {
     /// Where the body stood when the step began.
     from: Standing,
-    /// The move of each probe in the last step, m; empty if it does not count.
-    last: Vec<(usize, Vector3<f64>)>,
+    /// The move of each tool in the last step; empty if it does not count.
+    last: Vec<Move>,
     /// The same in this step.
-    now: Vec<(usize, Vector3<f64>)>,
+    now: Vec<Move>,
 }
 
+/// The number of a tool, how far it goes (three entries, m) and how far it turns (three, rad).
+pub(crate) type Move = (usize, Vector6<f64>);
+
 impl Predictor {
-    /// The probes' moves in this step as a multiple of those in the last one; 0 where their
-    /// directions differ.
+    /// The tools' moves in this step as a multiple of those in the last one; 0 where they differ in direction.
     fn share(&self) -> f64 {
         let same_tools = self.last.iter().map(|x| x.0).eq(self.now.iter().map(|x| x.0));
         if self.last.is_empty() || !same_tools {
             return 0.0;
         }
-        let pairs = || self.last.iter().zip(&self.now).map(|(old, new)| (old.1, new.1));
-        let share = pairs().map(|(old, new)| old.dot(&new)).sum::<f64>()
-            / pairs().map(|(old, _)| old.norm_squared()).sum::<f64>();
-        let off: f64 = pairs().map(|(old, new)| (new - share * old).norm_squared()).sum();
-        let size: f64 = pairs().map(|(_, new)| new.norm_squared()).sum();
-        let is_alike = share > 0.0 && share <= LONGEST && off <= ALIKE * ALIKE * size;
-        // False for a NaN, which is what probes that do not move give.
-        if is_alike { share } else { 0.0 }
+        // By ways, or by turns where there are none: metres and radians do not add up.
+        let part = |first: usize| {
+            let part = move |x: &Move| x.1.fixed_rows::<3>(first).into_owned();
+            self.last.iter().zip(&self.now).map(move |(old, new)| (part(old), part(new)))
+        };
+        let size = |first: usize| part(first).map(|(_, new)| new.norm_squared()).sum::<f64>();
+        let leading = if size(0) > 0.0 { 0 } else { 3 };
+        let share = part(leading).map(|(old, new)| old.dot(&new)).sum::<f64>()
+            / part(leading).map(|(old, _)| old.norm_squared()).sum::<f64>();
+        let off = |first: usize| {
+            part(first).map(|(old, new)| (new - share * old).norm_squared()).sum::<f64>()
+        };
+        let is_alike = |first: usize| off(first) <= ALIKE * ALIKE * size(first);
+        // False for a NaN, which is what tools that do not move give.
+        let goes_on = share > 0.0 && share <= LONGEST && is_alike(0) && is_alike(3);
+        if goes_on { share } else { 0.0 }
     }
 
     /// The last step says nothing about this one.
@@ -46,13 +55,13 @@ impl Predictor {
         self.last.clear();
     }
 
-    /// The move of each probe in the last step, m; empty if it does not count.
-    pub fn last(&self) -> &[(usize, Vector3<f64>)] {
+    /// The move of each tool in the last step; empty if it does not count.
+    pub fn last(&self) -> &[Move] {
         &self.last
     }
 
     /// After a step with these moves.
-    pub fn after(last: Vec<(usize, Vector3<f64>)>) -> Self {
+    pub fn after(last: Vec<Move>) -> Self {
         Self { last, ..Self::default() }
     }
 
@@ -61,13 +70,13 @@ impl Predictor {
         self.from = state.standing();
     }
 
-    /// Moves the free vertices, and pressures, as the last step did, scaled as the moves of the probes are. Returns
-    /// that factor, which also holds for the growth of the probes' forces; 0 if the probes move
+    /// Moves the free vertices, and pressures, as the last step did, scaled as the moves of the tools are. Returns
+    /// that factor, which also holds for the growth of the probes' forces; 0 if the tools move
     /// otherwise than before.
     ///
-    /// Under a steady push this leaves a residual of second order in the step.
-    pub fn follow(&mut self, probing: &[Probing], state: &mut BodyState, step_s: f64) -> f64 {
-        self.now = probing.iter().map(|probe| (probe.tool, probe.moved)).collect();
+    /// Under a steady hand this leaves a residual of second order in the step.
+    pub fn follow(&mut self, moves: Vec<Move>, state: &mut BodyState, step_s: f64) -> f64 {
+        self.now = moves;
         let share = self.share();
         if share == 0.0 {
             return share;
@@ -104,23 +113,35 @@ impl Predictor {
 mod tests {
     use super::*;
 
-    fn trend(last: [f64; 3], now: [f64; 3]) -> f64 {
-        let one = |x: [f64; 3]| vec![(3, Vector3::from(x))];
+    fn trend(last: [f64; 6], now: [f64; 6]) -> f64 {
+        let one = |x: [f64; 6]| vec![(3, Vector6::from(x))];
         Predictor { last: one(last), now: one(now), ..Predictor::default() }.share()
     }
 
+    fn way(x: f64, y: f64) -> [f64; 6] {
+        [x, y, 0.0, 0.0, 0.0, 0.0]
+    }
+
+    fn turned(way: f64, turn: f64) -> [f64; 6] {
+        [way, 0.0, 0.0, 0.0, turn, 0.0]
+    }
+
     #[test]
-    fn a_probe_that_goes_on_takes_the_body_along() {
-        assert_eq!(trend([2e-4, 0.0, 0.0], [1e-4, 0.0, 0.0]), 0.5);
-        assert_eq!(trend([2e-4, 0.0, 0.0], [2e-4, 1e-5, 0.0]), 1.0);
+    fn a_tool_that_goes_on_takes_the_body_along() {
+        assert_eq!(trend(way(2e-4, 0.0), way(1e-4, 0.0)), 0.5);
+        assert_eq!(trend(way(2e-4, 0.0), way(2e-4, 1e-5)), 1.0);
+        assert_eq!(trend(turned(0.0, 0.2), turned(0.0, 0.1)), 0.5);
+        assert_eq!(trend(turned(1e-4, 0.2), turned(1e-4, 0.2)), 1.0);
     }
 
     #[test]
     fn one_that_turns_stops_or_leaps_does_not() {
-        for now in [[-1e-4, 0.0, 0.0], [1e-4, 1e-4, 0.0], [0.0; 3], [1e-2, 0.0, 0.0]] {
-            assert_eq!(trend([2e-4, 0.0, 0.0], now), 0.0, "{now:?}");
+        for now in [way(-1e-4, 0.0), way(1e-4, 1e-4), way(0.0, 0.0), way(1e-2, 0.0)] {
+            assert_eq!(trend(way(1e-4, 0.0), now), 0.0, "{now:?}");
         }
-        assert_eq!(trend([0.0; 3], [1e-4, 0.0, 0.0]), 0.0);
+        assert_eq!(trend(way(0.0, 0.0), way(1e-4, 0.0)), 0.0);
+        assert_eq!(trend(turned(1e-4, 0.0), turned(1e-4, 0.2)), 0.0);
+        assert_eq!(trend(turned(1e-4, 0.2), turned(1e-4, -0.2)), 0.0);
         assert_eq!(Predictor::default().share(), 0.0);
     }
 }
