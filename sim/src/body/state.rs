@@ -39,11 +39,14 @@ pub struct BodyState {
     /// By vertex number, m/s. In a quasi-static body the velocities of the last step if the next
     /// one may continue it, else zero.
     pub(crate) velocities: Vec<Vector3<f64>>,
-    /// By vertex number, m/s²; zero unless the time integrator uses them.
+    /// By vertex number, m/s²; zero unless the time integrator uses them. In a quasi-static body half of what
+    /// velocities would change by in a second, as the last steps went, if the next one may continue them, else zero.
     pub(crate) accelerations: Vec<Vector3<f64>>,
     /// By vertex number, how fast the pressures q of a quasi-static body changed in the last step if the next
     /// one may continue it, else zero, 1/s.
     pub(crate) pressure_rates: Vec<f64>,
+    /// The same of those rates, 1/s².
+    pub(crate) pressure_bends: Vec<f64>,
     /// A quarter of the mass of each vertex's tetrahedra, kg.
     pub(crate) masses: Vec<f64>,
     /// Of each of the body's grips the tool that it is of; none for a support.
@@ -220,6 +223,7 @@ impl BodyState {
             self.velocities.resize(at + 1, Vector3::zeros());
             self.accelerations.resize(at + 1, Vector3::zeros());
             self.pressure_rates.resize(at + 1, 0.0);
+            self.pressure_bends.resize(at + 1, 0.0);
             self.masses.resize(at + 1, 0.0);
         }
         self.is_active[at] = true;
@@ -227,6 +231,7 @@ impl BodyState {
         (self.rest[at], self.positions[at], self.holds[at]) = (rest, position, hold);
         (self.velocities[at], self.masses[at]) = (Vector3::zeros(), 0.0);
         (self.accelerations[at], self.pressure_rates[at]) = (Vector3::zeros(), 0.0);
+        self.pressure_bends[at] = 0.0;
     }
 
     /// `vertex` goes out.

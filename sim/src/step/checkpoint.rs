@@ -45,16 +45,17 @@ impl Checkpoint {
     /// Whether all that is told by vertex, tetrahedron, grip and tool is told of this many, vertices numbered below
     /// `capacity`.
     pub(super) fn is_of(&self, [vertices, capacity, tets, grips]: [usize; 4]) -> bool {
-        let KeptVertices { holds, positions, velocities, accelerations, pressures, pressure_rates } =
-            &self.vertices;
-        let fields = [positions, velocities, accelerations].map(Vec::len);
-        let scalars = [holds.len(), pressures.len(), pressure_rates.len()];
+        let of = &self.vertices;
+        let fields = [&of.positions, &of.velocities, &of.accelerations].map(Vec::len);
+        let scalars = [&of.pressures, &of.pressure_rates, &of.pressure_bends].map(Vec::len);
         let KeptTets { rotations, law } = &self.tets;
         let KeptSolver { tool_loads, fading, easing: (_, eased), grips: held, .. } = &self.solver;
         let mut forces = [tool_loads, fading, eased].into_iter().chain(&held.forces).flatten();
         let leaving = self.refiner.as_ref().map_or(&[][..], |refiner| &refiner.leaving);
         let mut numbers = held.held.iter().map(|(number, _)| number).chain(&held.free);
-        fields.iter().chain(&scalars).all(|length| *length == vertices)
+        let holds = [of.holds.len()];
+        let mut lengths = fields.iter().chain(&scalars).chain(&holds);
+        lengths.all(|length| *length == vertices)
             && rotations.len() == tets
             && (law.is_empty() || law.len() == tets)
             && self.poses.len() == grips
@@ -75,6 +76,7 @@ pub(super) struct KeptVertices {
     pub accelerations: Vec<[f64; 3]>,
     pub pressures: Vec<f64>,
     pub pressure_rates: Vec<f64>,
+    pub pressure_bends: Vec<f64>,
 }
 
 /// By tetrahedron, in the order of the mesh made again.
@@ -127,6 +129,8 @@ pub(crate) type KeptForces = Vec<(usize, [f64; 3])>;
 pub(crate) struct KeptSolver {
     /// The move of each tool that holds or presses in the last step, m, and its turn, rad.
     pub moves: Vec<(usize, [f64; 6])>,
+    /// Steps since the mesh or what it is made of changed.
+    pub steady: usize,
     pub tool_loads: KeptForces,
     pub fading: KeptForces,
     /// In how many steps what splits and merges left unbalanced is gone, and the loads of it.

@@ -116,7 +116,8 @@ impl Simulation {
 
     /// Has all that depends on labels and on the surface follow them.
     fn follow_edits(&mut self) -> Result<(), SimError> {
-        let Self { scene, body, tools, contact, recorder, ledger, .. } = self;
+        let Self { scene, body, tools, contact, recorder, ledger, solver, .. } = self;
+        solver.jolt();
         let SimulatedBody { state, refiner: Some(refiner), .. } = body else { return Ok(()) };
         let content = &refiner.content;
         let Some(volume) = &content.volume else { return Ok(()) };

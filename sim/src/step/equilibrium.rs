@@ -104,6 +104,7 @@ impl StepSolver {
         let fading = self.fading.iter().map(|(v, force)| (v.index(), force));
         KeptSolver {
             moves: moves.collect(),
+            steady: self.predictor.steady(),
             tool_loads: numbers.forces(self.tool_loads.iter().enumerate()),
             fading: numbers.forces(fading),
             easing: (self.easing.left(), numbers.forces(self.easing.loads().iter().enumerate())),
@@ -116,7 +117,7 @@ impl StepSolver {
     /// Goes on from what was kept, with the rotations and forces of `state`.
     pub fn resume(&mut self, kept: &KeptSolver, state: &mut BodyState) {
         let moves = kept.moves.iter().map(|(tool, by)| (*tool, Vector6::from(*by)));
-        self.predictor = Predictor::after(moves.collect());
+        self.predictor = Predictor::after(moves.collect(), kept.steady);
         let field = |forces: &KeptForces| {
             let mut field = vec![Vector3::zeros(); state.positions.len()];
             forces.iter().for_each(|(v, force)| field[*v] = Vector3::from(*force));
@@ -131,6 +132,11 @@ impl StepSolver {
         self.pace.resume(kept.pace);
         self.internal.clear();
         self.evaluate_forces(state);
+    }
+
+    /// The mesh, or what it is made of, has changed.
+    pub fn jolt(&mut self) {
+        self.predictor.jolt();
     }
 
     /// The length of a step, s.
@@ -386,7 +392,8 @@ impl StepSolver {
                 let is_whole = report.converged && report.substeps == 1 && *from_rest == 0;
                 let continues = is_whole && !is_released;
                 acting.contact.end(continues);
-                self.predictor.end(continues, acting.state, self.step_s);
+                let is_smooth = !acting.contact.is_pressed();
+                self.predictor.end(continues, is_smooth, acting.state, self.step_s);
             }
         }
     }

@@ -206,6 +206,7 @@ impl Simulation {
 
     /// Tells all tools that have begun of a new mesh.
     pub(super) fn follow(&mut self) -> Result<(), SimError> {
+        self.solver.jolt();
         let waits = |number: usize| self.coming.iter().any(|(of, _)| *of == number);
         for (number, tool) in self.tools.iter_mut().enumerate() {
             if !waits(number) {

@@ -163,6 +163,7 @@ impl Simulation {
                 accelerations: of(&state.accelerations),
                 pressures: vertices.iter().map(|&v| state.body.pressure(v)).collect(),
                 pressure_rates: vertices.iter().map(|&v| state.pressure_rates[v]).collect(),
+                pressure_bends: vertices.iter().map(|&v| state.pressure_bends[v]).collect(),
             },
             tets: KeptTets {
                 rotations: rotations.collect(),
@@ -243,8 +244,8 @@ impl Simulation {
         };
         let other = || SimError::OtherCheckpoint(scene.name.clone());
         let empty = body.state.body.emptied();
-        let KeptVertices { holds, positions, velocities, accelerations, pressures, pressure_rates } =
-            &kept.vertices;
+        let of = &kept.vertices;
+        let holds = &of.holds;
         let mut state = match (&beginning.mesh, &mut body.refiner) {
             (StartMesh::Forest(start), Some(refiner)) => {
                 let forest = refined(start, &kept.splits)?;
@@ -271,11 +272,12 @@ impl Simulation {
         }
         let vertices: Vec<usize> = state.vertices().map(VertexId::index).collect();
         for (i, &v) in vertices.iter().enumerate() {
-            state.positions[v] = positions[i].into();
-            state.velocities[v] = velocities[i].into();
-            state.accelerations[v] = accelerations[i].into();
-            state.body.set_pressure(v, pressures[i]);
-            state.pressure_rates[v] = pressure_rates[i];
+            state.positions[v] = of.positions[i].into();
+            state.velocities[v] = of.velocities[i].into();
+            state.accelerations[v] = of.accelerations[i].into();
+            state.body.set_pressure(v, of.pressures[i]);
+            state.pressure_rates[v] = of.pressure_rates[i];
+            state.pressure_bends[v] = of.pressure_bends[i];
         }
         self.solver_turns(&mut state, &kept.tets.rotations);
         Ok(state)

@@ -11,6 +11,9 @@ const ALIKE: f64 = 0.5;
 /// The largest multiple of the last step that is taken again.
 const LONGEST: f64 = 2.0;
 
+/// Steps after a change of the mesh until the last two moved on as one: the first also makes up for the change.
+const STEADY: usize = 3;
+
 /// How tools that hold or press the body moved in the last step and move in the current one.
 #[derive(Default)]
 pub(crate) struct Predictor {
@@ -20,6 +23,10 @@ pub(crate) struct Predictor {
     last: Vec<Move>,
     /// The same in this step.
     now: Vec<Move>,
+    /// What of the last step this one takes again; 0 for none.
+    share: f64,
+    /// Steps since the mesh or what it is made of changed.
+    steady: usize,
 }
 
 /// The number of a tool, how far it goes (three entries, m) and how far it turns (three, rad).
@@ -60,9 +67,19 @@ impl Predictor {
         &self.last
     }
 
-    /// After a step with these moves.
-    pub fn after(last: Vec<Move>) -> Self {
-        Self { last, ..Self::default() }
+    /// Steps since the mesh or what it is made of changed.
+    pub fn steady(&self) -> usize {
+        self.steady
+    }
+
+    /// After a step with these moves, the last of so many since the mesh or what it is made of changed.
+    pub fn after(last: Vec<Move>, steady: usize) -> Self {
+        Self { last, steady, ..Self::default() }
+    }
+
+    /// The mesh or what it is made of has changed.
+    pub fn jolt(&mut self) {
+        self.steady = 0;
     }
 
     /// Begins a step where the body stands.
@@ -74,37 +91,52 @@ impl Predictor {
     /// that factor, which also holds for the growth of the probes' forces; 0 if the tools move
     /// otherwise than before.
     ///
-    /// Under a steady hand this leaves a residual of second order in the step.
+    /// Under a steady hand this leaves a residual of second order in the step, and of third order where nothing
+    /// presses and the mesh has stayed: then the change from step to step goes on too.
     pub fn follow(&mut self, moves: Vec<Move>, state: &mut BodyState, step_s: f64) -> f64 {
         self.now = moves;
         let share = self.share();
+        self.share = share;
         if share == 0.0 {
             return share;
         }
+        let first = share * step_s;
+        let second =
+            if self.steady < STEADY { 0.0 } else { share * (share + 1.0) * step_s.powi(2) };
         for v in 0..state.positions.len() {
             if state.holds[v] == Hold::Free {
-                state.positions[v] += share * step_s * state.velocities[v];
+                state.positions[v] += first * state.velocities[v] + second * state.accelerations[v];
             }
-            let pressure = state.body.pressure(v) + share * step_s * state.pressure_rates[v];
+            let change = first * state.pressure_rates[v] + second * state.pressure_bends[v];
+            let pressure = state.body.pressure(v) + change;
             state.body.set_pressure(v, pressure);
         }
         share
     }
 
-    /// Ends a step; `continues` tells whether the next one may start as this one went. Sets the
-    /// velocities and rates of pressures that it then starts with.
-    pub fn end(&mut self, continues: bool, state: &mut BodyState, step_s: f64) {
+    /// Ends a step; `continues` tells whether the next one may start as this one went, `is_smooth` whether the change from
+    /// this step to the next will be as that to this one. Sets what it then starts with: velocities and rates
+    /// of pressures, and as accelerations the divided differences of second order, Newton's interpolation.
+    pub fn end(&mut self, continues: bool, is_smooth: bool, state: &mut BodyState, step_s: f64) {
         self.last.clear();
         if continues {
             std::mem::swap(&mut self.last, &mut self.now);
         }
+        self.steady += 1;
+        // By what this step went on otherwise than the last.
+        let bend = match continues && is_smooth && self.steady >= STEADY {
+            true => self.share / (self.share + 1.0) / step_s,
+            false => 0.0,
+        };
         for (v, from) in self.from.positions.iter().enumerate() {
-            let moved = state.positions[v] - from;
-            state.velocities[v] = if continues { moved / step_s } else { Vector3::zeros() };
+            let moved = (state.positions[v] - from) / step_s;
+            state.accelerations[v] = bend * (moved - self.share * state.velocities[v]);
+            state.velocities[v] = if continues { moved } else { Vector3::zeros() };
         }
         for (v, from) in self.from.pressures.iter().enumerate() {
-            let changed = state.body.pressure(v) - from;
-            state.pressure_rates[v] = if continues { changed / step_s } else { 0.0 };
+            let changed = (state.body.pressure(v) - from) / step_s;
+            state.pressure_bends[v] = bend * (changed - self.share * state.pressure_rates[v]);
+            state.pressure_rates[v] = if continues { changed } else { 0.0 };
         }
     }
 }
