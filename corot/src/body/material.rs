@@ -130,6 +130,21 @@ impl Body {
         self.stress_under(number, element, &self.corotated_strain(number, positions))
     }
 
+    /// The [stress](Self::stress) of an element, and what it stores, J: its part of [`energy`](Self::energy).
+    ///
+    /// # Panics
+    /// As [`stress`](Self::stress).
+    pub fn stress_and_energy(&self, number: usize, positions: &Field) -> (Strain, f64) {
+        let strain = self.corotated_strain(number, positions);
+        let stress = self.stress_under(number, &self.elements()[number], &strain);
+        (stress, self.stored_under(number, strain, || stress))
+    }
+
+    /// What elastic grips store at `positions` (m, by vertex number), J.
+    pub fn energy_of_grips(&self, positions: &Field) -> f64 {
+        self.grips().iter().map(|grip| grip.energy(positions)).sum()
+    }
+
     /// Strain of an element with its rotation.
     fn corotated_strain(&self, number: usize, positions: &Field) -> Strain {
         self.elements()[number].corotated_strain(&self.rotation(number), positions)
@@ -149,8 +164,7 @@ impl Body {
     pub fn energy(&self, positions: &Field) -> f64 {
         let elements = 0..self.elements().len();
         let stored = elements.map(|number| self.stored(number, &self.rotation(number), positions));
-        let held = self.grips().iter().map(|grip| grip.energy(positions));
-        stored.chain(held).sum()
+        stored.sum::<f64>() + self.energy_of_grips(positions)
     }
 
     /// What the element of a leaf tetrahedron stores at `positions` (m, by vertex number), and elastic
@@ -172,9 +186,15 @@ impl Body {
     fn stored(&self, number: usize, rotation: &Matrix3<f64>, positions: &Field) -> f64 {
         let element = &self.elements()[number];
         let strain = element.corotated_strain(rotation, positions);
+        self.stored_under(number, strain, || self.stress_under(number, element, &strain))
+    }
+
+    /// What an element stores under a strain, J; `stress` is what it has then, Pa.
+    fn stored_under(&self, number: usize, strain: Strain, stress: impl Fn() -> Strain) -> f64 {
+        let element = &self.elements()[number];
         let pressures = self.pressures.as_ref();
         let density = self.states.energy(&Question { number, element, strain, pressures });
-        let half = || 0.5 * self.stress_under(number, element, &strain).dot(&strain);
+        let half = || 0.5 * stress().dot(&strain);
         element.geometry.volume * density.unwrap_or_else(half)
     }
 

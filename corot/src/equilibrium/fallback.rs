@@ -1,5 +1,6 @@
 //! `fallback`: one method after the other.
 
+use super::iteration::Iteration;
 use super::problem::{Outcome, Problem, Tolerance};
 use super::solver::Equilibrium;
 use crate::field::Field;
@@ -63,15 +64,8 @@ impl Equilibrium for Fallback {
         tolerance: &Tolerance,
     ) -> Outcome {
         let start = problem.iterate(positions);
-        let mut residual = vec![0.0; problem.rows()];
-        let first = problem.evaluate(positions, internal, &mut residual, tolerance);
-        let mut total = Outcome {
-            evaluations: 1,
-            residual: first,
-            converged: first <= tolerance.residual,
-            method: self.name,
-            ..Outcome::default()
-        };
+        let mut total = Outcome { method: self.name, ..Outcome::default() };
+        let mut has_begun = false;
         let mixed = problem.body.is_mixed();
         let pushed = problem.pushes.is_some();
         let methods = match problem.following {
@@ -83,19 +77,28 @@ impl Equilibrium for Fallback {
         });
         for (number, method) in able.enumerate() {
             // What is late stays where it has come to.
-            if total.converged || (number > 0 && tolerance.is_late()) {
+            if has_begun && (total.converged || tolerance.is_late()) {
                 break;
             }
-            if !(total.residual <= CLOSER * first) {
+            if has_begun && !(total.residual <= CLOSER * total.first) {
                 problem.return_to(&start, positions);
             }
             let outcome = method.solve(problem, positions, internal, tolerance);
             total = Outcome {
                 iterations: total.iterations + outcome.iterations,
                 evaluations: total.evaluations + outcome.evaluations,
+                first: if has_begun { total.first } else { outcome.first },
                 fallbacks: number,
                 ..outcome
             };
+            has_begun = true;
+        }
+        if !has_begun {
+            let point = Iteration::new(problem, positions, internal, tolerance);
+            total = point.finish(problem, self.name);
+        } else if total.converged && total.iterations == 0 {
+            // None of them had anything to do.
+            total.method = self.name;
         }
         total
     }

@@ -18,6 +18,8 @@ pub struct Iteration<'a> {
     pub residual: Vec<f64>,
     /// Its relative size.
     pub size: f64,
+    /// The first iterate's.
+    first: f64,
     /// When to stop.
     pub tolerance: &'a Tolerance,
     iterations: usize,
@@ -48,6 +50,7 @@ impl<'a> Iteration<'a> {
             internal,
             residual,
             size,
+            first: size,
             tolerance,
             iterations: 0,
             evaluations: 1,
@@ -154,6 +157,7 @@ impl<'a> Iteration<'a> {
         Outcome {
             iterations: self.iterations + self.before.0,
             evaluations: self.evaluations + self.before.1,
+            first: self.first,
             residual: self.size,
             converged: self.is_solved(),
             method,

@@ -77,6 +77,8 @@ pub struct Outcome {
     pub iterations: usize,
     /// Evaluations of the internal forces, by all methods together.
     pub evaluations: usize,
+    /// The relative residual where it began.
+    pub first: f64,
     /// The relative residual reached.
     pub residual: f64,
     /// Whether the tolerance was reached.

@@ -247,7 +247,11 @@ fn estimates(scene: &Scene, stages: &Stages) -> PlanRow {
     if scene.refinement.goal.is_some() || stages.indicator.is_of_goal() {
         of.push("of the goal by its dual");
     }
-    let when = if scene.mesh.refines() { "every step" } else { "steps with a frame" };
+    let when = match (scene.mesh.refines(), scene.measured_every()) {
+        (false, _) => "steps with a frame".into(),
+        (true, 1) => "every step".into(),
+        (true, every) => format!("one of {every} steps, and those with a frame"),
+    };
     row(stage, name, true, format!("{}; in {when}", of.join(", ")))
 }
 

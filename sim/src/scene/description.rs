@@ -296,8 +296,10 @@ pub struct Refinement {
     /// Splits and merges in one step at most, half of them each unless fewer are wanted: splits of the largest
     /// indicator first, merges of the smallest.
     pub max_splits_per_step: usize,
-    /// Every how many steps what is wanted is measured, ≥ 1; above 1 the mesh changes in the steps between.
-    pub every_steps: usize,
+    /// Every how many steps what is wanted is measured, ≥ 1; above 1 the mesh changes in the steps between. As many as
+    /// there are in a fiftieth of a second if absent, and each one of a body with inertia.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_steps: Option<usize>,
     /// Over which time a body without inertia comes to feel a change of its mesh, s; in the next step where that is
     /// less than one and a half.
     pub ease_s: f64,
@@ -476,6 +478,22 @@ impl Default for Void {
     }
 }
 
+/// What the mesh should be need not be known more often than a hand feels or an eye sees, s.
+const MEASURED_S: f64 = 0.02;
+
+impl Scene {
+    /// Every how many steps what the mesh should be is measured.
+    pub(crate) fn measured_every(&self) -> usize {
+        let of_hand = || match self.dynamics {
+            // What moves by itself may be as fast as its steps.
+            Some(_) => 1,
+            // Not one less for a rounding.
+            None => ((MEASURED_S / self.time.step_s + 1e-6) as usize).max(1),
+        };
+        self.refinement.every_steps.unwrap_or_else(of_hand)
+    }
+}
+
 impl Default for Refinement {
     fn default() -> Self {
         Self {
@@ -484,7 +502,7 @@ impl Default for Refinement {
             merge_fraction: 0.02,
             dwell_steps: 2,
             max_splits_per_step: 200,
-            every_steps: 1,
+            every_steps: None,
             ease_s: 0.03,
             near_probe: None,
             goal: None,

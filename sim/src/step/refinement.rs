@@ -307,15 +307,16 @@ impl Refiner {
     pub fn measure(&mut self, sight: &Sight<'_>, times: &mut StageTimes) {
         let begin = Instant::now();
         if let Some(measured) = self.rules.indicator.elements(sight) {
-            let energy = self.note_energy(sight.body);
+            let energy = self.note_energy(sight.body, Some(&measured));
             self.estimate(&measured, energy);
             times.indicator_ms = milliseconds(begin);
         }
     }
 
     /// The body's energy, J.
-    fn note_energy(&mut self, state: &BodyState) -> f64 {
-        let energy = state.energy_j();
+    fn note_energy(&mut self, state: &BodyState, measured: Option<&Measured>) -> f64 {
+        let seen = measured.and_then(|measured| measured.stored_j);
+        let energy = seen.unwrap_or_else(|| state.energy_j());
         // The energy of no strain: a body at rest asks for nothing.
         let stiffness = state.elements().iter().map(|e| e.geometry.volume * e.elasticity.m11);
         let none = 0.5 * stiffness.sum::<f64>() * NO_STRAIN * NO_STRAIN;
@@ -336,9 +337,9 @@ impl Refiner {
         self.measured.clear();
         self.measured.resize(self.content.forest.tet_capacity(), 0.0);
         self.waiting.clear();
-        let energy = self.note_energy(sight.body);
         let mut scale = self.rules.indicator.error_over_sum();
         let measured = self.rules.indicator.elements(sight);
+        let energy = self.note_energy(sight.body, measured.as_ref());
         self.measures_elements = measured.is_some();
         let wishes = match measured {
             Some(measured) => {

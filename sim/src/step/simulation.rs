@@ -260,7 +260,7 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Remeshed, SimError> {
         let refines = self.scene.mesh.refines();
-        let turn = refines.then(|| Turn::of(step, self.scene.refinement.every_steps));
+        let turn = refines.then(|| Turn::of(step, self.scene.measured_every()));
         let ranks = turn.is_some_and(|turn| turn.measures);
         let mut done = Remeshed::default();
         if ranks || self.is_written(step) {

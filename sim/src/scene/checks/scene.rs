@@ -269,8 +269,9 @@ impl Check<'_> {
         let fraction = refinement.merge_fraction;
         let in_range = (0.0..1.0).contains(&fraction);
         self.that(in_range, "refinement.merge_fraction", fraction, "at least 0 and less than 1")?;
-        let every = refinement.every_steps;
-        self.that(every >= 1, "refinement.every_steps", every, "at least 1")?;
+        if let Some(every) = refinement.every_steps {
+            self.that(every >= 1, "refinement.every_steps", every, "at least 1")?;
+        }
         let ease_s = refinement.ease_s;
         let in_range = (0.0..=EASE_S).contains(&ease_s);
         self.that(in_range, "refinement.ease_s", ease_s, &format!("0 to {EASE_S}"))?;

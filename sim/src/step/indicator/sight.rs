@@ -37,6 +37,8 @@ pub struct Dual {
 pub struct Measured {
     /// By element, in the order of [`BodyState::elements`].
     pub values: Vec<f64>,
+    /// What the body stores where it is, J, if that was seen on the way.
+    pub stored_j: Option<f64>,
     /// How much more energy the body has than on a mesh without end, J.
     pub energy_error: Option<f64>,
     /// How far the figure of each of [`Sight::duals`] is from that on a mesh without end, in its unit.
@@ -45,6 +47,6 @@ pub struct Measured {
 
 impl From<Vec<f64>> for Measured {
     fn from(values: Vec<f64>) -> Self {
-        Self { values, energy_error: None, errors: Vec::new() }
+        Self { values, stored_j: None, energy_error: None, errors: Vec::new() }
     }
 }
