@@ -79,6 +79,7 @@ impl Equilibrium for Wrecker {
         Outcome {
             iterations,
             evaluations,
+            first: residual,
             residual,
             converged: false,
             method: "wrecker",

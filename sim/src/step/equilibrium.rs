@@ -544,14 +544,15 @@ impl StepSolver {
     ) -> Vec<Move> {
         let from = self.reached_s;
         let holds = |tool: usize| state.grip_tools.contains(&Some(tool)) || held.is_by(tool);
-        let of_tool = |(number, tool): (usize, &Box<dyn Tool>)| {
+        let of_tool = |number: usize| {
+            let tool = &tools[number];
             let has = tool.acts_at(t) && (tool.obstacle(t).is_some() || holds(number));
             let way = tool.reference(t) - tool.reference(from);
             let turn = (tool.pose(t).rotation / tool.pose(from).rotation).scaled_axis();
             let by = [way.x, way.y, way.z, turn.x, turn.y, turn.z];
             has.then_some((number, Vector6::from(by)))
         };
-        tools.iter().enumerate().filter_map(of_tool).collect()
+        (0..tools.len()).filter_map(of_tool).collect()
     }
 
     /// The probes that act at time `t`.
