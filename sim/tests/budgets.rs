@@ -76,3 +76,33 @@ fn rotation_asks_where_a_bar_bends_and_not_where_it_stretches() {
     let pulled = run(&[&rules[..], &still].concat()).0;
     assert_eq!(pulled.iter().map(|r| r.splits + r.waiting).sum::<usize>(), 0);
 }
+
+/// Steps of a hand measure what the mesh should be now and then, long ones and those of inertia each.
+#[test]
+fn short_steps_measure_the_mesh_fifty_times_a_second() {
+    let estimate = |keys: &[&str]| {
+        let set: Vec<String> = keys.iter().map(|key| (*key).into()).collect();
+        let (scene, _) = scene_file::load("beam", &set).unwrap();
+        let mut simulation =
+            Simulation::new(&scene, Stages::by_name(&scene.stages).unwrap()).unwrap();
+        let mut measured = Vec::new();
+        for _ in 0..12 {
+            measured.push(simulation.step().unwrap().error_estimate.is_some());
+        }
+        let plan = simulation.summary().unwrap().plan;
+        let row = plan.iter().find(|row| row.stage == "error estimate").unwrap();
+        (row.why.clone(), measured.iter().filter(|is| **is).count())
+    };
+    let hand = ["time.step_s=0.00333333333", "output.frames_every=1000"];
+    let with = |more: &[&'static str]| [&hand[..], more].concat();
+    for (keys, when, count) in [
+        (vec![], "in every step", 12),
+        (with(&[]), "in one of 6 steps", 2),
+        (with(&["dynamics={}"]), "in every step", 12),
+        (with(&["refinement.every_steps=2"]), "in one of 2 steps", 6),
+    ] {
+        let (why, found) = estimate(&keys);
+        assert!(why.contains(when), "{keys:?}: {why}");
+        assert_eq!(found, count, "{keys:?}");
+    }
+}

@@ -48,6 +48,35 @@ fn a_body_that_nothing_acts_on_any_more_is_at_rest_at_once() {
     assert!(largest_displacement_mm(&frame) > 1.0);
 }
 
+/// A hand that goes on as before is followed: steps then begin next to where they end, whatever the element.
+#[test]
+fn a_steady_hand_takes_a_body_along_in_few_iterations() {
+    for (element, turned) in [("p1", false), ("p1p1", false), ("p1", true)] {
+        let path = match turned {
+            false => "[{ time_s = 0.0 }, { time_s = 1.0, move_m = [0.0, 0.0, 0.03] }]",
+            true => "[{ time_s = 0.0 }, { time_s = 1.0, turn_deg = 60.0 }]",
+        };
+        let set = [
+            "gravity_m_s2=[0.0, 0.0, 0.0]".into(),
+            "mesh.max_level=0".into(),
+            "time={ steps = 40, step_s = 0.01 }".into(),
+            "stages.equilibrium=anderson".into(),
+            format!("stages.element={element}"),
+            format!("tools.0.path={path}"),
+        ];
+        let (scene, _) = scene_file::load("beam", &set).unwrap();
+        let stages = || Stages::by_name(&scene.stages).unwrap();
+        let mut simulation = Simulation::new(&scene, stages()).unwrap();
+        let reports: Vec<_> = (0..40).map(|_| simulation.step().unwrap()).collect();
+        let count = |of: &[StepReport]| of.iter().map(|r| r.iterations).sum::<usize>();
+        let (first, later) =
+            (count(&reports[..3]) as f64 / 3.0, count(&reports[4..]) as f64 / 36.0);
+        println!("{element} {turned}: {first:.1} iterations at first, {later:.1} later");
+        assert!(reports.iter().all(|r| r.converged));
+        assert!(later < 0.6 * first, "{element}: {later} iterations, {first} at first");
+    }
+}
+
 #[test]
 fn a_bar_turned_by_half_a_turn_springs_back() {
     let set = vec!["tools.0.release_s=2.0".to_string()];

@@ -291,6 +291,8 @@ mod tests {
                 let measured = kept.measure(sight, weight);
                 let fresh = Bumps::default().measure(sight, weight);
                 assert_eq!(format!("{measured:?}"), format!("{fresh:?}"));
+                let (stored, whole) = (measured.stored_j.unwrap(), sight.body.energy_j());
+                assert!((stored - whole).abs() <= 1e-13 * whole, "{stored} J of {whole}");
                 // What was measured stays true, and nothing is measured for it.
                 kept.left.clear();
                 kept.stiffness.clear();
@@ -371,5 +373,12 @@ mod tests {
     #[test]
     fn pressures_and_duals_are_seen() {
         run("beam", &["mesh.max_level=4", "stages.element=p1p1"]);
+    }
+
+    #[test]
+    fn laws_without_memory_are_measured_once() {
+        for law in ["linear", "neo_hookean"] {
+            run("beam", &["mesh.max_level=4", &format!("stages.law={law}")]);
+        }
     }
 }
