@@ -104,7 +104,7 @@ fn it_adds_up_where_held_vertices_go_out() {
 #[test]
 fn in_the_end_nothing_is_left_of_it() {
     let path = "tools.0.path=[{ time_s = 0.0 }, { time_s = 0.05, move_m = [-0.004, 0.01, 0.01] }]";
-    let coarse = ["mesh.base_mm=30", "refinement.target=0.3", path];
+    let coarse = ["mesh.base_mm=30", "refinement.target=0.3", "refinement.every_steps=1", path];
     let run = |ease: &str| {
         let mut simulation = simulation("liver", &[&SMALL[..], &coarse, &[ease]].concat());
         let reports: Vec<_> = (0..24).map(|_| simulation.step().unwrap()).collect();

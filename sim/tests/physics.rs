@@ -73,7 +73,7 @@ fn a_steady_hand_takes_a_body_along_in_few_iterations() {
             (count(&reports[..3]) as f64 / 3.0, count(&reports[4..]) as f64 / 36.0);
         println!("{element} {turned}: {first:.1} iterations at first, {later:.1} later");
         assert!(reports.iter().all(|r| r.converged));
-        assert!(later < 0.6 * first, "{element}: {later} iterations, {first} at first");
+        assert!(later < 0.7 * first, "{element}: {later} iterations, {first} at first");
     }
 }
 

@@ -493,7 +493,7 @@ fn what_can_not_be_gone_on_with_is_refused() {
     }
     refused(&checkpoint, &[&whole[..], b"x"].concat(), &["checkpoint: damaged"]);
     let layout = [b"yawara checkpoint 7\n", &whole[20..]].concat();
-    refused(&checkpoint, &layout, &["layout 7", "want layout 1"]);
+    refused(&checkpoint, &layout, &["layout 7", "want layout 2"]);
     let want = concat!("want ", env!("CARGO_PKG_VERSION"));
     refused(&checkpoint, &of_version(&whole, b"0.0.7"), &["by yawara 0.0.7", want]);
 

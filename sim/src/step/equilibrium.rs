@@ -68,9 +68,6 @@ pub(crate) struct StepSolver {
     /// When the step under way has to end wherever it is.
     deadline: Option<Instant>,
     pace: Pace,
-    /// Whether rotations and internal forces are those where the body stands: it has come there by a whole step, and
-    /// nothing has changed since.
-    is_settled: bool,
 }
 
 impl StepSolver {
@@ -97,7 +94,6 @@ impl StepSolver {
             grips: Grips::default(),
             reached_s: 0.0,
             deadline: None,
-            is_settled: false,
             pace: Pace::new(if scene.time.adaptive { scene.solver.max_halvings } else { 0 }),
         }
     }
@@ -140,7 +136,6 @@ impl StepSolver {
 
     /// The mesh, or what it is made of, has changed.
     pub fn jolt(&mut self) {
-        self.is_settled = false;
         self.predictor.jolt();
     }
 
@@ -301,7 +296,6 @@ impl StepSolver {
             if span.to == step.to && self.is_unloaded(step.to, acting) {
                 // No way back from a pulled shape, which may be unstable now, leads anywhere else.
                 acting.state.rest();
-                self.is_settled = false;
                 self.easing.clear();
             }
             let mut outcome = self.attempt(step, span, kept, acting, &mut total)?;
@@ -327,7 +321,6 @@ impl StepSolver {
                 self.pace.succeed();
                 continue;
             }
-            self.is_settled = false;
             acting.state.put(before);
             let may_go_on = self.tolerance(&total, kept).max_iterations > 0;
             if self.pace.fail(span, step) && may_go_on {
@@ -398,7 +391,6 @@ impl StepSolver {
             None => {
                 let is_whole = report.converged && report.substeps == 1 && *from_rest == 0;
                 let continues = is_whole && !is_released;
-                self.is_settled = continues;
                 acting.contact.end(continues);
                 let is_smooth = !acting.contact.is_pressed();
                 self.predictor.end(continues, is_smooth, acting.state, self.step_s);
@@ -424,8 +416,7 @@ impl StepSolver {
         let constraints = self.grips.lead(span.to, state, inverse, tools, &held.constrained)?;
         let constraints = constraints.as_ref();
         self.internal.resize(state.positions.len(), Vector3::zeros());
-        let is_settled = std::mem::take(&mut self.is_settled);
-        if !is_settled && (constraints.is_some() || !held.vertices.is_empty()) {
+        if constraints.is_some() || !held.vertices.is_empty() {
             // What is held takes the rest along as it is turned now, with what has come in since.
             self.evaluate_forces(state);
         }

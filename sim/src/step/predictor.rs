@@ -158,6 +158,39 @@ mod tests {
         [way, 0.0, 0.0, 0.0, turn, 0.0]
     }
 
+    /// A vertex and its pressure that go with the square of the way of a tool, in steps of any lengths.
+    #[test]
+    fn a_body_that_bends_off_is_met_where_it_goes() {
+        let mut state = BodyState::new(yawara_corot::Body::mixed(yawara_embed::P1P1::default()));
+        let at = |way: f64| Vector3::new(way * way + 2.0 * way, -way, 0.5 * way * way);
+        let zero = Vector3::zeros();
+        state.add_vertex(yawara_mesh::VertexId(0), zero, zero, Hold::Free);
+        state.body.set_pressure(0, 0.0);
+        let mut predictor = Predictor::default();
+        let (mut gone, step_s) = (0.0, 0.1);
+        for (number, step) in [1.0, 1.5, 1.2, 0.9, 1.4].into_iter().enumerate() {
+            predictor.begin(&state);
+            let share = predictor.follow(vec![(0, way(step, 0.0).into())], &mut state, step_s);
+            gone += step;
+            let (missed, off) =
+                (state.positions[0] - at(gone), state.body.pressure(0) - gone.powi(2));
+            match number {
+                0 => assert_eq!((share, state.positions[0]), (0.0, zero)),
+                1 | 2 => assert!(missed.norm() > 0.1 && off.abs() > 0.1),
+                _ => assert!(missed.norm() < 1e-12 && off.abs() < 1e-12, "{missed:?}, {off}"),
+            }
+            state.positions[0] = at(gone);
+            state.body.set_pressure(0, gone.powi(2));
+            predictor.end(true, true, &mut state, step_s);
+        }
+        // What changes the mesh moves the body as well: the next step starts as the last one went.
+        predictor.jolt();
+        predictor.begin(&state);
+        predictor.follow(vec![(0, way(1.4, 0.0).into())], &mut state, step_s);
+        let last = at(gone) - at(gone - 1.4);
+        assert!((state.positions[0] - at(gone) - last).norm() < 1e-12);
+    }
+
     #[test]
     fn a_tool_that_goes_on_takes_the_body_along() {
         assert_eq!(trend(way(2e-4, 0.0), way(1e-4, 0.0)), 0.5);
