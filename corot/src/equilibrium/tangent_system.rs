@@ -1,11 +1,12 @@
 //! The tangent of a problem where it stands: a factor of its convex part, and what is beside that.
 
+use std::borrow::Cow;
 use std::cmp::Ordering;
 
 use faer::Mat;
 use faer::reborrow::Reborrow;
 use faer::sparse::{Pair, SparseColMatMut, SymbolicSparseColMat};
-use nalgebra::Matrix4;
+use nalgebra::{Matrix4, SMatrix};
 use rayon::prelude::*;
 use yawara_embed::{LdlPattern, SparseLdl};
 
@@ -35,6 +36,8 @@ pub(super) struct TangentSystem<'a> {
     values: Vec<f64>,
     /// Of the elements, where the problem's body stands.
     tangents: Vec<ElementTangent>,
+    /// Of their pressures, in a mixed body.
+    pressed: Vec<PressureTangent>,
     kind: Kind,
     factor: Option<Factor>,
     /// N = Σ d dᵀ, by the vertices that elements and pushed points have it on.
@@ -139,6 +142,7 @@ impl<'a> TangentSystem<'a> {
             shape,
             values: Vec::new(),
             tangents: Vec::new(),
+            pressed: Vec::new(),
             kind,
             factor: None,
             dents: Vec::new(),
@@ -168,6 +172,10 @@ impl<'a> TangentSystem<'a> {
         self.tangents.resize(body.elements().len(), ElementTangent::zeros());
         let each = self.tangents.par_iter_mut().enumerate().with_min_len(AT_LEAST);
         each.for_each(|(number, tangent)| *tangent = tangent_of(body, number, positions));
+        let numbers = (0..body.elements().len()).into_par_iter().with_min_len(AT_LEAST);
+        let pressed = numbers.filter_map(|number| body.pressure_tangent(number, positions));
+        self.pressed.clear();
+        self.pressed.par_extend(pressed);
         if self.kind == Kind::Whole {
             self.factor_of(problem, positions, None)?;
         } else if !self.is_definite(problem, positions) {
@@ -226,7 +234,7 @@ impl<'a> TangentSystem<'a> {
         if self.pattern.is_none() {
             let sink = Sink::Places(Vec::new());
             let mut entries = Entries { unknowns: &self.unknowns, kind: self.kind, sink };
-            assemble(problem, positions, &self.tangents, &mut entries, None);
+            assemble(problem, positions, (&self.tangents, &self.pressed), &mut entries, None);
             let Sink::Places(places) = entries.sink else { return None };
             self.pattern = Some(Pattern::new(&self.shape, self.unknowns.at.len(), &places)?);
         }
@@ -235,7 +243,7 @@ impl<'a> TangentSystem<'a> {
         self.values.resize(matrix.row_idx().len(), 0.0);
         let sink = Sink::Values(at.iter(), &mut self.values);
         let mut entries = Entries { unknowns: &self.unknowns, kind: self.kind, sink };
-        assemble(problem, positions, &self.tangents, &mut entries, dents);
+        assemble(problem, positions, (&self.tangents, &self.pressed), &mut entries, dents);
         let matrix = SparseColMatMut::new(matrix.as_ref(), &mut self.values);
         self.factor = Some(match (self.kind, self.factor.take()) {
             (Kind::Whole, _) => Factor::Whole(SparseLu::new(matrix.rb())?),
@@ -335,7 +343,7 @@ impl<'a> TangentSystem<'a> {
 fn assemble(
     problem: &Problem<'_>,
     positions: &Field,
-    tangents: &[ElementTangent],
+    (tangents, pressed): (&[ElementTangent], &[PressureTangent]),
     entries: &mut Entries<'_>,
     mut dents: Option<&mut Dents>,
 ) {
@@ -343,15 +351,14 @@ fn assemble(
     let is_convex = entries.kind == Kind::Convex;
     for (number, (element, tangent)) in body.elements().iter().zip(tangents).enumerate() {
         let alike = [problem.inertia.map(|of| of.matrix(number)), body.grip_matrix(element.tet)];
-        if alike.iter().any(Option::is_some) {
-            let mut tangent = *tangent;
-            alike.iter().flatten().for_each(|part| add_alike(&mut tangent, part));
-            entries.add_corners(element.vertices, &tangent);
-        } else {
-            entries.add_corners(element.vertices, tangent);
-        }
-        if let Some(pressed) = body.pressure_tangent(number, positions) {
-            add_pressures(body, number, &pressed, entries);
+        let mut tangent = Cow::Borrowed(tangent);
+        alike.iter().flatten().for_each(|part| add_alike(tangent.to_mut(), part));
+        match pressed.get(number) {
+            Some(pressed) => {
+                let matrix = with_pressures(body, number, pressed, &tangent);
+                entries.add_corners(element.vertices, 4, matrix.as_slice());
+            }
+            None => entries.add_corners(element.vertices, 3, tangent.as_slice()),
         }
     }
     if let Some(pushes) = problem.pushes {
@@ -369,11 +376,12 @@ fn assemble(
             let entry = |i: usize, j: usize| stiffness[(i % 3, j % 3)];
             let weight = |i: usize, j: usize| weights[i / 3] * weights[j / 3];
             let tangent = ElementTangent::from_fn(|i, j| weight(i, j) * entry(i, j));
-            entries.add_corners(vertices, &tangent);
+            entries.add_corners(vertices, 3, tangent.as_slice());
         });
     }
     for following in problem.following.iter().filter(|_| !is_convex) {
-        entries.add_corners(following.vertices(), &following.stiffness(positions));
+        let stiffness = following.stiffness(positions);
+        entries.add_corners(following.vertices(), 3, stiffness.as_slice());
     }
     // Rows without elements.
     let unknowns = entries.unknowns;
@@ -430,34 +438,29 @@ impl Shape {
 }
 
 impl Entries<'_> {
-    /// Adds an entry of the whole matrix, by rows of the problem.
-    fn add(&mut self, row: usize, column: usize, value: f64) {
-        let (row, column) = (self.unknowns.of[row], self.unknowns.of[column]);
-        if row != HELD && column != HELD && (row >= column || self.kind == Kind::Whole) {
-            self.push(row, column, &[value]);
-        }
-    }
-
-    /// Adds the matrix of what has four corners. Displacements of a vertex are unknown all three, or held, and
-    /// follow each other.
-    fn add_corners(&mut self, vertices: [usize; 4], matrix: &ElementTangent) {
-        let m = self.unknowns.per_vertex;
-        let first = vertices.map(|v| self.unknowns.of[m * v]);
+    /// Adds the matrix, by columns, of what has four corners with `rows` each: displacements, which are unknown all
+    /// three, or held, or these and the pressure. Unknowns of a vertex follow each other.
+    fn add_corners(&mut self, vertices: [usize; 4], rows: usize, matrix: &[f64]) {
+        let Unknowns { per_vertex: m, of, .. } = self.unknowns;
+        // The first unknown of each corner, and how many rows of it come before.
+        let first = vertices.map(|v| match of[m * v] {
+            HELD if rows > 3 => (of[m * v + 3], 3),
+            HELD => (HELD, rows),
+            first => (first, 0),
+        });
         let is_whole = self.kind == Kind::Whole;
-        for (values, column) in matrix.as_slice().chunks_exact(12).zip(0..) {
-            let (corner, axis) = (column / 3, column % 3);
-            if first[corner] == HELD {
-                continue;
-            }
-            for (&row, values) in first.iter().zip(values.chunks_exact(3)) {
-                let above = match row.cmp(&first[corner]) {
-                    _ if row == HELD => continue,
+        for (values, column) in matrix.chunks_exact(4 * rows).zip(0..) {
+            let (own, held) = first[column / rows];
+            let Some(axis) = (column % rows).checked_sub(held) else { continue };
+            for (&(row, held), values) in first.iter().zip(values.chunks_exact(rows)) {
+                let above = match row.cmp(&own) {
+                    _ if held == rows => continue,
                     _ if is_whole => 0,
                     Ordering::Less => continue,
                     Ordering::Equal => axis,
                     Ordering::Greater => 0,
                 };
-                self.push(row + above, first[corner] + axis, &values[above..]);
+                self.push(row + above, own + axis, &values[held + above..]);
             }
         }
     }
@@ -483,26 +486,30 @@ fn add_alike(tangent: &mut ElementTangent, corners: &Matrix4<f64>) {
     }
 }
 
-/// Adds what an element's pressures and its dilation have to do with each other: rows [`Problem::evaluate`]'s
-/// (P q − G u)/h with the sign of G u, columns h δq.
-fn add_pressures(body: &Body, number: usize, pressed: &PressureTangent, entries: &mut Entries<'_>) {
+/// A tangent with what an element's pressures and its dilation have to do with each other, four rows a corner: rows
+/// of pressures are [`Problem::evaluate`]'s (P q − G u)/h with the sign of G u, columns h δq.
+fn with_pressures(
+    body: &Body,
+    number: usize,
+    pressed: &PressureTangent,
+    tangent: &ElementTangent,
+) -> SMatrix<f64, 16, 16> {
     let Element { vertices, geometry, .. } = &body.elements()[number];
     let pull = geometry.volume * body.rotation(number) * stress_matrix(&pressed.pull);
     let weights = vertices.map(|v| body.pressure_row(v).1);
     let stiffening = body.stiffening();
-    for (i, &v) in vertices.iter().enumerate() {
-        let pressure = 4 * v + 3;
-        for (gradient, &w) in geometry.gradients.iter().zip(vertices) {
-            let force = weights[i] * (pull * gradient);
-            for axis in 0..3 {
-                entries.add(4 * w + axis, pressure, force[axis]);
-                entries.add(pressure, 4 * w + axis, force[axis]);
-            }
+    let mut whole = SMatrix::<f64, 16, 16>::zeros();
+    for (i, j) in (0..4).flat_map(|j| (0..4).map(move |i| (i, j))) {
+        let corners = tangent.fixed_view::<3, 3>(3 * i, 3 * j);
+        whole.fixed_view_mut::<3, 3>(4 * i, 4 * j).copy_from(&corners);
+        let force = weights[i] * (pull * geometry.gradients[j]);
+        for axis in 0..3 {
+            whole[(4 * j + axis, 4 * i + 3)] = force[axis];
+            whole[(4 * i + 3, 4 * j + axis)] = force[axis];
         }
-        for (j, &w) in vertices.iter().enumerate() {
-            let own = if i == j { pressed.own } else { 0.0 };
-            let entry = weights[i] * weights[j] * stiffening * (pressed.across + own);
-            entries.add(pressure, 4 * w + 3, -entry);
-        }
+        let own = if i == j { pressed.own } else { 0.0 };
+        let entry = weights[i] * weights[j] * stiffening * (pressed.across + own);
+        whole[(4 * i + 3, 4 * j + 3)] = -entry;
     }
+    whole
 }
