@@ -3,7 +3,7 @@
 
 #![cfg(feature = "nifti")]
 
-mod workbench;
+use crate::workbench;
 
 use workbench::{BAR, Nifti, Workbench};
 

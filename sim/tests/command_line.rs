@@ -1,6 +1,6 @@
 //! What the program prints and writes, and how it ends.
 
-mod workbench;
+use crate::workbench;
 
 use std::fs;
 use std::process::Stdio;

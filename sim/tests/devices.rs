@@ -1,6 +1,6 @@
 //! `yawara devices`, built with graphics support and without.
 
-mod workbench;
+use crate::workbench;
 
 use workbench::Workbench;
 

@@ -2,7 +2,7 @@
 
 #![cfg(feature = "nifti")]
 
-mod workbench;
+use crate::workbench;
 
 use serde_json::{Value, json};
 use workbench::{BAR, Nifti, Workbench};

@@ -1,6 +1,6 @@
 //! Scenes whose inverse lives on a device, or would.
 
-mod workbench;
+use crate::workbench;
 
 use workbench::Workbench;
 

@@ -1,6 +1,6 @@
 //! Tools that do nothing are told in the plan and the summary; contradictions are refused.
 
-mod workbench;
+use crate::workbench;
 
 use workbench::{BAR, Workbench};
 

@@ -2,7 +2,7 @@
 
 #![cfg(feature = "nifti")]
 
-mod workbench;
+use crate::workbench;
 
 use serde_json::Value;
 use workbench::{Nifti, Workbench};

@@ -1,6 +1,6 @@
 //! Materials of the library: listed with their sources, named in scenes.
 
-mod workbench;
+use crate::workbench;
 
 use workbench::{BAR, Workbench};
 use yawara::scene_file;

@@ -1,7 +1,7 @@
 //! Scenes on tetrahedra from files, and states as files.
 #![cfg(all(feature = "gmsh", feature = "vtu"))]
 
-mod workbench;
+use crate::workbench;
 
 use nalgebra::Vector3;
 use workbench::{BAR, Workbench};

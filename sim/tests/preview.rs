@@ -1,6 +1,6 @@
 //! `yawara preview`: the picture shows what is held where it is, with the amounts of the plan.
 
-mod workbench;
+use crate::workbench;
 
 use serde_json::Value;
 use workbench::{BAR, Workbench};

@@ -3,7 +3,7 @@
 
 #![cfg(all(feature = "nifti", feature = "view"))]
 
-mod workbench;
+use crate::workbench;
 
 use workbench::Workbench;
 use yawara_mesh::image::write_labels;

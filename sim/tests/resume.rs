@@ -1,7 +1,7 @@
 //! Runs that were interrupted go on from their last checkpoint, to the same bytes.
 #![cfg(all(feature = "nifti", feature = "vtu"))]
 
-mod workbench;
+use crate::workbench;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,6 @@
 //! Completions and manual pages name the commands that there are.
 
-mod workbench;
+use crate::workbench;
 
 use workbench::Workbench;
 

@@ -1,7 +1,7 @@
 //! Outlines of labels in the run directory: whole, carried along without folds, and free when nobody
 //! asks.
 
-mod workbench;
+use crate::workbench;
 
 use std::collections::HashMap;
 use std::fs;

@@ -149,3 +149,28 @@ fn links_are_told_from_code_and_headings_have_their_anchors() {
     assert_eq!(links(text), ["b.md#c-d", "f.png", "#l"]);
     assert_eq!(anchor("## A hand, `x_y` (2 × 3)"), "a-hand-x_y-2--3");
 }
+
+/// Where a package names the roots of its tests, a file that none of them has as a module is never run.
+#[test]
+fn every_test_file_is_run() {
+    let mut checked = 0;
+    for folder in ["sim", "tests"].map(|package| root().join(package).join("tests")) {
+        let manifest = std::fs::read_to_string(folder.join("../Cargo.toml")).unwrap();
+        let manifest: toml::Table = manifest.parse().unwrap();
+        assert_eq!(manifest["package"]["autotests"].as_bool(), Some(false), "{}", folder.display());
+        let roots = manifest["test"].as_array().unwrap().iter();
+        let roots: Vec<_> = roots.map(|test| test["path"].as_str().unwrap()).collect();
+        let sources =
+            roots.iter().map(|root| std::fs::read_to_string(folder.join("..").join(root)));
+        let modules: String = sources.map(Result::unwrap).collect();
+        for file in std::fs::read_dir(&folder).unwrap() {
+            let name = file.unwrap().file_name().into_string().unwrap();
+            let Some(module) = name.strip_suffix(".rs") else { continue };
+            let is_root = roots.iter().any(|root| *root == format!("tests/{name}"));
+            let times = modules.lines().filter(|line| *line == format!("mod {module};")).count();
+            assert_eq!(times + usize::from(is_root), 1, "how often {name} is run");
+            checked += 1;
+        }
+    }
+    assert!(checked > 60, "only {checked} files were found");
+}

@@ -6,7 +6,7 @@
 //! begun with a release build). The figures hold on every machine. Without a processor of class
 //! `x86-v3`, `qemu-x86_64 -cpu max` runs the test as one.
 //!
-//! `YAWARA_KEEP=1 cargo test -p yawara-tests --test kept_bytes -- --nocapture` prints the record of
+//! `YAWARA_KEEP=1 cargo test -p yawara-tests --test all kept_bytes:: -- --nocapture` prints the record of
 //! this machine's class. Whoever changes it says why in `reason`, and in the changelog.
 
 use std::path::{Path, PathBuf};

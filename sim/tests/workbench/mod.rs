@@ -1,5 +1,4 @@
 //! Runs the program in a scratch directory.
-#![allow(dead_code)] // Each test file uses its part.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,32 @@
+//! All tests of the crate in one program: it is linked once, and a long test of one file runs beside those of another.
+
+mod architecture;
+mod carried_outlines;
+mod corotations;
+mod cut_energy;
+mod cut_inverses;
+mod cut_meshes;
+mod damped_bodies;
+mod detail;
+mod dynamic_rings;
+mod golden_embed;
+mod gpu_accuracy;
+mod gpu_conformance;
+mod grips;
+mod hashin_shtrikman;
+mod homogenisation;
+mod inverse_conformance;
+mod kept_bytes;
+mod layering;
+mod loads;
+mod meshes;
+mod mixed_corotation;
+mod mixed_histories;
+mod mixed_rings;
+mod module_graph;
+mod real_rings;
+mod relabelled;
+mod rings;
+mod stage_conformance;
+mod statics;
+mod true_stiffness;
