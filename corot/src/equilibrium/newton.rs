@@ -12,7 +12,8 @@ use crate::vectors::dot;
 ///
 /// d is Newton's where the tangent is positive definite, by its own factor; else what conjugate gradients, preconditioned
 /// by the positive semi-definite parts of the elements' tangents, find up to the first direction that curves down, and
-/// along that one. Whether it is definite is tried by factoring it, less often the more often it was not.
+/// along that one. Whether it is definite is tried by factoring it, less often the more often it was not; one that
+/// is not serves two directions if the first has led about as far as it said.
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
 /// than 10, 10³, … times as stiff as the softest are solved before. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
@@ -28,12 +29,15 @@ pub struct Newton {
     kept: Option<Pattern>,
 }
 
-/// In so many iterations what a step promises of the energy has to fall to [`ENOUGH`] of the least before: a residual
+/// In so many iterations with a tangent of their own what a step promises of the energy has to fall to [`ENOUGH`] of the least before: a residual
 /// is that of stiff elements, whatever soft ones still have before them. It is counted anew from where the slope goes
 /// on down far beyond a step: what was promised there was that of a saddle.
 const PATIENCE: usize = 25;
 
 const ENOUGH: f64 = 0.5;
+
+/// A tangent may serve again after a step of this many of its directions.
+const AS_SAID: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// What a step may leave of the slope along it.
 const FLAT: f64 = 0.1;
@@ -89,16 +93,18 @@ impl Newton {
     /// Goes down in energy to an equilibrium or to where that takes too long.
     fn descend(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let mut least = vec![f64::INFINITY];
+        let mut length = 0.0;
         let mut system = TangentSystem::new(problem, Kind::Convex, self.kept.take());
         while point.goes_on() {
             point.begin_iteration();
-            if system.renew(problem, point.positions).is_none() {
+            let serves_again = AS_SAID.contains(&length) && system.serves_again();
+            if !serves_again && system.renew(problem, point.positions).is_none() {
                 break;
             }
             let accuracy = point.size.sqrt().clamp(1e-3, 0.1);
             let direction = system.direction(&point.residual, accuracy);
             let promise = dot(&point.residual, &direction);
-            let mut length = search(problem, point, &direction, FLAT);
+            length = search(problem, point, &direction, FLAT);
             if !(length > 0.0) {
                 length = search(problem, point, &system.solve(&point.residual), FLAT);
             }
@@ -108,6 +114,9 @@ impl Newton {
             point.keep_if_best(problem);
             if length >= LONGEST {
                 least.truncate(1);
+                continue;
+            }
+            if serves_again {
                 continue;
             }
             let before = least.len().checked_sub(PATIENCE).map(|at| least[at]);

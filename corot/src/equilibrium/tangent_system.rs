@@ -42,6 +42,8 @@ pub(super) struct TangentSystem<'a> {
     factor: Option<Factor>,
     /// N = Σ d dᵀ, by the vertices that elements and pushed points have it on.
     dents: Dents,
+    /// Whether it has [served again](Self::serves_again).
+    is_old: bool,
     /// Renewals before S is tried again, and how many there were after the last try.
     wait: usize,
     pause: usize,
@@ -146,6 +148,7 @@ impl<'a> TangentSystem<'a> {
             kind,
             factor: None,
             dents: Vec::new(),
+            is_old: false,
             wait: 0,
             pause: 0,
             constraints: None,
@@ -161,6 +164,17 @@ impl<'a> TangentSystem<'a> {
         Some(pattern)
     }
 
+    /// Whether it may serve a second direction as it is, which counts as a renewal: where it is not definite, which
+    /// makes it dear and no exact model anyway, and not about to be tried.
+    pub fn serves_again(&mut self) -> bool {
+        if self.dents.is_empty() || self.is_old || self.wait == 0 {
+            return false;
+        }
+        self.wait -= 1;
+        self.is_old = true;
+        true
+    }
+
     /// Renews it where the problem's body stands now; its elements must be those of the last time. None
     /// without tangents, or where M can't be factored.
     ///
@@ -168,6 +182,7 @@ impl<'a> TangentSystem<'a> {
     /// was not.
     pub fn renew(&mut self, problem: &Problem<'a>, positions: &Field) -> Option<()> {
         self.dents.clear();
+        self.is_old = false;
         let (body, tangent_of) = (&*problem.body, problem.forces.tangent()?);
         self.tangents.resize(body.elements().len(), ElementTangent::zeros());
         let each = self.tangents.par_iter_mut().enumerate().with_min_len(AT_LEAST);
