@@ -1,7 +1,6 @@
-//! All tests of the crate but those of the page, the heap and the clock, in one program: it is linked once, and a long test of
+//! All tests of the crate but those of its features, the page, the heap and the clock, in one program: it is linked once, and a long test of
 //! one file runs beside those of another.
 
-mod bad_input;
 mod batches;
 mod builder;
 mod built_in_scenes;
@@ -9,14 +8,12 @@ mod by_hand;
 mod command_line;
 mod contact;
 mod cutting;
-mod devices;
 mod dynamics;
 mod easing;
 mod energy;
 mod estimate;
 mod first_hour;
 mod following;
-mod gpu;
 mod hands;
 mod homogenisation;
 mod idle_tools;
@@ -31,7 +28,6 @@ mod passivity;
 mod physics;
 mod places;
 mod preview;
-mod readme;
 mod resection;
 mod resume;
 mod shell;
