@@ -13,7 +13,7 @@ use crate::vectors::dot;
 /// d is Newton's where the tangent is positive definite, by its own factor; else what conjugate gradients, preconditioned
 /// by the positive semi-definite parts of the elements' tangents, find up to the first direction that curves down, and
 /// along that one. Whether it is definite is tried by factoring it, less often the more often it was not; one that
-/// is not serves two directions if the first has led about as far as it said.
+/// is not serves two directions if the first has led about as far as it said and no obstacle pushes.
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
 /// than 10, 10³, … times as stiff as the softest are solved before. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
@@ -97,7 +97,9 @@ impl Newton {
         let mut system = TangentSystem::new(problem, Kind::Convex, self.kept.take());
         while point.goes_on() {
             point.begin_iteration();
-            let serves_again = AS_SAID.contains(&length) && system.serves_again();
+            // Which points obstacles push changes from step to step.
+            let as_said = problem.pushes.is_none() && AS_SAID.contains(&length);
+            let serves_again = as_said && system.serves_again();
             if !serves_again && system.renew(problem, point.positions).is_none() {
                 break;
             }
