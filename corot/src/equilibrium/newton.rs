@@ -16,7 +16,7 @@ use crate::vectors::dot;
 /// is not serves two directions if the first has led about as far as it said and no obstacle pushes.
 /// In a [mixed](crate::Body::mixed) body pressures follow displacements, q = P⁻¹G u, which makes the energy one of
 /// displacements alone. Where it does not arrive, and the law is linear, bodies whose stiff elements are no more
-/// than 10, 10³, … times as stiff as the softest are solved before. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
+/// than 10, 10³, … times as stiff as the softest are solved before; at once where they differ by more than 10⁷. Needs [`InternalForces::tangent`](crate::InternalForces::tangent), symmetric; the
 /// inverse of the [`Problem`] is not used. Cost: one or two sparse factorisations an iteration; where the factor has entries
 /// is kept for the next solve.
 /// # Source
@@ -46,6 +46,10 @@ const FLAT: f64 = 0.1;
 /// one where that alone does not converge.
 const BOUNDS: [f64; 6] = [1e1, 1e3, 1e5, 1e7, 1e9, 1e11];
 
+/// Where elements differ by more than this in stiffness, softer bodies are solved first and not only when the true one alone
+/// has not converged.
+const SOFTENED_FIRST: f64 = 1e7;
+
 /// Relative residual and iterations of such a solve.
 const ROUGH: Tolerance = Tolerance::new(1e-2, 30);
 
@@ -65,16 +69,38 @@ impl Equilibrium for Newton {
     fn iterate(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let start = problem.iterate(point.positions);
         point.settle_pressures(problem);
-        self.descend(problem, point);
         let [softest, stiffest] = problem.body.stiffness_range();
         let bounds = BOUNDS.map(|bound| bound * softest).into_iter().filter(|b| *b < stiffest);
-        if point.is_solved() || !problem.body.law().is_linear() || bounds.clone().count() == 0 {
-            return;
+        let bounds: Vec<f64> = bounds.collect();
+        // Whether softer bodies are solved before: in the first try, and in the second.
+        let ways: &[bool] = match problem.body.law().is_linear() && !bounds.is_empty() {
+            false => &[false],
+            true if stiffest > SOFTENED_FIRST * softest => &[true, false],
+            true => &[false, true],
+        };
+        for (number, is_softened) in ways.iter().enumerate() {
+            if point.is_solved() {
+                return;
+            }
+            if number > 0 {
+                problem.return_to(&start, point.positions);
+                point.begin_anew();
+            }
+            match is_softened {
+                true => self.soften(problem, point, &bounds),
+                false if number > 0 => point.evaluate(problem),
+                false => {}
+            }
+            self.descend(problem, point);
         }
-        problem.return_to(&start, point.positions);
-        point.begin_anew();
+    }
+}
+
+impl Newton {
+    /// Moves to where bodies would be whose elements are no stiffer than each of the bounds (Pa), one after the other.
+    fn soften(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>, bounds: &[f64]) {
         let rough = Tolerance { deadline: point.tolerance.deadline, ..ROUGH };
-        for bound in bounds {
+        for &bound in bounds {
             let mut softened = problem.body.softened(bound);
             let mut soft = problem.with_body(&mut softened);
             let mut internal = point.internal.to_vec();
@@ -85,11 +111,8 @@ impl Equilibrium for Newton {
             point.count(&outcome);
         }
         point.evaluate(problem);
-        self.descend(problem, point);
     }
-}
 
-impl Newton {
     /// Goes down in energy to an equilibrium or to where that takes too long.
     fn descend(&mut self, problem: &mut Problem<'_>, point: &mut Iteration<'_>) {
         let mut least = vec![f64::INFINITY];
