@@ -85,11 +85,10 @@ impl Equilibrium for Newton {
             if number > 0 {
                 problem.return_to(&start, point.positions);
                 point.begin_anew();
+                point.evaluate(problem);
             }
-            match is_softened {
-                true => self.soften(problem, point, &bounds),
-                false if number > 0 => point.evaluate(problem),
-                false => {}
+            if *is_softened {
+                self.soften(problem, point, &bounds);
             }
             self.descend(problem, point);
         }

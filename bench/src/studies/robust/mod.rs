@@ -231,21 +231,18 @@ mod tests {
     fn the_hardest_materials_and_meshes_converge_by_default() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(&root.path().join("robust"), &json!({}), false).unwrap();
-        let hardest = ["modulus ratio 1e9", "slivers of 1e-6"];
+        // The most iterations of a step: 80 and 73 here. Without softer bodies before the true one it is 127 of the first.
+        let hardest = [("modulus ratio 1e9", 100), ("slivers of 1e-6", 100)];
         let all = settings(false);
-        let of_these: Vec<&Setting> =
-            all.iter().filter(|one| hardest.contains(&&*one.name)).collect();
-        assert_eq!(of_these.len(), hardest.len());
-        for one in of_these {
+        for (name, most) in hardest {
+            let one = all.iter().find(|one| one.name == name).unwrap();
             for element in FORMULATIONS {
                 let scene = one.scene(element, "fallback", &folder).unwrap();
                 let mut simulation = Simulation::builder(&scene).build().unwrap();
                 for step in 0..scene.time.steps {
-                    assert!(
-                        simulation.step().unwrap().converged,
-                        "{}, {element}: {step}",
-                        one.name
-                    );
+                    let report = simulation.step().unwrap();
+                    let is_well = report.converged && report.iterations <= most;
+                    assert!(is_well, "{name}, {element}: {step}: {report:?}");
                 }
             }
         }
