@@ -6,17 +6,22 @@ use std::collections::BTreeMap;
 ///
 /// Cost: O(n log n).
 pub(crate) fn groups(count: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<usize>> {
+    let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (entry, first) in roots(count, pairs).into_iter().enumerate() {
+        groups.entry(first).or_default().push(entry);
+    }
+    groups.into_values().collect()
+}
+
+/// The first of the group of each of 0..`count`. Cost: O(n log n).
+pub(crate) fn roots(count: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
     let mut parents: Vec<u32> = (0..count as u32).collect();
     for pair in pairs {
         let [a, b] = pair.map(|entry| root(&mut parents, entry));
         // The smaller one stays root: the first of its group.
         parents[a.max(b) as usize] = a.min(b);
     }
-    let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-    for entry in 0..count {
-        groups.entry(root(&mut parents, entry as u32)).or_default().push(entry);
-    }
-    groups.into_values().collect()
+    (0..count as u32).map(|entry| root(&mut parents, entry)).collect()
 }
 
 /// The root of an entry's tree; halves the path to it.

@@ -33,4 +33,5 @@ mod resume;
 mod shell;
 mod surfaces;
 mod tool_stiffness;
+mod topology;
 mod workbench;

@@ -226,6 +226,15 @@ fn body_of_a_wrong_size() {
     assert!(bench.succeed(&plan).contains("body of 0.8 x 0.8 x 0.8 mm"));
     bar().refused(&run_with(&["--set", "image.unit=mm"]), &["image.unit", "image.path"]);
     bench.refused(&run_with(&["--set", "image.unit=inch"]), &["image.unit", "um"]);
+    let topology = "mesh.topology=components";
+    for (beside, named) in [
+        ("output.checkpoint_steps=2", "output.checkpoint_steps"),
+        ("output.surfaces=[{ label = 1 }]", "output.surfaces"),
+        ("stages.homogenisation=kharevych", "mesh.topology"),
+    ] {
+        let set = run_with(&["--set", topology, "--set", beside]);
+        bar().refused(&set, &["components", named]);
+    }
     bar().refused(&run_with(&["--set", "mesh.base_mm=1e9"]), &["mesh.base_mm is 1000000000", "80"]);
 }
 

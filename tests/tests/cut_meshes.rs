@@ -8,7 +8,7 @@ use proptest::sample::Index;
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
     BisectionForest, CellGrid, Change, Domain, FineFace, LabelTree, Lattice, MeshDelta, Point,
-    Recast, Tet, TetId,
+    Recast, Tet, TetId, VertexId,
 };
 use yawara_tests::cuts::{Cut, by_plane, cuts, parted};
 
@@ -183,6 +183,42 @@ fn leaves(forest: &BisectionForest) -> BTreeMap<TetId, Tet> {
     forest.leaves().map(|tet| (tet.id, tet)).collect()
 }
 
+/// Each tetrahedron with the least vertex to which chains of tetrahedra by vertices lead.
+fn by_vertices(tets: Vec<Tet>) -> Vec<(Tet, VertexId)> {
+    let mut least: BTreeMap<VertexId, VertexId> =
+        tets.iter().flat_map(|tet| tet.vertices).map(|v| (v, v)).collect();
+    let mut before = BTreeMap::new();
+    while before != least {
+        before = least.clone();
+        for tet in &tets {
+            let first = tet.vertices.iter().map(|v| least[v]).min().unwrap();
+            least.extend(tet.vertices.map(|v| (v, first)));
+        }
+    }
+    tets.into_iter().map(|tet| (tet, least[&tet.vertices[0]])).collect()
+}
+
+/// For each voxel that is not void the first one to which chains of voxels by faces lead.
+fn by_faces(dims: [usize; 3], labels: &[u16]) -> Vec<Option<usize>> {
+    let mut first: Vec<Option<usize>> =
+        labels.iter().enumerate().map(|(i, label)| (*label > 0).then_some(i)).collect();
+    let steps = [1, dims[0], dims[0] * dims[1]];
+    let mut before = Vec::new();
+    while before != first {
+        before.clone_from(&first);
+        for i in 0..labels.len() {
+            let at = [i % dims[0], i / dims[0] % dims[1], i / steps[2]];
+            for axis in (0..3).filter(|&axis| at[axis] + 1 < dims[axis]) {
+                let pair = [i, i + steps[axis]];
+                if let [Some(a), Some(b)] = pair.map(|voxel| first[voxel]) {
+                    pair.iter().for_each(|&voxel| first[voxel] = Some(a.min(b)));
+                }
+            }
+        }
+    }
+    first
+}
+
 #[test]
 fn a_block_cut_through_is_two_blocks() {
     for [n, d] in [[1, 32], [1, 27]] {
@@ -196,14 +232,8 @@ fn a_block_cut_through_is_two_blocks() {
             assert_eq!(replay(before, &delta), leaves(&forest));
             check_definition(&forest);
             // From tetrahedron to tetrahedron by vertices there are two bodies.
-            let mut group: BTreeMap<_, _> = forest.vertices().map(|v| (v, v)).collect();
-            for _ in 0..100 {
-                for tet in forest.leaves() {
-                    let least = tet.vertices.iter().map(|v| group[v]).min().unwrap();
-                    group.extend(tet.vertices.map(|v| (v, least)));
-                }
-            }
-            let bodies: BTreeSet<_> = group.values().collect();
+            let bodies: BTreeSet<VertexId> =
+                by_vertices(forest.leaves().collect()).into_iter().map(|(_, body)| body).collect();
             assert_eq!(bodies.len(), 2, "{normal:?}");
             let all: Vec<FineFace> = faces.iter().map(|severed| severed.face).collect();
             let before = leaves(&forest);
@@ -304,6 +334,66 @@ proptest! {
             all.collect::<std::collections::HashSet<_>>()
         };
         prop_assert!(contents(&forest) == contents(&plain), "other contents");
+    }
+
+    /// Chains of tetrahedra by vertices join just that material which chains of voxels by faces join, at any level; cuts come
+    /// and go on top of that.
+    #[test]
+    fn what_no_face_joins_is_apart(
+        labels in prop::collection::vec(0..2u16, solid([2, 1, 1]).len()),
+        start in 0u8..=5,
+        max in 5u8..=7,
+        picks in prop::collection::vec(any::<Index>(), 0..4),
+        (normal, d, ball) in cuts(),
+    ) {
+        prop_assume!(labels.contains(&1));
+        let dims = [2 * VOXELS, VOXELS, VOXELS];
+        let mut forest = forest([2, 1, 1], labels.clone(), start, max);
+        for pick in picks {
+            let candidates = forest.candidates();
+            if !candidates.is_empty() {
+                let p = candidates[pick.index(candidates.len())];
+                forest.split(p, &mut MeshDelta::empty()).unwrap();
+            }
+        }
+        let before = leaves(&forest);
+        let unjoined = forest.unjoined();
+        let delta = forest.separate(&unjoined).unwrap();
+        prop_assert!(replay(before, &delta) == leaves(&forest), "a delta of another mesh");
+        prop_assert_eq!(&forest.unjoined(), &unjoined);
+        let again = forest.separate(&unjoined).unwrap();
+        prop_assert!(again.recast.is_empty() && again.doubled.is_empty() && again.parts.is_empty());
+        let joined = by_faces(dims, &labels);
+        let finest = 1 << forest.finest_level().div_ceil(3);
+        let solid_of = |tet: &Tet| -> Vec<usize> {
+            let leaf = forest.leaf_of(tet.id);
+            let all = forest.finest_in(tet).into_iter().enumerate();
+            let own = all.filter(|(i, fine)| fine.is_solid() && forest.sheet_with(leaf, *i) == tet.id);
+            let voxel = |fine: yawara_mesh::FineTet| {
+                let at: [usize; 3] = std::array::from_fn(|axis| {
+                    let sum: i32 = fine.corners.iter().map(|p| p[axis]).sum();
+                    (sum * VOXELS as i32 / (4 * finest)) as usize
+                });
+                at[0] + dims[0] * (at[1] + dims[1] * at[2])
+            };
+            own.map(|(_, fine)| voxel(fine)).collect()
+        };
+        let solid: Vec<Tet> = forest.leaves().filter(|tet| !solid_of(tet).is_empty()).collect();
+        let mut body_of: BTreeMap<usize, VertexId> = BTreeMap::new();
+        for (tet, body) in by_vertices(solid) {
+            for voxel in solid_of(&tet) {
+                let of = joined[voxel].unwrap();
+                prop_assert_eq!(*body_of.entry(of).or_insert(body), body, "material that is joined");
+            }
+        }
+        let bodies: BTreeSet<VertexId> = body_of.values().copied().collect();
+        prop_assert_eq!(bodies.len(), body_of.len(), "material that is apart");
+        let apart = shape(&forest);
+        let faces = parted(&forest, by_plane(normal, d, ball));
+        forest.sever(&faces).unwrap();
+        let cut: Vec<FineFace> = faces.iter().map(|severed| severed.face).collect();
+        forest.close(&cut).unwrap();
+        prop_assert!(shape(&forest) == apart, "another mesh");
     }
 
     /// What comes apart does not depend on the order of cuts.

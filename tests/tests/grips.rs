@@ -56,8 +56,9 @@ impl Gripped {
             body.insert(element_of(&forest, &placement, &embedding, &tet));
         }
         for stiffness in [Some(STIFFNESS), None, Some(STIFFNESS)] {
-            let mut grip = Grip::new(points.clone(), stiffness, body.elements().iter(), &rest)
-                .expect("some points");
+            let mut grip =
+                Grip::new(points.clone(), stiffness, body.elements().iter(), &rest, |_, _| true)
+                    .expect("some points");
             let turn = Vector3::new(0.3, -0.5, 0.2);
             grip.set_pose(Isometry3::new(Vector3::new(1e-3, 2e-3, -5e-4), turn));
             body.add_grip(grip);
@@ -310,7 +311,8 @@ fn what_is_led_is_not_thrown_away_where_rotations_cancel() {
     }
     let inner = Vector3::repeat(0.25);
     let points = [inner, inner + apart].map(|rest| WeightedPoint { rest, weight: 1.0 });
-    let mut grip = Grip::new(points.to_vec(), None, body.elements().iter(), &rest).unwrap();
+    let mut grip =
+        Grip::new(points.to_vec(), None, body.elements().iter(), &rest, |_, _| true).unwrap();
     let lead = Vector3::new(0.1, 0.2, 0.0);
     grip.set_pose(Isometry3::translation(lead.x, lead.y, lead.z));
     let answer = |f: &[f64], u: &mut [f64]| -> Result<(), ()> {

@@ -127,16 +127,18 @@ impl Grip {
     /// Points in `elements`, whose vertices rest at `rest` (by vertex number, m), at their pose of
     /// rest. `stiffness` κ in N/m per unit of weight.
     ///
-    /// Points outside of all these elements count for nothing; `None` if no point is left.
+    /// Points outside of all these elements, or in none that `carries` them (an element of a body that is cut holds a part of
+    /// its material), count for nothing; `None` if no point is left.
     pub fn new<'a>(
         points: Vec<WeightedPoint>,
         stiffness: Option<f64>,
         elements: impl Iterator<Item = &'a Element>,
         rest: &[Vector3<f64>],
+        carries: impl Fn(TetId, &ElementPoint) -> bool,
     ) -> Option<Self> {
         let places: Vec<Vector3<f64>> = points.iter().map(|point| point.rest).collect();
         let elements: Vec<&Element> = elements.collect();
-        let found = elements_of(&places, &elements, rest, 0.0, |_, _| true);
+        let found = elements_of(&places, &elements, rest, 0.0, carries);
         let mut bound: Vec<Vec<(u32, Vector4<f64>)>> = vec![Vec::new(); elements.len()];
         for (number, (place, found)) in places.iter().zip(found).enumerate() {
             let Some(at) = found.map(|at| at as usize) else { continue };

@@ -6,14 +6,16 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use yawara_embed::Material;
 use yawara_mesh::volume::LabelVolume;
-use yawara_mesh::{BisectionForest, CellGrid, Domain, LabelTree, Lattice, Placement, VertexId};
+use yawara_mesh::{
+    BisectionForest, CellGrid, Domain, LabelTree, Lattice, Part, Placement, TetId, VertexId,
+};
 
 use super::axes::ScannerAxes;
 use super::components::{self, spans_a_plane};
 use super::image_source::ImageSource;
 use super::organ_box::{OrganBox, Zone};
 use super::places::{FileVoxels, Places};
-use super::summary::{BodySummary, DomainSummary, ImageSummary};
+use super::summary::{BodySummary, DomainSummary, ImageSummary, TopologySummary};
 use super::{label_refinement, material_points};
 use crate::error::SimError;
 use crate::scene::{Image, Scene, SupportHold};
@@ -28,6 +30,8 @@ pub(crate) struct ImageBody {
     pub volume: LabelVolume,
     pub tree: Arc<LabelTree>,
     pub forest: BisectionForest,
+    /// The forest before what nothing joins was taken apart, and the contents of what came of that.
+    pub apart: Option<(BisectionForest, Vec<Part>)>,
     pub placement: Placement,
     /// One material per dense label; entry 0 stands for void.
     pub materials: Vec<Material>,
@@ -76,10 +80,12 @@ impl ImageBody {
                 image,
                 domain: DomainSummary::default(),
                 label_refinement: None,
+                topology: TopologySummary::default(),
             },
             volume,
             forest: start_forest(scene, Domain::of_labels(lattice, &tree), &tree)?,
             tree,
+            apart: None,
             placement,
             materials,
             positions,
@@ -91,11 +97,30 @@ impl ImageBody {
         setup.drop_unheld_components(scene)?;
         setup.summary.label_refinement =
             label_refinement::refine(&mut setup.forest, scene, &setup.places, &placement)?;
+        let unjoined = setup.forest.unjoined();
+        setup.summary.topology.unjoined = unjoined.len();
+        if !scene.mesh.topology.is_merged() {
+            setup.separate(scene, &unjoined)?;
+        }
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
             setup.solid[v.index()] = touches_solid(&setup.volume, &setup.rest(v));
         }
         Ok(setup)
+    }
+
+    /// Takes apart what no face of a voxel joins.
+    fn separate(&mut self, scene: &Scene, unjoined: &[TetId]) -> Result<(), SimError> {
+        let whole = self.forest.clone();
+        let delta = self.forest.separate(unjoined)?;
+        let (count, limit) = (self.forest.vertex_count(), scene.mesh.max_vertices);
+        if count > limit {
+            return Err(SimError::TooManyVertices { count, limit });
+        }
+        self.summary.topology.doubled = delta.recast.len();
+        self.summary.topology.vertices = delta.doubled.len();
+        self.apart = Some((whole, delta.parts));
+        Ok(())
     }
 
     /// What the image is called in messages.

@@ -25,7 +25,7 @@ pub use axes::ScannerAxes;
 pub use state::BodyState;
 pub use summary::{
     BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
-    Part,
+    Part, TopologySummary,
 };
 
 pub(crate) use image_body::{ImageBody, touches_solid};

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use yawara_corot::{Body, Element};
+use yawara_corot::{Body, Element, ElementPoint, Grip, WeightedPoint};
 use yawara_mesh::{TetId, VertexId, finest_at};
 
 /// What a vertex is held by.
@@ -185,6 +185,14 @@ impl BodyState {
         self.sheets
             .get(&tet)
             .is_none_or(|sheet| sheet.holds[finest_at(weights, sheet.level, sheet.finest_level)])
+    }
+
+    /// A grip of the material at `points`, with κ = `stiffness` (N/m per unit of weight) if it is elastic; none where there is
+    /// no material.
+    pub(crate) fn grip(&self, points: Vec<WeightedPoint>, stiffness: Option<f64>) -> Option<Grip> {
+        let solid = self.body.elements().iter().filter(|element| !self.is_void(element.tet));
+        let carries = |tet, at: &ElementPoint| self.carries(tet, at.weights);
+        Grip::new(points, stiffness, solid, &self.rest, carries)
     }
 
     /// The part of a tetrahedron's volume that holds material of its own: 1, unless it is a sheet.

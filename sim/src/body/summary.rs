@@ -134,6 +134,21 @@ pub struct BodySummary {
     pub domain: DomainSummary,
     /// The refinement of the start mesh, if one was asked for.
     pub label_refinement: Option<LabelRefinementSummary>,
+    /// What the start mesh has of material that no face of a voxel joins.
+    pub topology: TopologySummary,
+}
+
+/// Material that shares tetrahedra or vertices of the start mesh with such as no face of a voxel joins it to near by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct TopologySummary {
+    /// Tetrahedra around the vertices that it shares.
+    pub unjoined: usize,
+    /// Of these, those that are there several times since it is apart.
+    pub doubled: usize,
+    /// Vertices that came in for that.
+    pub vertices: usize,
+    /// Pieces that nothing holds, held by weak springs.
+    pub parked: usize,
 }
 
 impl BodySummary {
@@ -156,6 +171,12 @@ impl BodySummary {
                 "max_vertices ended the refinement towards labels: {} tetrahedra above level {} still \
                  hold several",
                 refined.tets_left, refined.level
+            ));
+        }
+        if self.topology.parked > 0 {
+            let parked = self.topology.parked;
+            warnings.push(format!(
+                "{parked} piece(s) that no fixed region holds are held by weak springs where they are"
             ));
         }
         warnings

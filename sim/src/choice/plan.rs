@@ -4,7 +4,7 @@ use yawara_embed::Embedding;
 
 use super::element;
 use super::stages::Stages;
-use crate::body::{FileMesh, ImageBody, Origin, Start, surface_level};
+use crate::body::{FileMesh, ImageBody, Origin, Start, TopologySummary, surface_level};
 use crate::inverse::InverseLink;
 use crate::report::{PlanRow, WARNING};
 use crate::scene::{AUTO, GrabHold, MassModel, NearProbe, Scene, SupportHold, ToolEntry};
@@ -145,6 +145,18 @@ fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
                 scene.mesh.max_vertices, refined.tets_left
             );
         }
+    }
+    let TopologySummary { unjoined, doubled, vertices, .. } = setup.summary.topology;
+    if unjoined > 0 && scene.mesh.topology.is_merged() {
+        why += &format!(
+            "; {unjoined} tetrahedra hold together what no face of a voxel joins near by \
+             (mesh.topology = \"components\" takes it apart)"
+        );
+    } else if !scene.mesh.topology.is_merged() {
+        why += &format!(
+            "; what no face of a voxel joins near by is apart: {doubled} tetrahedra are there several times, \
+             {vertices} vertices came in, {unjoined} tetrahedra stay as they are"
+        );
     }
     row("mesh", "bisection", true, why)
 }

@@ -20,7 +20,7 @@ mod tool;
 
 pub use crate::body::{
     BodySummary, DomainSummary, ImageSummary, LabelRefinementSummary, LabelVoxels, MaterialVoxels,
-    Part,
+    Part, TopologySummary,
 };
 pub use comparison_points::Probe;
 pub use energy::{EnergyChange, EnergySummary};

@@ -250,6 +250,28 @@ pub struct MeshOptions {
     pub label_level: Option<u8>,
     /// Where `label_level` applies; everywhere if absent.
     pub label_region: Option<Region>,
+    /// Whether material that only shares tetrahedra of the start mesh hangs together.
+    #[serde(default, skip_serializing_if = "Topology::is_merged")]
+    pub topology: Topology,
+}
+
+/// What hangs together in the start mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Topology {
+    /// Whatever lies in one tetrahedron, or in two with a common vertex.
+    #[default]
+    Merged,
+    /// What the faces of voxels join. Tetrahedra that hold more than that are there several times, and stay as they are.
+    Components,
+}
+
+impl Topology {
+    /// Whether it is the one by tetrahedra.
+    #[must_use]
+    pub fn is_merged(&self) -> bool {
+        *self == Self::Merged
+    }
 }
 
 impl MeshOptions {

@@ -12,6 +12,7 @@ use yawara_mesh::{Lattice, VertexId};
 use super::beginning::{Beginning, StartMesh};
 use super::contact::ContactState;
 use super::content::Content;
+use super::cutting::park;
 use super::dynamics::{self, Motion};
 use super::easing::ease_steps;
 use super::equilibrium::StepSolver;
@@ -155,8 +156,11 @@ impl<'a> SimulationBuilder<'a> {
         });
         let goal_points = goal_points.transpose()?;
         let memory = if stages.law.is_none() { Memory::of(scene)? } else { None };
-        if memory.is_some() && scene.tools.iter().any(ToolEntry::edits) {
-            let want = "no law that remembers beside a tool that changes labels or cuts";
+        let is_changed =
+            scene.tools.iter().any(ToolEntry::edits) || !scene.mesh.topology.is_merged();
+        if memory.is_some() && is_changed {
+            let want = "no law that remembers beside a tool that changes labels or cuts, or beside \
+                        mesh.topology = \"components\"";
             return Err(SimError::value(&scene.name, "materials", "with a law", want));
         }
         let law = match &memory {
@@ -192,7 +196,7 @@ impl<'a> SimulationBuilder<'a> {
                 let tree = Arc::clone(&setup.tree);
                 self.begin(HOMOGENISING);
                 let mut progress = |done| (self.progress)(HOMOGENISING, done);
-                let embedding =
+                let mut embedding =
                     Embedding::with_materials(tree, materials, homogenisation, &mut progress)?;
                 let memory = memory.map(|memory| {
                     memory.embedded(&by_label, &positions, &embedding, &mut progress)
@@ -208,23 +212,31 @@ impl<'a> SimulationBuilder<'a> {
                 #[cfg(not(feature = "view"))]
                 let drawn = scene;
                 self.begin("outlining");
-                surfaces = Surfaces::new(drawn, &setup.forest, &setup.volume, &embedding)?;
-                let ImageBody { forest, placement, summary, volume: labels, .. } = *setup;
+                let whole = setup.apart.as_ref().map_or(&setup.forest, |(whole, _)| whole);
+                surfaces = Surfaces::new(drawn, whole, &setup.volume, &embedding)?;
+                let ImageBody { forest, apart, placement, summary, volume: labels, .. } = *setup;
                 body_summary = Some(summary);
                 let label_values = labels.values().to_vec();
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
                 // It would hang together across cuts.
-                let cuts = scene.tools.iter().any(ToolEntry::cuts);
+                let cuts = scene.tools.iter().any(ToolEntry::cuts) || apart.is_some();
                 let has_outline = scene.output.outline && scene.output.frames_every > 0 && !cuts;
                 #[cfg(feature = "view")]
                 let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
                 let edits = scene.tools.iter().any(ToolEntry::edits);
-                if edits && embedding.homogenisation().global().is_some() {
+                if (edits || apart.is_some()) && embedding.homogenisation().global().is_some() {
                     let name = embedding.homogenisation().name();
-                    let want = "one of parts, such as laminate: a tool changes labels or cuts";
+                    let want = if edits {
+                        "one of parts, such as laminate: a tool changes labels or cuts"
+                    } else {
+                        "one of parts, such as laminate, beside mesh.topology = \"components\""
+                    };
                     return Err(SimError::value(&scene.name, "stages.homogenisation", name, want));
+                }
+                if let Some((_, parts)) = &apart {
+                    embedding.adopt(Arc::clone(forest.tree()), parts)?;
                 }
                 let volume = (edits || are_own).then(|| Arc::clone(&labels));
                 let content =
@@ -242,7 +254,10 @@ impl<'a> SimulationBuilder<'a> {
                     indicator,
                     ease_steps: ease_steps(scene),
                 };
-                let state = content.state(&holds, empty);
+                let mut state = content.state(&holds, empty);
+                if let Some((_, parts)) = &apart {
+                    content.note_sheets(parts, &mut state);
+                }
                 let fixed = match scene.support.hold {
                     SupportHold::Vertices => &fixed[..],
                     SupportHold::Elastic => &[],
@@ -253,6 +268,13 @@ impl<'a> SimulationBuilder<'a> {
             }
         };
         hold_material(grips, &name, &mut state)?;
+        if let Some(summary) = body_summary.as_mut()
+            && !scene.mesh.topology.is_merged()
+            && scene.dynamics.is_none()
+        {
+            let gravity = Vector3::from(scene.gravity_m_s2).norm();
+            summary.topology.parked = park(&mut state, gravity, &|_| true).len();
+        }
         let goal = goal.map(|goal| {
             let points = goal_points.unwrap_or_default();
             if goal.region().is_some() && is_kept {

@@ -231,6 +231,22 @@ impl Content {
         Ok(parked)
     }
 
+    /// What a sheet holds.
+    fn sheet(&self, part: &Part) -> SheetHold {
+        let finest_level = self.forest.finest_level();
+        SheetHold { level: part.level, finest_level, holds: part.holds.clone() }
+    }
+
+    /// Notes what the sheets of a body at rest hold that is apart from the start.
+    pub fn note_sheets(&self, parts: &[Part], state: &mut BodyState) {
+        let by_node: HashMap<NodeRef, &Part> = parts.iter().map(|part| (part.node, part)).collect();
+        for tet in self.forest.leaves() {
+            if let Some(part) = by_node.get(&tet.node) {
+                state.set_sheet(tet.id, Some(self.sheet(part)));
+            }
+        }
+    }
+
     /// Exchanges the elements that a cut or its closing touches.
     fn exchange(&self, delta: &CutDelta, state: &mut BodyState) {
         if delta.change == Change::Merge {
@@ -255,14 +271,7 @@ impl Content {
             });
             for tet in &recast.after {
                 rotations.insert(tet.id, rotation);
-                state.set_sheet(
-                    tet.id,
-                    parts.get(&tet.node).map(|part| SheetHold {
-                        level: part.level,
-                        finest_level: self.forest.finest_level(),
-                        holds: part.holds.clone(),
-                    }),
-                );
+                state.set_sheet(tet.id, parts.get(&tet.node).map(|part| self.sheet(part)));
             }
         }
         for (tet, rotation) in rotations {
@@ -295,10 +304,14 @@ fn unite(state: &mut BodyState, Doubled { vertex, twin, .. }: &Doubled) {
 }
 
 /// The springs of each tetrahedron of a piece, by its corners.
-type Springs = Vec<([usize; 4], Matrix4<f64>)>;
+pub(super) type Springs = Vec<([usize; 4], Matrix4<f64>)>;
 
 /// Holds each piece near a cut that nothing else does by weak springs where it is; their matrices, by piece.
-fn park(state: &mut BodyState, gravity_m_s2: f64, is_near: &dyn Fn(TetId) -> bool) -> Vec<Springs> {
+pub(super) fn park(
+    state: &mut BodyState,
+    gravity_m_s2: f64,
+    is_near: &dyn Fn(TetId) -> bool,
+) -> Vec<Springs> {
     let mut all = Vec::new();
     // What no cut came near is held as before: by what it is joined to in an edge, and by void.
     let is_loose =
@@ -333,13 +346,17 @@ fn park(state: &mut BodyState, gravity_m_s2: f64, is_near: &dyn Fn(TetId) -> boo
         let size = f64::cbrt(volume);
         let whole = PARKED * stiffness / volume * size;
         let kappa = whole.max(mass * gravity_m_s2 / (SINKS * size)) / volume;
-        let Some(mut grip) = Grip::new(points, Some(kappa), elements.iter(), &state.rest) else {
+        let all_of_it = |_, _: &ElementPoint| true;
+        let elements = elements.iter();
+        let Some(mut grip) =
+            Grip::new(points, Some(kappa), elements.clone(), &state.rest, all_of_it)
+        else {
             continue;
         };
         let turn = Rotation3::from_matrix_unchecked(polar_cold(&arms));
         grip.set_pose(Isometry3::from_parts((now - turn * rest).into(), turn.into()));
         let of = |e: &Element| Some((e.vertices, grip.matrix(e.tet)?));
-        all.push(elements.iter().filter_map(of).collect());
+        all.push(elements.filter_map(of).collect());
         state.body.add_grip(grip);
         state.grip_tools.push(None);
     }

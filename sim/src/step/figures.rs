@@ -1,7 +1,7 @@
 //! Figures of a run whose error is estimated by their duals: the scene's goal and forces of tools.
 
 use nalgebra::Vector3;
-use yawara_corot::{Grip, Loads, WeightedPoint};
+use yawara_corot::{Loads, WeightedPoint};
 
 use super::equilibrium::{Acting, StepSolver};
 use super::indicator::Dual;
@@ -43,8 +43,7 @@ impl Figure {
             let want = "the number of a probe or of a grab that holds material";
             return Err(SimError::value(&scene.name, "refinement.goal.tool", tool, want));
         }
-        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        let found = Grip::new(points, None, solid, &state.rest);
+        let found = state.grip(points, None);
         let (key, image) = ("refinement.goal.region".into(), scene.name.clone());
         let number = state.body.add_grip(found.ok_or(SimError::NoMaterial { key, image })?);
         state.grip_tools.push(None);

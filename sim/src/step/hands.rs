@@ -1,7 +1,6 @@
 //! Tools that come while a simulation runs, go where they are led and let go: what a hand does.
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use yawara_corot::Grip;
 
 use super::holding::{Coming, hold_material};
 use super::simulation::Simulation;
@@ -97,8 +96,7 @@ impl Simulation {
     ) -> Result<(), SimError> {
         debug_assert!(grab.hold == GrabHold::Mean);
         let (state, axes) = (&self.body.state, self.recorder.axes);
-        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        let Some(mut grip) = Grip::new(hold.points.clone(), None, solid, &state.rest) else {
+        let Some(mut grip) = state.grip(hold.points.clone(), None) else {
             let want = "material of a part that is kept";
             return Err(SimError::value(&self.scene.name, "region", "in parts left out", want));
         };

@@ -1,7 +1,5 @@
 //! What tools and supports hold of the material, put into the body.
 
-use yawara_corot::Grip;
-
 use crate::body::BodyState;
 use crate::error::SimError;
 use crate::tools::MaterialHold;
@@ -22,8 +20,7 @@ pub(super) fn hold_material(
     state: &mut BodyState,
 ) -> Result<(), SimError> {
     for (tool, MaterialHold { points, stiffness }) in grips {
-        let solid = state.body.elements().iter().filter(|e| !state.cell(e.tet).is_void);
-        match (Grip::new(points, stiffness, solid, &state.rest), tool) {
+        match (state.grip(points, stiffness), tool) {
             (Some(grip), _) => {
                 state.body.add_grip(grip);
                 state.grip_tools.push(tool);

@@ -18,6 +18,16 @@ pub struct FineTet {
     pub label: u16,
 }
 
+impl FineFace {
+    /// Whether it lies in the plane through three points.
+    pub(super) fn is_in(self, [a, b, c]: [Point; 3]) -> bool {
+        let [u, v] = [b, c].map(|p| [0, 1, 2].map(|i| i64::from(p[i] - a[i])));
+        let w = [0, 1, 2].map(|i| i64::from(self.0[i] - 3 * a[i]));
+        let across = |i: usize, j: usize| u[i] * v[j] - u[j] * v[i];
+        across(1, 2) * w[0] + across(2, 0) * w[1] + across(0, 1) * w[2] == 0
+    }
+}
+
 impl FineTet {
     /// Of these corners and label.
     pub(super) fn new(corners: &[Point; 4], label: u16) -> Self {

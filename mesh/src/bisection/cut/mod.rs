@@ -9,7 +9,9 @@
 //! A tetrahedron with a severed face in it or on it stays as it is: nothing around it is split or merged until the cut
 //! is closed again. So a cut is refined for before it is made.
 //!
-//! Open `sever` first: the operation. `fine` are the finest tetrahedra and their faces, `finest` finds those of a leaf, `parts` finds what hangs
+//! What does not hang together before any cut, and only shares a tetrahedron, is taken apart in the same way.
+//!
+//! Open `sever` first: the operation; `separate` is the one for what was never joined. `fine` are the finest tetrahedra and their faces, `finest` finds those of a leaf, `parts` finds what hangs
 //! together in one tetrahedron, `stars` what does around a vertex, `record` is what the forest keeps.
 
 mod delta;
@@ -17,6 +19,7 @@ mod fine;
 mod finest;
 mod parts;
 mod record;
+mod separate;
 mod sever;
 mod stars;
 

@@ -39,7 +39,9 @@ pub(crate) struct Sheet {
 pub(crate) struct Cuts {
     /// Each with the leaves on both sides of it.
     pub(super) severed: BTreeMap<FineFace, [u32; 2]>,
-    /// Leaves with severed faces in them or on them.
+    /// Leaves in which, or around which, material that nothing joins is apart.
+    pub(super) apart: BTreeSet<u32>,
+    /// These, and leaves with severed faces in them or on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) torn: BTreeMap<u32, Torn>,
     /// Sheets beyond leaves' own, by their numbers.

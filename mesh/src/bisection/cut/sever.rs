@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::delta::{CutDelta, Doubled, Part, Recast};
-use super::fine::FineFace;
-use super::parts::parts;
+use super::fine::{FineFace, FineTet};
+use super::parts::Facing;
 use super::record::{Severed, Sheet, Torn};
 use super::stars::{Around, PartCorner};
 use crate::bisection::BisectionError;
@@ -37,18 +37,26 @@ impl BisectionForest {
     pub fn sever(&mut self, faces: &[Severed]) -> Result<CutDelta, BisectionError> {
         let new = |severed: &&Severed| !self.cuts.severed.contains_key(&severed.face);
         let faces: Vec<Severed> = faces.iter().filter(new).copied().collect();
-        let touched = self.touched(&faces)?;
-        let mut delta = CutDelta::empty(Change::Split);
+        let touched = self.are_leaves(faces.iter().flat_map(|severed| severed.leaves))?;
         for Severed { face, leaves } in faces {
             self.cuts.severed.insert(face, leaves.map(|leaf| leaf.0));
         }
         self.cuts.frozen.extend(&touched);
-        for &leaf in &touched {
+        self.come_apart(&touched)
+    }
+
+    /// Gives all that no longer hangs together in these leaves and around them sheets and vertices of its own.
+    pub(super) fn come_apart(
+        &mut self,
+        leaves: &BTreeSet<u32>,
+    ) -> Result<CutDelta, BisectionError> {
+        let mut delta = CutDelta::empty(Change::Split);
+        for &leaf in leaves {
             if let Some(parting) = self.parting(leaf) {
                 self.take_apart(parting, &mut delta)?;
             }
         }
-        let around = self.around(&self.corners_of(&touched));
+        let around = self.around(&self.corners_of(leaves));
         for Around { bodies, .. } in around.into_iter().filter(|around| around.is_cut) {
             self.double(bodies, &mut delta);
         }
@@ -72,7 +80,8 @@ impl BisectionForest {
         for &leaf in &touched {
             let tets = self.finest_in(&self.tet(TetId(leaf)));
             let mut faces = tets.iter().flat_map(|tet| tet.faces);
-            if !faces.any(|face| self.cuts.severed.contains_key(&face)) {
+            let is_cut = faces.any(|face| self.cuts.severed.contains_key(&face));
+            if !is_cut && !self.cuts.apart.contains(&leaf) {
                 self.cuts.frozen.remove(&leaf);
             }
         }
@@ -117,7 +126,8 @@ impl BisectionForest {
         self.cuts.sheet(tet.0).map_or(tet, |sheet| TetId(sheet.leaf))
     }
 
-    /// Whether a leaf has severed faces in it or on it, and so can't be split, nor merged with others.
+    /// Whether a leaf has severed faces in it or on it, or is one that [`separate`](Self::separate) has taken apart, and so
+    /// can't be split, nor merged with others.
     pub fn is_frozen(&self, leaf: TetId) -> bool {
         self.cuts.freezes(leaf.0)
     }
@@ -129,8 +139,11 @@ impl BisectionForest {
         torn.map_or(leaf, |torn| TetId(torn.sheets[usize::from(torn.part_of[finest])]))
     }
 
-    fn touched(&self, faces: &[Severed]) -> Result<BTreeSet<u32>, BisectionError> {
-        let leaves = faces.iter().flat_map(|severed| severed.leaves);
+    /// The numbers of tetrahedra that are to be leaves.
+    pub(super) fn are_leaves(
+        &self,
+        leaves: impl Iterator<Item = TetId>,
+    ) -> Result<BTreeSet<u32>, BisectionError> {
         let touched: BTreeSet<u32> = leaves.map(|leaf| leaf.0).collect();
         let is_leaf = |leaf: &u32| {
             let (diamond, slot) = tet_place(*leaf);
@@ -154,10 +167,11 @@ impl BisectionForest {
     /// How the parts of a leaf differ from what its sheets are; none where they don't.
     fn parting(&self, leaf: u32) -> Option<Parting> {
         let fine = self.finest_in(&self.tet(TetId(leaf)));
-        // What hangs together in other tetrahedra only is one as long as no cut comes near.
-        let is_cut = fine.iter().any(|tet| tet.faces.iter().any(|&face| self.is_severed(face)));
+        // What hangs together in other tetrahedra only is one as long as no cut comes near, unless it is to be apart.
+        let is_cut = self.cuts.apart.contains(&leaf)
+            || fine.iter().any(|tet| tet.faces.iter().any(|&face| self.is_severed(face)));
         let part_of = match is_cut {
-            true => parts(&fine, |face| self.is_severed(face)),
+            true => self.facing(leaf, &fine).parts(&fine, |face| self.is_severed(face)),
             false => vec![0; fine.len()],
         };
         let before = self.cuts.torn(leaf).map(|torn| torn.part_of.as_slice());
@@ -172,6 +186,13 @@ impl BisectionForest {
             was[usize::from(part)].insert(before.map_or(0, |before| usize::from(before[i])));
         }
         Some(Parting { leaf, part_of, was })
+    }
+
+    /// How the finest tetrahedra in a leaf lie to each other.
+    pub(super) fn facing(&self, leaf: u32, fine: &[FineTet]) -> Facing {
+        let units = self.finest_units();
+        let corners = self.tet(TetId(leaf)).vertices;
+        Facing::new(fine, &corners.map(|v| self.point(v).map(|c| c * units)))
     }
 
     /// Gives each part of a leaf a sheet with the corners of the one that it was in.

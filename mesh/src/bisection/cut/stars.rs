@@ -109,6 +109,9 @@ impl BisectionForest {
                 }
             }
         }
+        // What has nothing on its other side can be apart from the rest around a point without a face between them.
+        let lone = open.iter().filter(|&(_, &number)| self.is_apart(&star[number]));
+        cut.extend(lone.flat_map(|(face, _)| *face));
         let mut found: BTreeMap<Point, Around> = points
             .iter()
             .map(|&point| {
@@ -143,7 +146,7 @@ impl BisectionForest {
     /// Which parts of two leaves hold together through the face that they share, and whether it is severed somewhere.
     fn contact(&self, a: &StarLeaf, b: &StarLeaf) -> (BTreeSet<[usize; 2]>, bool) {
         if a.is_void || b.is_void {
-            return (BTreeSet::new(), false);
+            return (BTreeSet::new(), self.is_apart(a) || self.is_apart(b));
         }
         let is_whole = a.parts == 1 && b.parts == 1;
         let freezes = |leaf: &StarLeaf| self.cuts.freezes(leaf.tet.id.0);
@@ -160,10 +163,16 @@ impl BisectionForest {
                 joined.insert([self.part(a, i), self.part(b, j)]);
             }
         }
-        if is_whole && !is_severed {
+        let are_apart = joined.is_empty() && self.is_apart(a) && self.is_apart(b);
+        if is_whole && !is_severed && !are_apart {
             joined.insert([0, 0]);
         }
-        (joined, is_severed)
+        (joined, is_severed || are_apart)
+    }
+
+    /// Whether a leaf joins nothing but by material.
+    fn is_apart(&self, leaf: &StarLeaf) -> bool {
+        self.cuts.apart.contains(&leaf.tet.id.0)
     }
 
     fn finest<'a>(&self, leaf: &'a StarLeaf) -> &'a Finest {

@@ -52,6 +52,7 @@ impl Scene {
         check.materials(self)?;
         check.mesh(self)?;
         check.label_refinement(&self.mesh)?;
+        check.topology(self)?;
         for (i, region) in self.fixed.iter().enumerate() {
             check.region(region, &format!("fixed[{i}]"))?;
         }
@@ -171,6 +172,23 @@ impl Check<'_> {
             }
         }
         Ok(())
+    }
+
+    /// What the body can't be beside that hangs together by material alone.
+    fn topology(&self, scene: &Scene) -> Result<(), SimError> {
+        let topology = scene.mesh.topology;
+        if topology.is_merged() {
+            return Ok(());
+        }
+        let refused = |is_there: bool, beside: &str| {
+            let want = format!("\"merged\" beside {beside}");
+            self.that(!is_there, "mesh.topology", "components", &want)
+        };
+        refused(scene.mesh.path.is_some(), "mesh.path: a mesh from a file has no voxels")?;
+        refused(scene.output.checkpoint_steps > 0, "output.checkpoint_steps")?;
+        refused(!scene.output.surfaces.is_empty(), "surfaces of labels (output.surfaces)")?;
+        let ablates = scene.tools.iter().any(|tool| tool.ablation().is_some());
+        refused(ablates, "a tool that changes labels")
     }
 
     /// A mesh from a file is what there is: no image beside it and no levels below it.
