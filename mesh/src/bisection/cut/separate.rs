@@ -13,6 +13,9 @@ use crate::bisection::forest::BisectionForest;
 use crate::bisection::geometry::FACES;
 use crate::bisection::kuhn::Point;
 
+/// Parts of leaves that hang together.
+type Body = BTreeSet<Place>;
+
 /// See [`Filled::border`].
 type Border = [Vec<(FineFace, u16)>; 4];
 
@@ -36,7 +39,7 @@ impl BisectionForest {
     /// that [`unjoined`](Self::unjoined) finds: parts of one tetrahedron each get
     /// a sheet, and bodies around one vertex each a vertex, as if a cut had been between them. Material hangs together where
     /// finest tetrahedra have a face in common. What hangs together near by stays as it is: bodies around a vertex that are joined
-    /// in the tetrahedra around it or around these.
+    /// in the tetrahedra around it or around these, unless the same two are at a vertex beside it and not joined near that.
     ///
     /// The leaves around what is taken apart stay as they are from then on, as those around a cut do. Done again it does nothing.
     ///
@@ -62,19 +65,29 @@ impl BisectionForest {
             leaf.points.iter().for_each(|&p| around.entry(p).or_default().push(number));
         }
         let joined = contacts(&leaves);
-        let mut loose = BTreeSet::new();
-        for here in around.values() {
-            let all: BTreeSet<usize> = here.iter().copied().collect();
-            if bodies(&leaves, &joined, here, &all) < 2 {
+        let beside = |p: &Point| around[p].iter().flat_map(|&leaf| leaves[leaf].points);
+        // By the points at which several meet, and those points of these near which nothing joins them.
+        let mut meeting: BTreeMap<Point, Vec<Body>> = BTreeMap::new();
+        let mut loose: BTreeSet<Point> = BTreeSet::new();
+        for (&p, here) in &around {
+            let at = bodies(&leaves, &joined, here, &here.iter().copied().collect());
+            if at.len() < 2 {
                 continue;
             }
-            let points = here.iter().flat_map(|&leaf| leaves[leaf].points);
-            let near: BTreeSet<usize> = points.flat_map(|p| around[&p].iter().copied()).collect();
-            if bodies(&leaves, &joined, here, &near) > 1 {
-                loose.extend(here.iter().map(|&leaf| leaves[leaf].tet.id));
+            meeting.insert(p, at);
+            let near = beside(&p).flat_map(|p| around[&p].iter().copied()).collect();
+            if bodies(&leaves, &joined, here, &near).len() > 1 {
+                loose.insert(p);
             }
         }
-        loose.into_iter().collect()
+        // What is between the same bodies goes on towards where they are joined.
+        let ends: Vec<Point> = loose.iter().copied().collect();
+        for p in ends {
+            let goes_on = |q: &Point| meeting.get(q).is_some_and(|at| are_two(at, &meeting[&p]));
+            loose.extend(beside(&p).filter(goes_on));
+        }
+        let leaves = loose.iter().flat_map(|p| &around[p]).map(|&leaf| leaves[leaf].tet.id);
+        leaves.collect::<BTreeSet<TetId>>().into_iter().collect()
     }
 
     fn filled(&self) -> Vec<Filled> {
@@ -145,26 +158,34 @@ fn contacts(leaves: &[Filled]) -> Vec<Vec<Place>> {
     found
 }
 
-/// How many bodies the material in leaves `of` is in that contacts inside of leaves `within` do not join.
+/// The bodies that the material in leaves `of` is in, as far as contacts inside of leaves `within` join it.
 fn bodies(
     leaves: &[Filled],
     contacts: &[Vec<Place>],
     of: &[usize],
     within: &BTreeSet<usize>,
-) -> usize {
+) -> Vec<Body> {
     let mut reached: BTreeSet<Place> = BTreeSet::new();
-    let mut count = 0;
+    let mut found = Vec::new();
     for begin in of.iter().flat_map(|&leaf| (0..leaves[leaf].parts).map(move |part| (leaf, part))) {
-        let mut next = vec![begin];
-        count += usize::from(!reached.contains(&begin));
+        let (mut next, mut body) = (vec![begin], Body::new());
         while let Some((leaf, part)) = next.pop() {
             if reached.insert((leaf, part)) {
+                body.insert((leaf, part));
                 let beside = contacts[leaves[leaf].first + part].iter().copied();
                 next.extend(beside.filter(|(leaf, _)| within.contains(leaf)));
             }
         }
+        found.extend((!body.is_empty()).then_some(body));
     }
-    count
+    found
+}
+
+/// Whether two of some bodies are two of others.
+fn are_two(some: &[Body], others: &[Body]) -> bool {
+    let same = |body: &Body| others.iter().position(|other| !other.is_disjoint(body));
+    let all: BTreeSet<usize> = some.iter().filter_map(same).collect();
+    all.len() > 1
 }
 
 /// The parts of two leaves that have material in common in the face that they share, given by its opposite corners.
