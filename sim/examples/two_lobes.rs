@@ -22,8 +22,15 @@ fn lobes() -> Result<LabelVolume, Box<dyn std::error::Error>> {
     Ok(LabelVolume::new(Grid::centred(DIMS, VOXEL_MM), labels, vec![0, 1])?)
 }
 
-/// Vertices, milliseconds a step, and the force of the hand at the end, N.
-fn pulled(topology: &str, level: u8) -> Result<(usize, f64, f64), Box<dyn std::error::Error>> {
+struct Pulled {
+    vertices: usize,
+    step_ms: f64,
+    /// Of the hand at the end, and by how much it is off by the estimate, N.
+    force: f64,
+    estimate: f64,
+}
+
+fn pulled(topology: &str, level: u8) -> Result<Pulled, Box<dyn std::error::Error>> {
     let set = [
         "fixed=[{ shape = 'box', min = [0.0, 0.0, 0.0], max = [1.0, 1.0, 0.0] }]".into(),
         "tools=[{ kind = 'grab', region = { shape = 'box', min = [0.0, 0.0, 0.9], max = [0.2, 1.0, 1.0] }, \
@@ -47,20 +54,25 @@ fn pulled(topology: &str, level: u8) -> Result<(usize, f64, f64), Box<dyn std::e
     }
     let report = last.ok_or("no steps")?;
     let step_ms = begin.elapsed().as_secs_f64() * 1e3 / scene.time.steps as f64;
-    let force: f64 = report.tools[0].force_n.iter().map(|f| f * f).sum();
-    Ok((report.vertices, step_ms, force.sqrt()))
+    let tool = &report.tools[0];
+    Ok(Pulled {
+        vertices: report.vertices,
+        step_ms,
+        force: tool.force_n.iter().map(|f| f * f).sum::<f64>().sqrt(),
+        estimate: tool.force_error_n.ok_or("no estimate")?,
+    })
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (_, _, reference) = pulled("components", REFERENCE)?;
-    println!("| topology | level | vertices | ms a step | force, N | off by |");
-    println!("|---|---|---|---|---|---|");
+    let reference = pulled("components", REFERENCE)?.force;
+    println!("| topology | level | vertices | ms a step | force, N | off by | by the estimate |");
+    println!("|---|---|---|---|---|---|---|");
     for topology in ["merged", "components"] {
         for level in 0..=VOXELS {
-            let (vertices, step_ms, force) = pulled(topology, level)?;
-            let off = 100.0 * (force / reference - 1.0);
+            let Pulled { vertices, step_ms, force, estimate } = pulled(topology, level)?;
+            let [off, by_estimate] = [force / reference - 1.0, estimate / force].map(|x| 100.0 * x);
             println!(
-                "| {topology} | {level} | {vertices} | {step_ms:.2} | {force:.4} | {off:.1} % |"
+                "| {topology} | {level} | {vertices} | {step_ms:.2} | {force:.4} | {off:.1} % | {by_estimate:.1} % |"
             );
         }
     }
