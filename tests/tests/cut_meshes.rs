@@ -7,8 +7,8 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use yawara_mesh::volume::{Grid, LabelVolume};
 use yawara_mesh::{
-    BisectionForest, CellGrid, Change, Domain, FineFace, LabelTree, Lattice, MeshDelta, Point,
-    Recast, Tet, TetId, VertexId,
+    BisectionForest, CellGrid, Change, Domain, FineFace, FineTet, LabelTree, Lattice, MeshDelta,
+    Point, Recast, Tet, TetId, VertexId,
 };
 use yawara_tests::cuts::{Cut, by_plane, cuts, parted};
 
@@ -219,6 +219,39 @@ fn by_faces(dims: [usize; 3], labels: &[u16]) -> Vec<Option<usize>> {
     first
 }
 
+/// Chains of tetrahedra by vertices join just the voxels that `joined` gives one number.
+fn check_bodies(
+    forest: &BisectionForest,
+    dims: [usize; 3],
+    joined: &[Option<usize>],
+) -> Result<(), TestCaseError> {
+    let units = 1 << forest.finest_level().div_ceil(3);
+    let voxel = |fine: FineTet| {
+        let at: [usize; 3] = std::array::from_fn(|axis| {
+            let sum: i32 = fine.corners.iter().map(|p| p[axis]).sum();
+            (sum * VOXELS as i32 / (4 * units)) as usize
+        });
+        at[0] + dims[0] * (at[1] + dims[1] * at[2])
+    };
+    let solid_of = |tet: &Tet| -> Vec<usize> {
+        let leaf = forest.leaf_of(tet.id);
+        let all = forest.finest_in(tet).into_iter().enumerate();
+        let own = all.filter(|(i, fine)| fine.is_solid() && forest.sheet_with(leaf, *i) == tet.id);
+        own.map(|(_, fine)| voxel(fine)).collect()
+    };
+    let solid: Vec<Tet> = forest.leaves().filter(|tet| !solid_of(tet).is_empty()).collect();
+    let mut body_of: BTreeMap<usize, VertexId> = BTreeMap::new();
+    for (tet, body) in by_vertices(solid) {
+        for voxel in solid_of(&tet) {
+            let known = *body_of.entry(joined[voxel].unwrap()).or_insert(body);
+            prop_assert_eq!(known, body, "material that is joined");
+        }
+    }
+    let bodies: BTreeSet<VertexId> = body_of.values().copied().collect();
+    prop_assert_eq!(bodies.len(), body_of.len(), "material that is apart");
+    Ok(())
+}
+
 #[test]
 fn a_block_cut_through_is_two_blocks() {
     for [n, d] in [[1, 32], [1, 27]] {
@@ -344,6 +377,7 @@ proptest! {
         start in 0u8..=5,
         max in 5u8..=7,
         picks in prop::collection::vec(any::<Index>(), 0..4),
+        later in prop::collection::vec(any::<Index>(), 0..8),
         (normal, d, ball) in cuts(),
     ) {
         prop_assume!(labels.contains(&1));
@@ -364,36 +398,27 @@ proptest! {
         let again = forest.separate(&unjoined).unwrap();
         prop_assert!(again.recast.is_empty() && again.doubled.is_empty() && again.parts.is_empty());
         let joined = by_faces(dims, &labels);
-        let finest = 1 << forest.finest_level().div_ceil(3);
-        let solid_of = |tet: &Tet| -> Vec<usize> {
-            let leaf = forest.leaf_of(tet.id);
-            let all = forest.finest_in(tet).into_iter().enumerate();
-            let own = all.filter(|(i, fine)| fine.is_solid() && forest.sheet_with(leaf, *i) == tet.id);
-            let voxel = |fine: yawara_mesh::FineTet| {
-                let at: [usize; 3] = std::array::from_fn(|axis| {
-                    let sum: i32 = fine.corners.iter().map(|p| p[axis]).sum();
-                    (sum * VOXELS as i32 / (4 * finest)) as usize
-                });
-                at[0] + dims[0] * (at[1] + dims[1] * at[2])
-            };
-            own.map(|(_, fine)| voxel(fine)).collect()
-        };
-        let solid: Vec<Tet> = forest.leaves().filter(|tet| !solid_of(tet).is_empty()).collect();
-        let mut body_of: BTreeMap<usize, VertexId> = BTreeMap::new();
-        for (tet, body) in by_vertices(solid) {
-            for voxel in solid_of(&tet) {
-                let of = joined[voxel].unwrap();
-                prop_assert_eq!(*body_of.entry(of).or_insert(body), body, "material that is joined");
-            }
-        }
-        let bodies: BTreeSet<VertexId> = body_of.values().copied().collect();
-        prop_assert_eq!(bodies.len(), body_of.len(), "material that is apart");
+        check_bodies(&forest, dims, &joined)?;
         let apart = shape(&forest);
         let faces = parted(&forest, by_plane(normal, d, ball));
         forest.sever(&faces).unwrap();
         let cut: Vec<FineFace> = faces.iter().map(|severed| severed.face).collect();
         forest.close(&cut).unwrap();
         prop_assert!(shape(&forest) == apart, "another mesh");
+        let mut came = Vec::new();
+        for pick in later {
+            let candidates = forest.candidates();
+            if !candidates.is_empty() {
+                let p = candidates[pick.index(candidates.len())];
+                came.push(forest.split(p, &mut MeshDelta::empty()).unwrap());
+            }
+        }
+        check_bodies(&forest, dims, &joined)?;
+        for v in came.into_iter().rev() {
+            prop_assert!(forest.is_mergeable(v));
+            forest.merge(v, &mut MeshDelta::empty()).unwrap();
+        }
+        prop_assert!(shape(&forest) == apart, "another mesh after all");
     }
 
     /// What comes apart does not depend on the order of cuts.

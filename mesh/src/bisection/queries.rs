@@ -7,7 +7,7 @@ use super::diamond::{Diamond, NONE, SLOTS, TetRecord, occupied, tet_number, tet_
 use super::domain::Domain;
 use super::forest::{BisectionForest, VertexRecord};
 use super::geometry::FACES;
-use super::kuhn::Point;
+use super::kuhn::{Point, bisect, bisected_corner, unite};
 use super::label_tree::LabelTree;
 use super::lattice::Lattice;
 use super::point_map::ABSENT;
@@ -36,11 +36,34 @@ impl BisectionForest {
         })
     }
 
-    /// Whether a leaf among the halves of a diamond's members is part of a cut.
+    /// Whether a cut keeps the halves of a diamond's members from becoming one: it has made several of a vertex that they
+    /// share, or is in one of them.
     fn holds_cut(&self, id: u32) -> bool {
-        let Diamond { members, tets, .. } = &self.diamonds[id as usize];
-        let mut halves = occupied(*members).flat_map(|slot| tets[slot].children);
-        halves.any(|half| self.cuts.freezes(half))
+        let Diamond { members, tets, level, vertex, .. } = &self.diamonds[id as usize];
+        if self.cuts.are_none() {
+            return false;
+        }
+        let mut edge = None;
+        occupied(*members).any(|slot| {
+            let halves = tets[slot].children;
+            let vertices = halves.map(|half| self.record(TetId(half)).vertices);
+            let whole = unite(&vertices, *level);
+            halves.iter().any(|&half| self.cuts.freezes(half))
+                || bisect(&whole, *level, VertexId(*vertex)) != vertices
+                || *edge.get_or_insert(ends(whole, *level)) != ends(whole, *level)
+        })
+    }
+
+    /// Whether a cut keeps the members of a diamond from being split: it is in one of them, or has made several of a vertex of their
+    /// edge.
+    pub(crate) fn is_cut(&self, id: u32) -> bool {
+        let Diamond { members, tets, level, .. } = &self.diamonds[id as usize];
+        let mut edge = None;
+        !self.cuts.are_none()
+            && occupied(*members).any(|slot| {
+                let of_tet = ends(tets[slot].vertices, *level);
+                self.cuts.freezes(tet_number(id, slot)) || *edge.get_or_insert(of_tet) != of_tet
+            })
     }
 
     /// The active vertex at a lattice point; where a cut has made several, that of all splits and merges.
@@ -153,9 +176,10 @@ impl BisectionForest {
 
     /// The point whose activation would bisect `tet`; none at the finest level and where it is cut.
     pub fn refinement_point(&self, tet: TetId) -> Option<Point> {
-        let diamond = &self.diamonds[tet_place(tet.0).0];
-        let splits = diamond.level < self.max_level && !self.cuts.freezes(tet.0);
-        splits.then_some(diamond.point)
+        let id = tet_place(tet.0).0;
+        let diamond = &self.diamonds[id];
+        let is_cut = || self.cuts.marks(tet.0) && self.is_cut(id as u32);
+        (diamond.level < self.max_level && !is_cut()).then_some(diamond.point)
     }
 
     /// Fills `ring` with what a split at `p` would bisect, if it may happen now; the children
@@ -222,4 +246,11 @@ impl BisectionForest {
         points.sort_unstable_by_key(|&p| Lattice::key(p));
         points
     }
+}
+
+/// The ends of the edge that is bisected in a tetrahedron of a level.
+fn ends(vertices: [VertexId; 4], level: u8) -> [VertexId; 2] {
+    let mut ends = [vertices[0], vertices[bisected_corner(level)]];
+    ends.sort_unstable();
+    ends
 }

@@ -61,7 +61,7 @@ impl BisectionForest {
         let diamond = &self.diamonds[id as usize];
         diamond.vertex == NONE
             && diamond.members != 0
-            && !occupied(diamond.members).any(|slot| self.cuts.freezes(tet_number(id, slot)))
+            && !self.is_cut(id)
             && (diamond.makers() == MAKERS[usize::from(diamond.level % 3)]
                 || self.missing(diamond.point).next().is_none())
     }
@@ -110,6 +110,7 @@ impl BisectionForest {
         let one = self.settle(&first, ways[0], arrival);
         let two = self.settle(&second, ways[1], arrival);
         self.diamonds[arrival.diamond as usize].tets[slot].children = [one, two];
+        self.cuts.split(tet_number(arrival.diamond, slot), [one, two]);
         RingTet {
             parent: parent.tet(tet_number(arrival.diamond, slot)),
             children: [first.tet(one), second.tet(two)],
@@ -164,6 +165,7 @@ impl BisectionForest {
             let TetRecord { children: [one, two], level, .. } =
                 self.diamonds[id as usize].tets[slot];
             let children = [self.take_out(one), self.take_out(two)];
+            self.cuts.merge(tet_number(id, slot), [one, two]);
             let parent = &mut self.diamonds[id as usize].tets[slot];
             // A cut may have given its corners other vertices since it was split.
             parent.vertices = unite(&children.map(|child| child.vertices), level);

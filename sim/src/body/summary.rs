@@ -143,7 +143,7 @@ pub struct BodySummary {
 pub struct TopologySummary {
     /// Tetrahedra around the vertices that it shares.
     pub unjoined: usize,
-    /// Of these, those that are there several times since it is apart.
+    /// Of these, those that are there several times if it is apart.
     pub doubled: usize,
     /// Vertices that came in for that.
     pub vertices: usize,

@@ -154,8 +154,8 @@ fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
         );
     } else if !scene.mesh.topology.is_merged() {
         why += &format!(
-            "; what no face of a voxel joins near by is apart: {doubled} tetrahedra are there several times, \
-             {vertices} vertices came in, {unjoined} tetrahedra stay as they are"
+            "; what no face of a voxel joins near by is apart: {doubled} tetrahedra are there several times and are not split, \
+             {vertices} vertices came in"
         );
     }
     row("mesh", "bisection", true, why)

@@ -262,7 +262,7 @@ pub enum Topology {
     /// Whatever lies in one tetrahedron, or in two with a common vertex.
     #[default]
     Merged,
-    /// What the faces of voxels join. Tetrahedra that hold more than that are there several times, and stay as they are.
+    /// What the faces of voxels join. Tetrahedra that hold more than that are there several times, and are not split.
     Components,
 }
 

@@ -41,7 +41,7 @@ pub(crate) struct Cuts {
     pub(super) severed: BTreeMap<FineFace, [u32; 2]>,
     /// Leaves in which, or around which, material that nothing joins is apart.
     pub(super) apart: BTreeSet<u32>,
-    /// These, and leaves with severed faces in them or on them.
+    /// Leaves with severed faces in them or on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) torn: BTreeMap<u32, Torn>,
     /// Sheets beyond leaves' own, by their numbers.
@@ -53,6 +53,34 @@ pub(crate) struct Cuts {
 }
 
 impl Cuts {
+    /// Whether it holds nothing.
+    #[inline]
+    pub fn are_none(&self) -> bool {
+        self.frozen.is_empty() && self.apart.is_empty()
+    }
+
+    /// Whether a leaf joins others by its material alone: its faces are severed, or it is one that was taken apart.
+    #[inline]
+    pub fn marks(&self, leaf: u32) -> bool {
+        !self.are_none() && (self.frozen.contains(&leaf) || self.apart.contains(&leaf))
+    }
+
+    /// Has the halves of a leaf that joins others by its material alone do that as well.
+    #[inline]
+    pub fn split(&mut self, leaf: u32, halves: [u32; 2]) {
+        if !self.apart.is_empty() && self.apart.contains(&leaf) {
+            self.apart.extend(halves);
+        }
+    }
+
+    /// Has a leaf take the place of halves that go.
+    #[inline]
+    pub fn merge(&mut self, leaf: u32, halves: [u32; 2]) {
+        if !self.apart.is_empty() && halves.map(|half| self.apart.remove(&half)).contains(&true) {
+            self.apart.insert(leaf);
+        }
+    }
+
     /// A leaf that is in several sheets.
     pub fn torn(&self, leaf: u32) -> Option<&Torn> {
         self.torn.get(&leaf)
@@ -61,7 +89,7 @@ impl Cuts {
     /// Whether a leaf has to stay as it is.
     #[inline]
     pub fn freezes(&self, leaf: u32) -> bool {
-        !self.frozen.is_empty() && self.frozen.contains(&leaf)
+        !self.are_none() && (self.frozen.contains(&leaf) || self.torn.contains_key(&leaf))
     }
 
     /// A sheet beyond its leaf's own.

@@ -41,7 +41,8 @@ impl BisectionForest {
     /// finest tetrahedra have a face in common. What hangs together near by stays as it is: bodies around a vertex that are joined
     /// in the tetrahedra around it or around these, unless the same two are at a vertex beside it and not joined near that.
     ///
-    /// The leaves around what is taken apart stay as they are from then on, as those around a cut do. Done again it does nothing.
+    /// Leaves in several sheets are not split from then on, nor rings in which one vertex of the edge is several. Done again it
+    /// does nothing.
     ///
     /// Cost: O(leaves), and O(n log n) for n finest tetrahedra in leaves with both void and material.
     /// # Source
@@ -52,7 +53,6 @@ impl BisectionForest {
     pub fn separate(&mut self, unjoined: &[TetId]) -> Result<CutDelta, BisectionError> {
         let touched = self.are_leaves(unjoined.iter().copied())?;
         self.cuts.apart.extend(&touched);
-        self.cuts.frozen.extend(&touched);
         self.come_apart(&touched)
     }
 

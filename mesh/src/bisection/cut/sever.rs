@@ -80,8 +80,7 @@ impl BisectionForest {
         for &leaf in &touched {
             let tets = self.finest_in(&self.tet(TetId(leaf)));
             let mut faces = tets.iter().flat_map(|tet| tet.faces);
-            let is_cut = faces.any(|face| self.cuts.severed.contains_key(&face));
-            if !is_cut && !self.cuts.apart.contains(&leaf) {
+            if !faces.any(|face| self.cuts.severed.contains_key(&face)) {
                 self.cuts.frozen.remove(&leaf);
             }
         }
@@ -126,8 +125,7 @@ impl BisectionForest {
         self.cuts.sheet(tet.0).map_or(tet, |sheet| TetId(sheet.leaf))
     }
 
-    /// Whether a leaf has severed faces in it or on it, or is one that [`separate`](Self::separate) has taken apart, and so
-    /// can't be split, nor merged with others.
+    /// Whether a leaf has severed faces in it or on it, or is in several sheets, and so can't be split, nor merged with others.
     pub fn is_frozen(&self, leaf: TetId) -> bool {
         self.cuts.freezes(leaf.0)
     }

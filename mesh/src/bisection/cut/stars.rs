@@ -149,8 +149,8 @@ impl BisectionForest {
             return (BTreeSet::new(), self.is_apart(a) || self.is_apart(b));
         }
         let is_whole = a.parts == 1 && b.parts == 1;
-        let freezes = |leaf: &StarLeaf| self.cuts.freezes(leaf.tet.id.0);
-        if is_whole && !(freezes(a) && freezes(b)) {
+        let marks = |leaf: &StarLeaf| self.cuts.marks(leaf.tet.id.0);
+        if is_whole && !(marks(a) && marks(b)) {
             return (BTreeSet::from([[0, 0]]), false);
         }
         let (fine_a, fine_b) = (self.finest(a), self.finest(b));
