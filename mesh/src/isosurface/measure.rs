@@ -6,6 +6,33 @@ use super::error::SurfaceError;
 use super::surface::IsoSurface;
 use crate::union_find::groups;
 
+/// Area of triangles between `points`, in the squared unit of these. Cost: O(triangles).
+///
+/// # Panics
+/// If a triangle has a corner that `points` do not.
+pub fn area(triangles: &[[u32; 3]], points: &[Vector3<f64>]) -> f64 {
+    let double = triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|v| points[v as usize]);
+        (b - a).cross(&(c - a)).norm()
+    });
+    0.5 * double.sum::<f64>()
+}
+
+/// Volume that triangles between `points` enclose, in the cubed unit of these; positive where the normals point
+/// outwards. Cost: O(triangles).
+///
+/// # Panics
+/// As [`area`].
+pub fn volume(triangles: &[[u32; 3]], points: &[Vector3<f64>]) -> f64 {
+    // Measured from a point of the surface: far from the origin large terms would cancel.
+    let origin = points.first().copied().unwrap_or_default();
+    let six = triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|v| points[v as usize] - origin);
+        a.dot(&b.cross(&c))
+    });
+    six.sum::<f64>() / 6.0
+}
+
 impl IsoSurface {
     /// Area, Σ |(b − a) × (c − a)| / 2, in the squared unit of `points`.
     ///
@@ -15,15 +42,7 @@ impl IsoSurface {
     /// [`SurfaceError::EntryCount`].
     pub fn area(&self, points: &[Vector3<f64>]) -> Result<f64, SurfaceError> {
         self.check(points)?;
-        let double: f64 = self
-            .triangles
-            .iter()
-            .map(|triangle| {
-                let [a, b, c] = triangle.map(|v| points[v as usize]);
-                (b - a).cross(&(c - a)).norm()
-            })
-            .sum();
-        Ok(0.5 * double)
+        Ok(area(&self.triangles, points))
     }
 
     /// Volume enclosed, Σ a · (b × c) / 6, in the cubed unit of `points`; positive where the
@@ -35,17 +54,7 @@ impl IsoSurface {
     /// [`SurfaceError::EntryCount`].
     pub fn volume(&self, points: &[Vector3<f64>]) -> Result<f64, SurfaceError> {
         self.check(points)?;
-        // Measured from a point of the surface: far from the origin large terms would cancel.
-        let origin = points.first().copied().unwrap_or_default();
-        let six: f64 = self
-            .triangles
-            .iter()
-            .map(|triangle| {
-                let [a, b, c] = triangle.map(|v| points[v as usize] - origin);
-                a.dot(&b.cross(&c))
-            })
-            .sum();
-        Ok(six / 6.0)
+        Ok(volume(&self.triangles, points))
     }
 
     fn check(&self, points: &[Vector3<f64>]) -> Result<(), SurfaceError> {

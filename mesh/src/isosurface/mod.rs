@@ -27,6 +27,7 @@ mod vtp;
 pub use error::SurfaceError;
 pub use label_boundary::LabelBoundary;
 pub use label_field::LabelField;
+pub use measure::{area, volume};
 pub use outlines::{Outline, Outlines};
 pub use ply::{PlyEncoding, write_ply};
 pub use surface::{EDGE_MARGIN, IsoSurface, SurfaceOptions, SurfaceVertex};

@@ -126,6 +126,7 @@ impl Row<'_> {
             tets: self.get("tets")?,
             splits: self.get("splits")?,
             merges: self.get("merges")?,
+            edits: 0,
             waiting: self.get("waiting")?,
             iterations: self.get("iterations")?,
             substeps: self.get("substeps")?,

@@ -38,9 +38,9 @@ pub fn write_gltf(run: &Run, path: &Path) -> Result<(), SimError> {
     let mut scene = Scene::default();
     let times: Vec<f32> = (0..run.frame_count()).map(|frame| run.moment(frame).1 as f32).collect();
     scene.times = scene.accessor("SCALAR", &times, 1, None, true);
-    match run.labels() {
-        [] => scene.add_meshes(run)?,
-        _ => scene.add_surfaces(run)?,
+    match run.has_one_surface() && !run.labels().is_empty() {
+        true => scene.add_surfaces(run)?,
+        false => scene.add_meshes(run)?,
     }
     let bytes = scene.finish(run.scene());
     if bytes.len() > MOST_BYTES {
@@ -170,13 +170,7 @@ impl Scene {
             let both = surface.points_mm.iter().zip(&surface.displacement_mm);
             let rest = self.vectors(both.map(|(x, u)| x - u));
             let corners = self.triangles(surface.triangles.iter().copied());
-            let name = match (surface.label, run.name_of(surface.label)) {
-                (0, _) => "skin".to_owned(),
-                (label, "") => format!("label {label}"),
-                (_, name) => name.to_owned(),
-            };
-            let is_veil = surface.label == 0 && run.labels().len() > 1;
-            let material = self.material(&name, number, if is_veil { SKIN } else { 1.0 });
+            let (name, material) = self.look(run, surface.label, number);
             let primitive = json!({
                 "attributes": { "POSITION": rest }, "indices": corners, "material": material,
                 "targets": targets,
@@ -190,18 +184,45 @@ impl Scene {
         Ok(())
     }
 
-    /// A mesh for each frame, which is there while its frame is shown.
+    /// The name of a surface and its material.
+    fn look(&mut self, run: &Run, label: i64, number: usize) -> (String, usize) {
+        let name = match (label, run.name_of(label)) {
+            (0, _) => "skin".to_owned(),
+            (label, "") => format!("label {label}"),
+            (_, name) => name.to_owned(),
+        };
+        let is_veil = label == 0 && run.labels().len() > 1;
+        let material = self.material(&name, number, if is_veil { SKIN } else { 1.0 });
+        (name, material)
+    }
+
+    /// A mesh for each frame, which is there while its frame is shown: its surfaces, or else its outer faces.
     fn add_meshes(&mut self, run: &Run) -> Result<(), SimError> {
         let count = run.frame_count();
-        let material = self.material("body", 0, 1.0);
+        let labels = run.labels().iter().enumerate();
+        let mut materials: Vec<usize> =
+            labels.map(|(number, &label)| self.look(run, label, number).1).collect();
+        if materials.is_empty() {
+            materials.push(self.material("body", 0, 1.0));
+        }
         for number in 0..count {
             let frame = run.frame(number)?;
-            let (points, corners) = self.outside(&frame);
-            let primitive = json!({
-                "attributes": { "POSITION": points }, "indices": corners, "material": material,
-            });
+            let mut shown: Vec<(usize, usize)> = Vec::new();
+            for surface in surfaces(&frame) {
+                let points = self.vectors(surface.points_mm.iter().copied());
+                shown.push((points, self.triangles(surface.triangles.iter().copied())));
+            }
+            if shown.is_empty() {
+                shown.push(self.outside(&frame));
+            }
+            let primitive = |((points, corners), material): (&(usize, usize), &usize)| {
+                json!({
+                    "attributes": { "POSITION": points }, "indices": corners, "material": material,
+                })
+            };
+            let primitives: Vec<Value> = shown.iter().zip(&materials).map(primitive).collect();
             let name = format!("step {}", run.moment(number).0);
-            self.meshes.push(json!({ "name": name, "primitives": [primitive] }));
+            self.meshes.push(json!({ "name": name, "primitives": primitives }));
             let size = f32::from(u8::from(number == 0));
             self.nodes.push(json!({
                 "name": name, "mesh": self.meshes.len() - 1, "scale": [size, size, size],

@@ -28,6 +28,8 @@ pub struct Run {
     labels: Vec<i64>,
     displacement_max_mm: f64,
     box_mm: [Vector3<f64>; 2],
+    /// Whether the triangles of every surface are those of the first frame.
+    has_one_surface: bool,
     warnings: Vec<String>,
 }
 
@@ -68,6 +70,7 @@ impl Run {
             steps,
             frames,
             labels: Vec::new(),
+            has_one_surface: true,
             displacement_max_mm: 0.0,
             box_mm: NOTHING,
             warnings: Vec::new(),
@@ -91,15 +94,12 @@ impl Run {
                 return Err(wrong(&self.folder.join("frames.pvd"), &reason));
             }
             for (at, (surface, rest)) in surfaces(&frame).zip(surfaces(&first)).enumerate() {
-                let same = surface.triangles == rest.triangles
-                    && surface.points_mm.len() == rest.points_mm.len()
-                    && surface.label == rest.label;
-                if !same {
-                    return Err(wrong(
-                        files.surface(at),
-                        "is of another surface than the first frame",
-                    ));
+                if surface.label != rest.label {
+                    let reason = "is of another surface than the first frame";
+                    return Err(wrong(files.surface(at), reason));
                 }
+                self.has_one_surface &= surface.triangles == rest.triangles
+                    && surface.points_mm.len() == rest.points_mm.len();
                 let moved = surface.displacement_mm.iter().map(|u| u.amax());
                 self.displacement_max_mm = moved.fold(self.displacement_max_mm, f64::max);
             }
@@ -190,6 +190,11 @@ impl Run {
     /// The labels of the surfaces of a frame: 0 of the body's outline, which comes first.
     pub fn labels(&self) -> &[i64] {
         &self.labels
+    }
+
+    /// Whether the triangles of every surface are the same in all frames: nothing was cut, no label changed.
+    pub fn has_one_surface(&self) -> bool {
+        self.has_one_surface
     }
 
     /// The name of a label's material, empty if it has none.

@@ -12,6 +12,7 @@ mod fields;
 mod kept;
 mod made_by;
 #[cfg(feature = "view")]
+mod opened;
 mod outer_faces;
 mod recorder;
 mod records;
@@ -39,5 +40,7 @@ pub(crate) use kept::{KeptStatistics, Names};
 pub(crate) use outer_faces::outer_faces;
 pub(crate) use recorder::{Recorder, RunStatistics, StepOutcome};
 pub(crate) use records::{WARNING, milliseconds};
+#[cfg(feature = "view")]
+pub(crate) use surfaces::Carried;
 pub(crate) use surfaces::{BodyOutline, Surfaces};
 pub(crate) use tool::Edited;

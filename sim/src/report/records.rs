@@ -71,6 +71,8 @@ pub struct StepReport {
     pub splits: usize,
     /// Vertices that went out.
     pub merges: usize,
+    /// Tools that changed labels, cut or closed a cut; the table of steps does not say, and has 0.
+    pub edits: usize,
     /// Splits that were wanted too but exceed the budget: of splits, of vertices or of time.
     pub waiting: usize,
     /// Applications of the inverse.

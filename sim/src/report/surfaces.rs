@@ -1,33 +1,47 @@
 //! Embedded surfaces: the outlines of labels at voxel size, carried along by the coarse mesh.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use yawara_corot::rotation::polar_warm;
 use yawara_embed::{DetailMesh, Embedding, Follower};
-use yawara_mesh::BisectionForest;
-use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines};
+use yawara_mesh::isosurface::{IsoSurface, Outline, Outlines, volume};
 use yawara_mesh::volume::LabelVolume;
+use yawara_mesh::{BisectionForest, Placement};
 
+use super::opened::{Gaps, Opened};
 use super::records::{SurfaceFrame, SurfaceSummary};
 use crate::body::{ScannerAxes, cut, cut_for_the_eye, surface_level};
 use crate::error::SimError;
 use crate::scene::Scene;
 
-/// The triangles of a surface and where its vertices rest, m.
-#[cfg(feature = "view")]
-type AtRest<'a> = (&'a [[u32; 3]], Vec<Vector3<f64>>);
+/// A surface as the mesh carries it, m.
+pub(crate) struct Carried<'a> {
+    /// The label as in the image; 0 of all that is not void.
+    pub label: i64,
+    pub triangles: Cow<'a, [[u32; 3]]>,
+    pub rest: Cow<'a, [Vector3<f64>]>,
+    pub now: Vec<Vector3<f64>>,
+}
+
+/// A surface and where its vertices rest, m.
+struct Part {
+    /// As in the image; 0 for all that is not void.
+    label: i64,
+    surface: IsoSurface,
+    rest: Vec<Vector3<f64>>,
+}
 
 /// All surfaces of a scene, on one fine mesh.
 pub(crate) struct Surfaces {
     detail: DetailMesh,
     /// Where the ends of cut edges were last; what has not moved is not computed again.
     follower: RefCell<Follower>,
-    /// Rest positions of the fine mesh, m.
-    rest: Vec<Vector3<f64>>,
-    /// With their labels as in the image.
-    parts: Vec<(i64, IsoSurface)>,
+    /// Of the fine mesh.
+    placement: Placement,
+    parts: Vec<Part>,
 }
 
 impl Surfaces {
@@ -71,53 +85,69 @@ impl Surfaces {
             parts.push((one.label, surface));
         }
         let detail = DetailMesh::embedded(forest, embedding, placement.unit)?;
-        Ok(Some(Self::on(detail, rest, parts)))
+        Ok(Some(Self::on(detail, placement, &rest, parts)?))
     }
 
     /// The outline of all that is not void, as fine as eyes want it; its label is 0.
     fn of_body(coarse: &BisectionForest, labels: &LabelVolume) -> Result<Self, SimError> {
-        let Outlines { forest, rest, surfaces, .. } = cut_for_the_eye(coarse, labels)?;
+        let Outlines { forest, placement, rest, surfaces } = cut_for_the_eye(coarse, labels)?;
         let parts = surfaces.into_iter().map(|surface| (0, surface)).collect();
         // Beside void no material moves a vertex out of the middle of its edge.
-        Ok(Self::on(DetailMesh::new(forest), rest, parts))
+        Self::on(DetailMesh::new(forest), placement, &rest, parts)
     }
 
-    fn on(detail: DetailMesh, rest: Vec<Vector3<f64>>, parts: Vec<(i64, IsoSurface)>) -> Self {
-        let ends = parts.iter().flat_map(|(_, surface)| &surface.vertices).flat_map(|v| v.edge);
+    fn on(
+        detail: DetailMesh,
+        placement: Placement,
+        rest: &[Vector3<f64>],
+        surfaces: Vec<(i64, IsoSurface)>,
+    ) -> Result<Self, SimError> {
+        let mut parts = Vec::with_capacity(surfaces.len());
+        for (label, surface) in surfaces {
+            let rest = surface.positions(rest)?;
+            parts.push(Part { label, surface, rest });
+        }
+        let ends = parts.iter().flat_map(|part| &part.surface.vertices).flat_map(|v| v.edge);
         let follower = RefCell::new(Follower::new(&detail, ends));
-        Self { detail, follower, rest, parts }
+        Ok(Self { detail, follower, placement, parts })
     }
 
     /// The labels of the surfaces.
     #[cfg(feature = "view")]
     pub fn labels(&self) -> Vec<i64> {
-        self.parts.iter().map(|(label, _)| *label).collect()
+        self.parts.iter().map(|part| part.label).collect()
     }
 
-    /// The triangles of the surfaces and where their vertices rest, m.
-    ///
-    /// # Errors
-    /// [`SimError::Surface`] if a surface is of another mesh.
-    #[cfg(feature = "view")]
-    pub fn at_rest(&self) -> Result<Vec<AtRest<'_>>, SimError> {
-        let part = |(_, surface): &'_ (i64, IsoSurface)| surface.positions(&self.rest);
-        let parts = self.parts.iter().map(|one| (&one.1.triangles[..], part(one)));
-        parts.map(|(triangles, rest)| Ok((triangles, rest?))).collect()
-    }
-
-    /// Where the vertices of every surface are, m.
+    /// Every surface as the mesh `forest` with its vertices at `positions`, m, carries it. What is apart in the mesh is in
+    /// the surfaces, which have other triangles then.
     ///
     /// # Errors
     /// [`SimError::Surface`] if a position is not finite.
-    #[cfg(feature = "view")]
-    pub fn positions(
+    pub fn carried(
         &self,
         forest: &BisectionForest,
         positions: &[Vector3<f64>],
-    ) -> Result<Vec<Vec<Vector3<f64>>>, SimError> {
+    ) -> Result<Vec<Carried<'_>>, SimError> {
         let mut follower = self.follower.borrow_mut();
         let now = follower.follow(&self.detail, forest, positions, &rotation)?;
-        self.parts.iter().map(|(_, surface)| Ok(surface.positions(now)?)).collect()
+        let units = self.detail.forest().domain().lattice().units / forest.domain().lattice().units;
+        let placement =
+            Placement { unit: self.placement.unit * f64::from(units), ..self.placement };
+        let gaps = Gaps::of(forest, placement);
+        let carried = |part| {
+            let Part { label, surface, rest }: &Part = part;
+            let label = *label;
+            let now = surface.positions(now)?;
+            let Some(gaps) = &gaps else {
+                let (triangles, rest) = (surface.triangles[..].into(), rest[..].into());
+                return Ok(Carried { label, triangles, rest, now });
+            };
+            let shows = |dense: u16| label == 0 || dense == surface.label;
+            let opened = gaps.open(surface, [rest.clone(), now], positions, shows);
+            let Opened { triangles, rest, now } = opened;
+            Ok(Carried { label, triangles: triangles.into(), rest: rest.into(), now })
+        };
+        self.parts.iter().map(carried).collect()
     }
 
     /// Every surface as the active mesh carries it, scanner RAS.
@@ -127,21 +157,17 @@ impl Surfaces {
         positions: &[Vector3<f64>],
         axes: &ScannerAxes,
     ) -> Result<Vec<SurfaceFrame>, SimError> {
-        let mut follower = self.follower.borrow_mut();
-        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
-        self.parts
-            .iter()
-            .map(|(label, surface)| {
-                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
-                let moved = rest.iter().zip(&now).map(|(rest, now)| (now - rest) * 1e3);
-                Ok(SurfaceFrame {
-                    label: *label,
-                    triangles: surface.triangles.clone(),
-                    displacement_mm: moved.map(|u| axes.to_ras_direction(&u)).collect(),
-                    points_mm: now.iter().map(|x| axes.to_ras_mm(x)).collect(),
-                })
-            })
-            .collect()
+        let frame = |carried: Carried<'_>| {
+            let Carried { label, triangles, rest, now } = carried;
+            let moved = rest.iter().zip(&now).map(|(rest, now)| (now - rest) * 1e3);
+            SurfaceFrame {
+                label,
+                triangles: triangles.into_owned(),
+                displacement_mm: moved.map(|u| axes.to_ras_direction(&u)).collect(),
+                points_mm: now.iter().map(|x| axes.to_ras_mm(x)).collect(),
+            }
+        };
+        Ok(self.carried(forest, positions)?.into_iter().map(frame).collect())
     }
 
     /// Sizes at rest and now.
@@ -150,23 +176,20 @@ impl Surfaces {
         forest: &BisectionForest,
         positions: &[Vector3<f64>],
     ) -> Result<Vec<SurfaceSummary>, SimError> {
-        let mut follower = self.follower.borrow_mut();
-        let now = follower.follow(&self.detail, forest, positions, &rotation)?;
-        self.parts
-            .iter()
-            .map(|(label, surface)| {
-                let (rest, now) = (surface.positions(&self.rest)?, surface.positions(now)?);
-                Ok(SurfaceSummary {
-                    label: *label,
-                    triangles: surface.triangles.len(),
-                    pieces: surface.component_count(),
-                    area_rest_m2: surface.area(&rest)?,
-                    // Without a triangle it is −0.
-                    volume_rest_m3: surface.volume(&rest)? + 0.0,
-                    volume_end_m3: surface.volume(&now)? + 0.0,
-                })
+        let carried = self.carried(forest, positions)?;
+        let both = self.parts.iter().zip(&carried);
+        both.map(|(Part { label, surface, rest }, carried)| {
+            Ok(SurfaceSummary {
+                label: *label,
+                triangles: surface.triangles.len(),
+                pieces: surface.component_count(),
+                area_rest_m2: surface.area(rest)?,
+                // Without a triangle it is −0.
+                volume_rest_m3: surface.volume(rest)? + 0.0,
+                volume_end_m3: volume(&carried.triangles, &carried.now) + 0.0,
             })
-            .collect()
+        })
+        .collect()
     }
 }
 

@@ -219,9 +219,7 @@ impl<'a> SimulationBuilder<'a> {
                 let label_values = labels.values().to_vec();
                 let labels = Arc::new(labels);
                 volume = scene.output.field.then(|| Arc::clone(&labels));
-                // It would hang together across cuts.
-                let cuts = scene.tools.iter().any(ToolEntry::cuts) || apart.is_some();
-                let has_outline = scene.output.outline && scene.output.frames_every > 0 && !cuts;
+                let has_outline = scene.output.outline && scene.output.frames_every > 0;
                 #[cfg(feature = "view")]
                 let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));

@@ -57,7 +57,7 @@ impl Simulation {
         let Some(refiner) = refiner.as_mut().filter(|_| !asked.is_empty()) else {
             return Ok((Vec::new(), splits));
         };
-        let (mut before, mut all) = (None, Vec::new());
+        let (mut before, mut all, mut has_relabelled) = (None, Vec::new(), false);
         for (tool, edit) in asked {
             let content = &mut refiner.content;
             let mut edited = Edited { tool, ..Edited::default() };
@@ -70,6 +70,7 @@ impl Simulation {
                     before.get_or_insert_with(|| state.energy_j());
                     let (leaves, counts) = content.relabel(&voxels, *becomes)?;
                     content.renew(&leaves, state, inverse)?;
+                    has_relabelled = true;
                     edited.labels_cm3 = counts;
                 }
                 Edit::Cut { blade, toughness_j_m2, .. } => {
@@ -110,12 +111,12 @@ impl Simulation {
         inverse.flush(&elements)?;
         inverse.watch(self.scene.seed, &elements)?;
         self.ledger.edited(state.energy_j() - before);
-        self.follow_edits()?;
+        self.follow_edits(has_relabelled)?;
         Ok((all, splits))
     }
 
-    /// Has all that depends on labels and on the surface follow them.
-    fn follow_edits(&mut self) -> Result<(), SimError> {
+    /// Has all that depends on labels, if these have changed, and on the surface follow them.
+    fn follow_edits(&mut self, has_relabelled: bool) -> Result<(), SimError> {
         let Self { scene, body, tools, contact, recorder, ledger, solver, .. } = self;
         solver.jolt();
         let SimulatedBody { state, refiner: Some(refiner), .. } = body else { return Ok(()) };
@@ -125,10 +126,12 @@ impl Simulation {
         if let Some(of_fields) = &mut recorder.volume {
             *of_fields = Arc::clone(volume);
         }
-        if let Some(outline) = &mut recorder.outline {
-            *outline = BodyOutline::new(Arc::clone(volume));
+        if has_relabelled {
+            if let Some(outline) = &mut recorder.outline {
+                *outline = BodyOutline::new(Arc::clone(volume));
+            }
+            self.are_surfaces_stale = recorder.surfaces.is_some();
         }
-        self.are_surfaces_stale = recorder.surfaces.is_some();
         let mut points = |spacing: f64| content.surface(scene, volume, spacing);
         for tool in tools.iter_mut().filter(|tool| tool.surface_points().is_some()) {
             tool.resurface(&mut points)?;

@@ -162,6 +162,7 @@ impl Simulation {
         }
         let (edited, splits) = self.edit(span)?;
         outcome.report.splits += splits;
+        outcome.report.edits = edited.len();
         let state = &self.body.state;
         (outcome.report.vertices, outcome.report.tets) = (state.vertex_count(), state.tet_count());
         if self.is_written(step) {

@@ -12,7 +12,7 @@ use super::voxels::Voxels;
 use crate::SimError;
 use crate::body::ScannerAxes;
 use crate::playback::surfaces;
-use crate::report::{BodyOutline, Frame, SurfaceFrame, Surfaces, outer_faces};
+use crate::report::{BodyOutline, Carried, Frame, SurfaceFrame, Surfaces, outer_faces};
 
 /// What a picture is made of.
 pub(super) struct Snapshot {
@@ -117,7 +117,6 @@ pub(super) struct Painter {
     outlines: Vec<Surfaces>,
     axes: Option<ScannerAxes>,
     quantum_mm: f64,
-    rest: Vec<Vec<Vector3<f64>>>,
     last: Picture,
     /// The edges of the last mesh by where their ends rest.
     edges: HashSet<[[i64; 3]; 2]>,
@@ -151,9 +150,8 @@ impl Painter {
                 beside: self.beside.take(),
                 ..Self::default()
             };
-            match snapshot.outlines {
-                Some(outlines) => self.begin(outlines, snapshot.forest.as_deref(), number)?,
-                None => self.begin_with(&snapshot.frame, number),
+            if let Some(outlines) = snapshot.outlines {
+                self.begin(outlines, snapshot.forest.as_deref())?;
             }
         }
         let frame = snapshot.frame.without_void();
@@ -170,7 +168,10 @@ impl Painter {
             }
             None => {
                 for (at, one) in surfaces(&frame).enumerate() {
-                    self.place(at, one.displacement_mm.iter().copied(), number);
+                    let SurfaceFrame { points_mm, displacement_mm, triangles, .. } = one;
+                    let rest = points_mm.iter().zip(displacement_mm).map(|(x, u)| x - u);
+                    self.lay(at, rest, triangles, number);
+                    self.place(at, displacement_mm.iter().copied(), number);
                 }
             }
         }
@@ -191,7 +192,6 @@ impl Painter {
         &mut self,
         outlines: Outlines,
         forest: Option<&BisectionForest>,
-        number: u64,
     ) -> Result<(), SimError> {
         let Outlines { skin, inner, voxels, axes } = outlines;
         self.axes = Some(axes);
@@ -200,22 +200,7 @@ impl Painter {
             self.outlines.push(skin.into_surfaces(forest)?);
         }
         self.outlines.extend(inner);
-        for surfaces in &self.outlines {
-            for (triangles, rest) in surfaces.at_rest()? {
-                let points = rest.iter().map(|x| axes.to_ras_mm(x));
-                self.last.surfaces.push(Surface::at_rest(points, triangles, number));
-                self.rest.push(rest);
-            }
-        }
         Ok(())
-    }
-
-    /// Begins with the surfaces that frames of a run have.
-    fn begin_with(&mut self, frame: &Frame, number: u64) {
-        for SurfaceFrame { points_mm, displacement_mm, triangles, .. } in surfaces(frame) {
-            let points = points_mm.iter().zip(displacement_mm).map(|(x, u)| x - u);
-            self.last.surfaces.push(Surface::at_rest(points, triangles, number));
-        }
     }
 
     /// Moves the outlines along.
@@ -227,17 +212,34 @@ impl Painter {
         number: u64,
     ) -> Result<(), SimError> {
         let Some(forest) = forest else { return Ok(()) };
-        let mut now = Vec::new();
-        for surfaces in &self.outlines {
-            now.extend(surfaces.positions(forest, positions)?);
+        let outlines = std::mem::take(&mut self.outlines);
+        let mut at = 0;
+        for surfaces in &outlines {
+            for Carried { triangles, rest, now, .. } in surfaces.carried(forest, positions)? {
+                self.lay(at, rest.iter().map(|x| axes.to_ras_mm(x)), &triangles, number);
+                let moved = rest.iter().zip(&now).map(|(rest, now)| now - rest);
+                self.place(at, moved.map(|u| axes.to_ras_direction(&(u * 1e3))), number);
+                at += 1;
+            }
         }
-        let rest = std::mem::take(&mut self.rest);
-        for (at, (rest, now)) in rest.iter().zip(&now).enumerate() {
-            let moved = rest.iter().zip(now).map(|(rest, now)| now - rest);
-            self.place(at, moved.map(|u| axes.to_ras_direction(&(u * 1e3))), number);
-        }
-        self.rest = rest;
+        self.outlines = outlines;
         Ok(())
+    }
+
+    /// Has a surface be one that rests at these points, unless it is that.
+    fn lay(
+        &mut self,
+        at: usize,
+        rest_mm: impl Iterator<Item = Vector3<f64>>,
+        triangles: &[[u32; 3]],
+        number: u64,
+    ) {
+        let new = Surface::at_rest(rest_mm, triangles, number);
+        match self.last.surfaces.get_mut(at) {
+            Some(known) if known.rest == new.rest => {}
+            Some(known) => *known = new,
+            None => self.last.surfaces.push(new),
+        }
     }
 
     /// Moves a surface by displacements from rest, mm.

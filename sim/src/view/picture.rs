@@ -6,7 +6,7 @@
 //!
 //! | kind | counts | body |
 //! |---|---|---|
-//! | 1 a surface at rest | vertices, triangles | f32 × 3 a vertex, mm; u32 × 3 a triangle |
+//! | 1 a surface at rest, in place of the one with its number | vertices, triangles | f32 × 3 a vertex, mm; u32 × 3 a triangle |
 //! | 2 a piece of it now | vertices, number of the first | i16 × 3 a vertex: displacement in units of the text's `quantum_mm` |
 //! | 3 the coarse mesh | edges, faces | u32 × 3 an edge: ends, and 1 if it has just come; u32 × 3 a face |
 //! | 4 its vertices now | vertices, 0 | f32 × 6 each: place and displacement, mm |
@@ -25,6 +25,7 @@ use super::voxels::Voxels;
 pub(super) const PIECE: usize = 512;
 
 /// A surface as it rests.
+#[derive(PartialEq)]
 pub(super) struct SurfaceAtRest {
     pub points_mm: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
@@ -34,6 +35,8 @@ pub(super) struct SurfaceAtRest {
 #[derive(Clone)]
 pub(super) struct Surface {
     pub rest: Arc<SurfaceAtRest>,
+    /// The picture in which it came.
+    pub since: u64,
     /// Displacements in quanta.
     pub moved: Vec<[i16; 3]>,
     /// The picture in which each [`PIECE`] of them changed last.
@@ -98,7 +101,7 @@ impl Picture {
         out.extend(self.text.as_bytes());
         out.resize(8 + padded, b' ');
         for (number, surface) in self.surfaces.iter().enumerate() {
-            if with_rest {
+            if with_rest || surface.since > since {
                 surface.rest.encode(number, &mut out);
             }
             for (piece, moved) in surface.moved.chunks(PIECE).enumerate() {
@@ -143,6 +146,7 @@ impl Surface {
     ) -> Self {
         let points_mm: Vec<[f32; 3]> = points_mm.map(|x| x.map(|x| x as f32).into()).collect();
         Self {
+            since: number,
             moved: vec![[0; 3]; points_mm.len()],
             changed: vec![number; points_mm.len().div_ceil(PIECE)],
             rest: Arc::new(SurfaceAtRest { points_mm, triangles: triangles.to_vec() }),

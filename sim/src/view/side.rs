@@ -144,7 +144,8 @@ impl Side {
         for hand in self.hands.values_mut() {
             hand.feel(&self.simulation, &self.report)?;
         }
-        let has_changed = self.report.splits + self.report.merges > 0;
+        let StepReport { splits, merges, edits, .. } = &self.report;
+        let has_changed = splits + merges + edits > 0;
         self.is_remeshed |= has_changed;
         let scene = self.simulation.scene();
         let is_over = self.report.time_s > ends_s(scene);

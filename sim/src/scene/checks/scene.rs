@@ -159,12 +159,6 @@ impl Check<'_> {
                 let want = format!("no tool that changes labels beside one that cuts ({kind})");
                 self.that(!both, &other_key, other.kind(), &want)?;
             }
-            if tool.cuts() {
-                let surfaces: Vec<i64> =
-                    scene.output.surfaces.iter().map(|one| one.label).collect();
-                let want = format!("no surfaces of labels beside a tool that cuts ({kind})");
-                self.that(surfaces.is_empty(), "output.surfaces", surfaces, &want)?;
-            }
             if let ToolEntry::Scalpel(ScalpelEntry { level: Some(level), .. }) = tool {
                 let most = scene.mesh.finest_level();
                 let want = format!("at most mesh.max_level, {most}");
@@ -186,7 +180,6 @@ impl Check<'_> {
         };
         refused(scene.mesh.path.is_some(), "mesh.path: a mesh from a file has no voxels")?;
         refused(scene.output.checkpoint_steps > 0, "output.checkpoint_steps")?;
-        refused(!scene.output.surfaces.is_empty(), "surfaces of labels (output.surfaces)")?;
         let ablates = scene.tools.iter().any(|tool| tool.ablation().is_some());
         refused(ablates, "a tool that changes labels")
     }

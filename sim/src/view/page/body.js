@@ -126,11 +126,19 @@ export class Body {
     geometry.setAttribute('position', new THREE.BufferAttribute(points.slice(), 3));
     geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(points.length).fill(1), 3));
     geometry.setIndex(new THREE.BufferAttribute(triangles, 1));
+    const rest = { rest: points.slice(), moved: new Int16Array(points.length) };
+    const known = this.surfaces[surface];
+    if (known) {
+      known.mesh.geometry.dispose();
+      known.mesh.geometry = geometry;
+      Object.assign(known, rest);
+      return;
+    }
     const material = new THREE.MeshStandardMaterial({ roughness: 0.6, clippingPlanes: [] });
     const mesh = new THREE.Mesh(geometry, material);
     mesh.renderOrder = surface === 0 ? 10 : 1;
     this.scene.add(mesh);
-    this.surfaces[surface] = { mesh, rest: points.slice(), moved: new Int16Array(points.length) };
+    this.surfaces[surface] = { mesh, ...rest };
   }
 
   move({ surface, moved, other }) {
