@@ -7,6 +7,7 @@ mod built_in_scenes;
 mod by_hand;
 mod command_line;
 mod contact;
+mod cut_surfaces;
 mod cutting;
 mod dynamics;
 mod easing;

@@ -213,7 +213,6 @@ fn what_can_not_be_beside_a_cut_is_refused() {
     };
     for (settings, words) in [
         ("output.checkpoint_steps=2", "output.checkpoint_steps is 2"),
-        ("output.surfaces=[{label=1}]", "no surfaces of labels"),
         (
             "tools.2={kind=\"resect\", centre_mm=[0, 0, 0], radius_m=0.01, path=[{time_s=0, move_m=[0, 0, 0]}]}",
             "tools[2].kind",

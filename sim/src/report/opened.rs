@@ -30,6 +30,21 @@ pub(super) struct Opened {
     pub now: Vec<Vector3<f64>>,
 }
 
+impl Opened {
+    /// The same without vertices that no triangle has.
+    fn without_loose(mut self) -> Self {
+        let mut number = vec![u32::MAX; self.rest.len()];
+        self.triangles.iter().flatten().for_each(|&v| number[v as usize] = 0);
+        let kept: Vec<usize> = (0..number.len()).filter(|&v| number[v] == 0).collect();
+        kept.iter().zip(0..).for_each(|(&v, new)| number[v] = new);
+        for points in [&mut self.rest, &mut self.now] {
+            *points = kept.iter().map(|&v| points[v]).collect();
+        }
+        self.triangles.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
+        self
+    }
+}
+
 /// The leaves of a mesh around vertices that have twins.
 pub(super) struct Gaps<'a> {
     forest: &'a BisectionForest,
@@ -289,7 +304,7 @@ impl<'a> Gaps<'a> {
                 triangles.extend(shown.map(|(triangle, _)| triangle));
             }
         }
-        Opened { triangles, rest: opening.rest, now: opening.now }
+        Opened { triangles, rest: opening.rest, now: opening.now }.without_loose()
     }
 }
 

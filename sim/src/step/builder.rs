@@ -11,7 +11,7 @@ use yawara_mesh::{Lattice, VertexId};
 
 use super::beginning::{Beginning, StartMesh};
 use super::contact::ContactState;
-use super::content::Content;
+use super::content::{Content, EDITS, is_of_parts};
 use super::cutting::park;
 use super::dynamics::{self, Motion};
 use super::easing::ease_steps;
@@ -224,14 +224,12 @@ impl<'a> SimulationBuilder<'a> {
                 let has_outline = has_outline || self.outlines_all;
                 outline = has_outline.then(|| BodyOutline::new(Arc::clone(&labels)));
                 let edits = scene.tools.iter().any(ToolEntry::edits);
-                if (edits || apart.is_some()) && embedding.homogenisation().global().is_some() {
-                    let name = embedding.homogenisation().name();
-                    let want = if edits {
-                        "one of parts, such as laminate: a tool changes labels or cuts"
-                    } else {
-                        "one of parts, such as laminate, beside mesh.topology = \"components\""
-                    };
-                    return Err(SimError::value(&scene.name, "stages.homogenisation", name, want));
+                if edits {
+                    is_of_parts(&embedding, &scene.name, EDITS)?;
+                }
+                if apart.is_some() {
+                    let beside = ", beside mesh.topology = \"components\"";
+                    is_of_parts(&embedding, &scene.name, beside)?;
                 }
                 if let Some((_, parts)) = &apart {
                     embedding.adopt(Arc::clone(forest.tree()), parts)?;

@@ -12,6 +12,25 @@ use yawara_mesh::{BisectionForest, Placement, Tet, VertexId};
 
 use super::indicator::RingMember;
 use crate::body::{BodyState, Cell, EmbeddedMemory, Hold};
+use crate::error::SimError;
+
+/// Why [`is_of_parts`] is asked.
+pub(super) const EDITS: &str = ": a tool changes labels or cuts";
+
+/// Whether a homogenisation gives every part of the body its material by itself.
+///
+/// # Errors
+/// [`SimError::Value`] with `why` for one of the whole body.
+pub(super) fn is_of_parts(embedding: &Embedding, scene: &str, why: &str) -> Result<(), SimError> {
+    let homogenisation = embedding.homogenisation();
+    match homogenisation.global() {
+        None => Ok(()),
+        Some(_) => {
+            let want = format!("one of parts, such as laminate{why}");
+            Err(SimError::value(scene, "stages.homogenisation", homogenisation.name(), want))
+        }
+    }
+}
 
 /// The bisection forest with the embedding of the image's material.
 pub(crate) struct Content {

@@ -1,10 +1,13 @@
 //! Tools that come while a simulation runs, go where they are led and let go: what a hand does.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
+use super::content::{EDITS, is_of_parts};
 use super::holding::{Coming, hold_material};
 use super::simulation::Simulation;
-use crate::body::Start;
+use crate::body::{Origin, Start};
 use crate::error::SimError;
 #[cfg(feature = "view")]
 use crate::report::{BodyOutline, Surfaces};
@@ -23,7 +26,8 @@ impl Simulation {
     /// Returns its number. A scene that has it from the start ([`scene_as_led`](Self::scene_as_led)) is
     /// the same simulation, bit for bit.
     ///
-    /// Cost: the first time that of reading the body again; for a probe its outline is cut.
+    /// Cost: the first time that of reading the body again; for a probe its outline is cut, for a scalpel the labels
+    /// are copied.
     /// # Errors
     /// Those of a scene with that tool; a grab has to hold a mean. Nothing has changed then.
     pub fn add_tool(&mut self, mut entry: ToolEntry) -> Result<usize, SimError> {
@@ -32,8 +36,9 @@ impl Simulation {
         match &mut entry {
             ToolEntry::Grab(grab) => (grab.begin_s, grab.path) = (Some(now), stays),
             ToolEntry::Probe(probe) => (probe.begin_s, probe.path) = (Some(now), stays),
+            ToolEntry::Scalpel(blade) => (blade.begin_s, blade.path) = (Some(now), stays),
             _ => {
-                let want = "grab or probe: only these begin while the body moves";
+                let want = "grab, probe or scalpel: only these begin while the body moves";
                 return Err(SimError::value(self.name(), "kind", entry.kind(), want));
             }
         }
@@ -43,6 +48,12 @@ impl Simulation {
             None => Box::new(Start::new(&self.scene, None)?),
         };
         let made = self.make(&rest, &mut entry);
+        if let (true, Origin::Image(body), Some(refiner)) =
+            (entry.edits() && made.is_ok(), &rest.origin, &mut self.body.refiner)
+        {
+            is_of_parts(&refiner.content.embedding, &self.scene.name, EDITS)?;
+            refiner.content.volume.get_or_insert_with(|| Arc::new(body.volume.clone()));
+        }
         self.rest = Some(rest);
         let (mut tool, hold) = made?;
         self.resurface(tool.as_mut())?;

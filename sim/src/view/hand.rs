@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::SimError;
 use crate::haptic::{CoupledDevice, ForceModel, HapticOptions, VirtualCoupling, force_model};
 use crate::report::StepReport;
+use crate::scene::{GrabEntry, ProbeEntry, Region, ToolEntry};
 use crate::step::Simulation;
 use crate::tools::Pose;
 
@@ -14,11 +15,34 @@ const COUPLING: VirtualCoupling = VirtualCoupling { stiffness_n_m: 2000.0, dampi
 /// The fastest that a tool follows, m/s.
 const FASTEST_M_S: f64 = 0.25;
 
+/// What a page draws of the tool in a hand.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Drawn {
+    /// Radius of what it holds or presses with, mm.
+    pub radius_mm: Option<f64>,
+    /// From the tip of a blade to the other end of its edge, scanner axes, mm.
+    pub edge_mm: Option<[f64; 3]>,
+}
+
+impl Drawn {
+    fn of(entry: &ToolEntry) -> Self {
+        let mut drawn = Self::default();
+        match entry {
+            ToolEntry::Grab(GrabEntry { region: Region::Sphere { radius_m, .. }, .. })
+            | ToolEntry::Probe(ProbeEntry { radius_m, .. }) => {
+                drawn.radius_mm = Some(1e3 * radius_m);
+            }
+            ToolEntry::Scalpel(blade) => drawn.edge_mm = Some(blade.edge_m.map(|x| 1e3 * x)),
+            _ => {}
+        }
+        drawn
+    }
+}
+
 /// A hand of a page.
 pub(super) struct Hand {
     pub tool: usize,
-    /// Radius of what it holds or presses with, mm.
-    pub radius_mm: f64,
+    pub drawn: Drawn,
     /// Where it wants to be from where it took hold, scanner axes, m.
     pub target: Vector3<f64>,
     /// Of the last move, for the page.
@@ -40,7 +64,6 @@ impl Hand {
     pub fn new(
         simulation: &mut Simulation,
         tool: usize,
-        radius_mm: f64,
         time_s: f64,
         step_s: f64,
     ) -> Result<Self, SimError> {
@@ -59,7 +82,7 @@ impl Hand {
         };
         Ok(Self {
             tool,
-            radius_mm,
+            drawn: Drawn::of(&simulation.scene().tools[tool]),
             target: Vector3::zeros(),
             stamp: 0,
             start: simulation.tool_pose(tool, time_s)?,

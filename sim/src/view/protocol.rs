@@ -13,6 +13,9 @@ const HANDS: u8 = 10;
 /// The longest way that a hand moves, mm.
 const FARTHEST_MM: f64 = 1e4;
 
+/// Lengths of the edge of a blade, mm.
+const EDGES_MM: std::ops::RangeInclusive<f64> = 1.0..=500.0;
+
 /// Radii of what a hand holds or presses with, mm.
 const RADII_MM: std::ops::RangeInclusive<f64> = 0.5..=200.0;
 
@@ -45,6 +48,9 @@ pub(super) enum Request {
     Grab { hand: u8, rest_mm: [f64; 3], radius_mm: f64 },
     /// Puts a ball there, which presses from then on.
     Press { hand: u8, centre_mm: [f64; 3], radius_mm: f64 },
+    /// Puts a blade there by its tip, scanner RAS, mm, with the other end of its edge `edge_mm` from there, scanner axes,
+    /// mm: what it sweeps over from then on is cut.
+    Cut { hand: u8, tip_mm: [f64; 3], edge_mm: [f64; 3] },
     /// Where a hand is from where it took hold, scanner axes, mm; `stamp` comes back in the picture that
     /// shows it.
     Move { hand: u8, move_mm: [f64; 3], stamp: u32 },
@@ -96,6 +102,19 @@ impl Request {
                         RADII_MM.start(),
                         RADII_MM.end()
                     )),
+                }
+            }
+            Self::Cut { hand, tip_mm, edge_mm } => {
+                check_hand(*hand)?;
+                check_place("tip_mm", tip_mm)?;
+                check_place("edge_mm", edge_mm)?;
+                let length = edge_mm.iter().map(|x| x * x).sum::<f64>().sqrt();
+                match EDGES_MM.contains(&length) {
+                    true => Ok(()),
+                    false => {
+                        let (least, most) = (EDGES_MM.start(), EDGES_MM.end());
+                        Err(format!("edge_mm is {length} mm long, want {least} to {most}"))
+                    }
                 }
             }
             Self::Move { hand, move_mm, .. } => {
@@ -192,6 +211,9 @@ mod tests {
             (r#"{"do":"grab","hand":0,"rest_mm":[1,2,1e999],"radius_mm":1}"#, "out of range"),
             (r#"{"do":"grab","hand":99,"rest_mm":[1,2,3],"radius_mm":1}"#, "hand is 99"),
             (r#"{"do":"press","hand":1,"centre_mm":[1,2,3],"radius_mm":0}"#, "radius_mm is 0"),
+            (r#"{"do":"cut","hand":1,"tip_mm":[1,2,3],"edge_mm":[0,0,0]}"#, "edge_mm is 0 mm long"),
+            (r#"{"do":"cut","hand":1,"tip_mm":[1,2,3],"edge_mm":[0,0,900]}"#, "edge_mm is 900 mm"),
+            (r#"{"do":"cut","hand":11,"tip_mm":[1,2,3],"edge_mm":[0,0,9]}"#, "hand is 11"),
             (r#"{"do":"move","hand":1,"move_mm":[1,2,-1e5],"stamp":1}"#, "-100000 mm"),
             (r#"{"do":"move","hand":1,"move_mm":[1,2,1],"stamp":-1}"#, "`-1`, expected u32"),
             (r#"{"do":"seek","frame":-1}"#, "`-1`, expected usize"),

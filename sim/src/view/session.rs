@@ -19,10 +19,13 @@ use super::recording::Recording;
 use super::side::{Answer, Beside, HandKey, STILL_STEPS, Side};
 use super::state::{Standing, quoted};
 use crate::SimError;
-use crate::scene::{GrabEntry, GrabHold, ProbeEntry, Region, ToolEntry};
+use crate::scene::{GrabEntry, GrabHold, ProbeEntry, Region, ScalpelEntry, ToolEntry};
 
 /// The most steps of a simulation that hands are on: their paths are kept.
 const MOST_STEPS: usize = 200_000;
+
+/// By so many levels what a blade meets is finer than the start mesh at least: edges half as long.
+const FINER: u8 = 3;
 
 /// Steps that a rate is the mean of.
 const RATE_STEPS: usize = 30;
@@ -194,7 +197,7 @@ impl Session {
                     begin_s: None,
                     release_s: None,
                 });
-                self.take((page, hand), entry, radius_mm)
+                self.take((page, hand), entry)
             }
             Request::Press { hand, centre_mm, radius_mm } => {
                 let entry = ToolEntry::Probe(ProbeEntry {
@@ -208,7 +211,23 @@ impl Session {
                     begin_s: None,
                     release_s: None,
                 });
-                self.take((page, hand), entry, radius_mm)
+                self.take((page, hand), entry)
+            }
+            Request::Cut { hand, tip_mm, edge_mm } => {
+                let mesh = &self.first.simulation.scene().mesh;
+                let entry = ToolEntry::Scalpel(ScalpelEntry {
+                    centre: None,
+                    centre_mm: Some(tip_mm),
+                    centre_voxel: None,
+                    edge_m: edge_mm.map(|x| 1e-3 * x),
+                    level: Some(mesh.finest_level().min(mesh.start_level + FINER)),
+                    toughness_j_m2: None,
+                    path: Vec::new(),
+                    path_csv: None,
+                    begin_s: None,
+                    release_s: None,
+                });
+                self.take((page, hand), entry)
             }
             // Kept by the inbox, and by the server.
             Request::Move { .. } | Request::Drawn { .. } => Ok(()),
@@ -241,11 +260,11 @@ impl Session {
     }
 
     /// Puts a tool into a hand, in each simulation or in none.
-    fn take(&mut self, key: HandKey, entry: ToolEntry, radius_mm: f64) -> Result<(), SimError> {
+    fn take(&mut self, key: HandKey, entry: ToolEntry) -> Result<(), SimError> {
         self.release(key)?;
         let same = entry.clone();
-        let beside = self.ask_beside(move |side| side.take(key, same, radius_mm));
-        let first = self.first.take(key, entry, radius_mm);
+        let beside = self.ask_beside(move |side| side.take(key, same));
+        let first = self.first.take(key, entry);
         let outcome = first.and(beside.map_or(Ok(()), Answer::wait));
         if outcome.is_err() {
             self.release(key)?;
@@ -422,14 +441,15 @@ fn changes(orders: &Orders) -> Result<Vec<String>, SimError> {
         let want = "a key that is not of `time`: both simulations make the same steps";
         return Err(SimError::value("yawara view", "--beside", one, want));
     }
-    if let Some(tool) = scene.tools.iter().find(|tool| tool.edits()) {
-        let want =
-            "no tool that changes labels or cuts: the page shows the start; take `yawara run`";
+    if let Some(tool) = scene.tools.iter().find(|tool| tool.ablation().is_some()) {
+        let want = "no tool that changes labels: the page shows the start; take `yawara run`";
         return Err(SimError::value(&scene.name, "tools", tool.kind(), want));
     }
     let mut changes = orders.set.clone();
     let is_set = |key: &str| orders.set.iter().any(|one| one.trim_start().starts_with(key));
-    let is_hand = |tool: &ToolEntry| matches!(tool, ToolEntry::Grab(_) | ToolEntry::Probe(_));
+    let is_hand = |tool: &ToolEntry| {
+        matches!(tool, ToolEntry::Grab(_) | ToolEntry::Probe(_) | ToolEntry::Scalpel(_))
+    };
     let has_goal = scene.refinement.goal.is_some() || scene.stages.indicator == "goal";
     if !orders.play && !has_goal && scene.tools.iter().all(is_hand) && !is_set("tools") {
         changes.push("tools=[]".into());

@@ -102,7 +102,7 @@ impl Side {
     ///
     /// # Errors
     /// [`SimError::Value`] after [`MOST_TOOLS`]; as [`Simulation::add_tool`].
-    pub fn take(&mut self, key: HandKey, entry: ToolEntry, radius_mm: f64) -> Result<(), SimError> {
+    pub fn take(&mut self, key: HandKey, entry: ToolEntry) -> Result<(), SimError> {
         let taken = self.simulation.scene().tools.len();
         if taken >= MOST_TOOLS {
             let want = format!("at most {MOST_TOOLS} in one simulation: reset to go on");
@@ -110,7 +110,7 @@ impl Side {
         }
         let tool = self.simulation.add_tool(entry)?;
         let (time_s, step_s) = (self.report.time_s, self.simulation.scene().time.step_s);
-        let hand = Hand::new(&mut self.simulation, tool, radius_mm, time_s, step_s)?;
+        let hand = Hand::new(&mut self.simulation, tool, time_s, step_s)?;
         self.hands.insert(key, hand);
         Ok(())
     }

@@ -123,7 +123,8 @@ pub(super) fn of_step(report: &StepReport, hands: &[(u64, u8, &Hand)], more: Val
             "page": hand.map(|hand| hand.0),
             "hand": hand.map(|hand| hand.1),
             "stamp": hand.map(|hand| hand.2.stamp),
-            "radius_mm": hand.map(|hand| hand.2.radius_mm),
+            "radius_mm": hand.and_then(|hand| hand.2.drawn.radius_mm),
+            "edge_mm": hand.and_then(|hand| hand.2.drawn.edge_mm),
             "stiffness_n_m": hand.map(|hand| {
                 let s = hand.2.model.stiffness;
                 [0, 1, 2].map(|i| [0, 1, 2].map(|j| s[(i, j)]))

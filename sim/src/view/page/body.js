@@ -360,6 +360,12 @@ export class Body {
         const ball = new THREE.Mesh(new THREE.SphereGeometry(tool.radius_mm, 32, 20), new THREE.MeshStandardMaterial({ color: 0x8a9099, roughness: 0.35, transparent: true, opacity: 0.8 }));
         ball.position.copy(at);
         this.tools.push(ball);
+      } else if (tool.edge_mm) {
+        const edge = new THREE.Vector3(...tool.edge_mm);
+        const blade = new THREE.Mesh(new THREE.CylinderGeometry(1.2, 0.3, edge.length(), 12), new THREE.MeshStandardMaterial({ color: 0x5a6068, metalness: 0.6, roughness: 0.3 }));
+        blade.position.copy(at).addScaledVector(edge, 0.5);
+        blade.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), edge.normalize());
+        this.tools.push(blade);
       } else if (tool.radius_mm) {
         const mark = new THREE.Mesh(new THREE.SphereGeometry(3, 16, 12), new THREE.MeshBasicMaterial({ color: 0x111111, depthTest: false, transparent: true }));
         mark.position.copy(at);
@@ -446,9 +452,12 @@ export class Body {
     return { point: hit.point, rest, normal };
   }
 
+  /** Where the viewer looks to. */
+  looking() { return this.camera.getWorldDirection(new THREE.Vector3()); }
+
   /** Where the pointer is on the plane through a point that faces the viewer. */
   on_plane(x, y, through) {
-    const facing = new THREE.Plane().setFromNormalAndCoplanarPoint(this.camera.getWorldDirection(new THREE.Vector3()), through);
+    const facing = new THREE.Plane().setFromNormalAndCoplanarPoint(this.looking(), through);
     return this.ray(x, y).ray.intersectPlane(facing, new THREE.Vector3());
   }
 

@@ -341,6 +341,9 @@ function free_hand() {
   return null;
 }
 
+/** How far a blade comes out of the body, mm. */
+const OUTSIDE_MM = 20;
+
 /** Takes hold of what is under the pointer, in either picture; the hand's number, or null. */
 function take(x, y, pointer, of = body) {
   const kind = tool_kind();
@@ -352,6 +355,13 @@ function take(x, y, pointer, of = body) {
   if (kind === 'grab') {
     hand.start = hit.point.clone();
     say({ do: 'grab', hand: id, rest_mm: hit.rest.toArray(), radius_mm: radius });
+  } else if (kind === 'cut') {
+    // A blade along the view; what it sweeps over is cut as deep as the slider says.
+    const depth = Number(get('depth').value);
+    const into = of.looking();
+    hand.start = hit.point.clone().addScaledVector(into, depth);
+    const edge = into.multiplyScalar(-(depth + OUTSIDE_MM));
+    say({ do: 'cut', hand: id, tip_mm: hand.start.toArray(), edge_mm: edge.toArray() });
   } else {
     hand.start = hit.point.clone().addScaledVector(hit.normal, radius + 1.5);
     say({ do: 'press', hand: id, centre_mm: hand.start.toArray(), radius_mm: radius });
