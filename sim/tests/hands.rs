@@ -78,6 +78,41 @@ fn a_scene_as_it_was_led_is_the_same_simulation_to_the_last_bit() {
 }
 
 #[test]
+fn a_blade_that_came_is_the_same_as_one_that_was_there() {
+    let mut live = Simulation::builder(&beam(&["gravity_m_s2=[0, 0, 0]"])).build().unwrap();
+    let mut felt = Vec::new();
+    let tip = live.add_tool(grab()).unwrap();
+    for i in 1..=3 {
+        lead(&mut live, tip, [0.0, 0.0, -0.003 * f64::from(i)]);
+        felt.push(live.step().unwrap().force_n);
+    }
+    let blade = live.add_tool(tool(
+        "{ kind='scalpel', centre=[0.5, -0.1, 0.5], edge_m=[0.0, 0.0, 0.1], level=4, path=[{ time_s=0.0 }] }",
+    ));
+    let blade = blade.unwrap();
+    let mut edits = 0;
+    for i in 1..=5 {
+        lead(&mut live, tip, [0.0, 0.0, -0.009]);
+        lead(&mut live, blade, [0.0, 0.01 * f64::from(i), 0.0]);
+        let report = live.step().unwrap();
+        assert!(report.converged);
+        felt.push(report.force_n);
+        edits += report.edits;
+    }
+    assert!(edits >= 3, "{edits} steps in which it cut");
+    live.release_tool(blade).unwrap();
+    lead(&mut live, tip, [0.0, 0.0, -0.012]);
+    felt.push(live.step().unwrap().force_n);
+    let size = |f: &[f64; 3]| f.iter().map(|x| x * x).sum::<f64>().sqrt();
+    assert!(size(&felt[7]) < 0.9 * size(&felt[2]), "{felt:?}");
+    let mut again = Simulation::builder(&live.scene_as_led()).build().unwrap();
+    for (number, force) in felt.iter().enumerate() {
+        assert_eq!(again.step().unwrap().force_n, *force, "step {}", number + 1);
+    }
+    assert_eq!(bits(&again), bits(&live));
+}
+
+#[test]
 fn a_hand_takes_hold_of_bent_material_without_a_jerk() {
     let mut simulation = Simulation::builder(&beam(&[])).build().unwrap();
     let tip = simulation.add_tool(grab()).unwrap();
@@ -107,7 +142,7 @@ fn what_can_not_be_held_is_refused_and_changes_nothing() {
     for (text, want) in [
         (outside, "region"),
         (pad, "hold"),
-        (load, "grab or probe"),
+        (load, "grab, probe or scalpel"),
         (inside, "outside of the body"),
     ] {
         let error = simulation.add_tool(tool(text)).unwrap_err().to_string();

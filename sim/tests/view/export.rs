@@ -12,7 +12,7 @@ use super::browser::Browser;
 use super::playback::{Finished, replace, shows_force};
 use super::{ALONE, COLOURS, READY, number};
 
-fn exported(finished: &Finished, arguments: &[&str]) -> String {
+pub fn exported(finished: &Finished, arguments: &[&str]) -> String {
     let output = finished.yawara(&[&["export", "over"], arguments].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
@@ -71,7 +71,7 @@ fn a_page_alone_plays_the_run_without_server_and_network() {
 }
 
 /// The positions of a mesh in a frame, from its own vertices and the targets weighed as the animation says.
-fn positions(scene: &Gltf, mesh: usize, frame: usize) -> Vec<[f64; 3]> {
+pub fn positions(scene: &Gltf, mesh: usize, frame: usize) -> Vec<[f64; 3]> {
     let blob = scene.blob.as_deref().unwrap();
     let mesh = scene.meshes().nth(mesh).unwrap();
     let primitive = mesh.primitives().next().unwrap();
@@ -98,13 +98,13 @@ fn positions(scene: &Gltf, mesh: usize, frame: usize) -> Vec<[f64; 3]> {
     at
 }
 
-fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+pub fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     assert_eq!(a.len(), b.len());
     let both = a.as_flattened().iter().zip(b.as_flattened());
     both.fold(0.0, |most, (a, b)| most.max((a - b).abs()))
 }
 
-fn open(path: &Path) -> Gltf {
+pub fn open(path: &Path) -> Gltf {
     Gltf::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 

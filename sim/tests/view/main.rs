@@ -2,6 +2,7 @@
 
 mod bare;
 mod beside;
+mod blade;
 mod browser;
 mod cut;
 mod export;
