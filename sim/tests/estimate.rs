@@ -197,6 +197,39 @@ fn a_fixed_mesh_is_measured_where_a_frame_is_written() {
     }
 }
 
+/// A pull, a hand that stands still until 1 s, then goes on until 1.2 s.
+#[test]
+fn what_stands_still_is_measured_once_and_again_when_it_moves() {
+    let set = [
+        UNLOADED.into(),
+        "time={steps=24, step_s=0.05}".into(),
+        "refinement={target=0.25, dwell_steps=3}".into(),
+        "tools.0.release_s=9.0".into(),
+        "tools.0.path=[{time_s=0}, {time_s=0.5, move_m=[0, 0, -0.02]}, {time_s=1, move_m=[0, 0, -0.02]}, \
+         {time_s=1.2, move_m=[0, 0, -0.024]}]"
+            .into(),
+    ];
+    let (scene, _) = scene_file::load("beam", &set).unwrap();
+    let mut simulation = Simulation::builder(&scene).build().unwrap();
+    let reports: Vec<StepReport> = (0..24).map(|_| simulation.step().unwrap()).collect();
+    assert!(reports.iter().all(|report| report.converged && report.error_estimate.is_some()));
+    let is_measured = |report: &&StepReport| report.times.indicator_ms > 0.0;
+    assert_eq!(reports[..10].iter().filter(is_measured).count(), 10);
+    // Until no vertex comes or goes any more, and each has been there for as long as it has to be.
+    let stands = |i: &usize| {
+        reports[i - 4..=*i].iter().all(|one| one.iterations + one.splits + one.merges == 0)
+    };
+    let still: Vec<usize> = (14..20).filter(stands).collect();
+    assert!(!still.is_empty());
+    for i in still {
+        assert!(!is_measured(&&reports[i]), "step {}", i + 1);
+        assert_eq!(reports[i].error_estimate, reports[i - 1].error_estimate);
+        assert_eq!(reports[i].tools[0].force_error_n, reports[i - 1].tools[0].force_error_n);
+    }
+    assert_eq!(reports[20..].iter().filter(is_measured).count(), 4);
+    assert!(reports[23].error_estimate != reports[19].error_estimate);
+}
+
 #[test]
 fn a_goal_that_nothing_feels_is_refused() {
     let outside = "{kind='volume', region={shape='sphere', centre=[9,9,9], radius_m=0.01}}";

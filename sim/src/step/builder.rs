@@ -316,6 +316,7 @@ impl<'a> SimulationBuilder<'a> {
             },
             support: Vector3::zeros(),
             are_surfaces_stale: false,
+            stood: None,
         })
     }
 

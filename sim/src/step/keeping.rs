@@ -183,6 +183,8 @@ impl Simulation {
     /// Makes body, inverse and all that follows them from what was kept, whatever they are now.
     fn make_again(&mut self, kept: &Checkpoint) -> Result<(), SimError> {
         self.bring_tools(&kept.came)?;
+        // Duals are found by an inverse that is another now.
+        self.stood = None;
         let mut state = self.state_again(kept)?;
         self.solver.resume(&kept.solver, &mut state);
         let elements = state.elements().iter().map(|element| element.tet);

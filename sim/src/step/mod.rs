@@ -29,6 +29,7 @@ pub mod indicator;
 mod keeping;
 mod ledger;
 mod marking;
+mod measuring;
 mod missed;
 mod pace;
 mod predictor;

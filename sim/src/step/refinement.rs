@@ -255,6 +255,16 @@ impl Refiner {
         self.waiting.len()
     }
 
+    /// Whether a vertex may go out later that may not yet at `step`, or is to.
+    pub fn is_settling(&self, step: usize) -> bool {
+        let young = |v: VertexId| step < self.born[v.index()] + self.dwell_steps();
+        !self.leaving.is_empty() || self.content.forest.vertices().any(young)
+    }
+
+    fn dwell_steps(&self) -> usize {
+        self.rules.refinement.dwell_steps.max(self.rules.ease_steps)
+    }
+
     /// Whether a vertex is to come in or to go out.
     pub fn wants_changes(&self) -> bool {
         !(self.leaving.is_empty() && self.waiting.is_empty())
@@ -495,7 +505,7 @@ impl Refiner {
         step: usize,
         limit: f64,
     ) -> Vec<VertexId> {
-        let dwell_steps = self.rules.refinement.dwell_steps.max(self.rules.ease_steps);
+        let dwell_steps = self.dwell_steps();
         let settled: Vec<VertexId> = self
             .content
             .forest

@@ -1,6 +1,5 @@
 //! The loop over steps: tools, equilibrium, indicator, splits and merges, inverse.
 
-use std::iter;
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
@@ -10,20 +9,20 @@ use yawara_mesh::{BisectionForest, TetId, VertexId};
 use super::beginning::Beginning;
 use super::contact::ContactState;
 use super::equilibrium::{Acting, StepSolver};
-use super::figures::{self, Figure};
+use super::figures::Figure;
 use super::holding::Coming;
-use super::indicator::{Dual, Sight};
 use super::ledger::Ledger;
+use super::measuring::Stood;
 use super::proximity::Proximity;
-use super::refinement::{Estimates, Refiner, Remeshed, Round, Turn};
+use super::refinement::{Refiner, Remeshed, Round, Turn};
 use super::span::Span;
 use super::tool_forces::ToolForces;
 use crate::body::{BodyState, ScannerAxes, Start, pieces};
 use crate::error::SimError;
 use crate::inverse::{Elements, InverseLink};
 use crate::report::{
-    Failure, Fields, Frame, GoalReport, Momentum, PlanRow, Probe, Recorder, StepReport, Summary,
-    ToolReport, milliseconds,
+    Failure, Fields, Frame, Momentum, PlanRow, Probe, Recorder, StepReport, Summary, ToolReport,
+    milliseconds,
 };
 use crate::scene::{Scene, ToolEntry};
 use crate::tools::{Pose, Tool, path_of};
@@ -49,6 +48,8 @@ pub struct Simulation {
     pub(super) support: Vector3<f64>,
     /// Whether labels have changed since their surfaces were cut.
     pub(super) are_surfaces_stale: bool,
+    /// What the last step that measured found.
+    pub(super) stood: Option<Stood>,
 }
 
 /// The body with what keeps its stiffness inverted and its mesh as fine as needed.
@@ -294,57 +295,6 @@ impl Simulation {
         let Self { body: SimulatedBody { state, .. }, tools, contact, solver, ledger, .. } = self;
         ledger.remeshed(&remeshed, solver, state, contact, tools);
         Ok(remeshed)
-    }
-
-    /// The estimates of a step, and, if it `ranks`, what the mesh wants; returns what the body stores then, J.
-    fn measure(
-        &mut self,
-        step: usize,
-        ranks: bool,
-        felt: &mut [ToolReport],
-        report: &mut StepReport,
-    ) -> Result<Option<f64>, SimError> {
-        let Self { body, tools, contact, solver, goal, recorder, .. } = self;
-        let SimulatedBody { state, inverse, refiner } = body;
-        let Some(refiner) = refiner else { return Ok(None) };
-        let mut loads = solver.grips.loads(state);
-        contact.add_to(&mut loads);
-        let mut acting = Acting { state, contact, tools, inverse };
-        let alone = figures::alone(solver, &acting, felt);
-        let figures = match refiner.estimates() {
-            true => figures::asked(*goal, solver, &acting, felt),
-            false => Vec::new(),
-        };
-        let forces: Vec<_> = felt
-            .iter()
-            .map(|tool| recorder.axes.to_solver_direction(&tool.force_n.into()))
-            .collect();
-        let duals = figures.iter().map(|figure| figure.dual(solver, &mut acting, &forces));
-        let duals: Vec<Dual> = duals.collect::<Result<_, _>>()?;
-        let sight = Sight { body: state, loads: &loads, duals: &duals };
-        let mut stored_j = None;
-        if ranks {
-            let near = Proximity::of(refiner.near_probe(), tools, solver.reached_s());
-            stored_j = Some(refiner.rank(&sight, near.as_ref(), step, &mut report.times)?);
-        } else {
-            refiner.measure(&sight, &mut report.times);
-        }
-        let Estimates { energy, figures: errors } = refiner.take_estimates();
-        report.error_estimate = energy;
-        if let (Some(alone), Some(energy)) = (alone, energy) {
-            felt[alone].force_error_n = Some(energy * forces[alone].norm());
-        }
-        let errors = errors.into_iter().map(Some).chain(iter::repeat(None));
-        for ((figure, dual), error) in figures.iter().zip(&duals).zip(errors) {
-            if let (Figure::Force(tool), Some(_)) = (figure, error) {
-                felt[*tool].force_error_n = error;
-            }
-            if Some(*figure) == *goal {
-                let (name, value) = (figure.name(), dual.value);
-                report.goal = Some(GoalReport { name, value, error });
-            }
-        }
-        Ok(stored_j)
     }
 
     fn felt(&self) -> ToolForces<'_> {
