@@ -142,7 +142,7 @@ fn what_can_not_be_held_is_refused_and_changes_nothing() {
     for (text, want) in [
         (outside, "region"),
         (pad, "hold"),
-        (load, "grab, probe or scalpel"),
+        (load, "grab, probe, scalpel or suture"),
         (inside, "outside of the body"),
     ] {
         let error = simulation.add_tool(tool(text)).unwrap_err().to_string();

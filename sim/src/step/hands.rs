@@ -37,8 +37,9 @@ impl Simulation {
             ToolEntry::Grab(grab) => (grab.begin_s, grab.path) = (Some(now), stays),
             ToolEntry::Probe(probe) => (probe.begin_s, probe.path) = (Some(now), stays),
             ToolEntry::Scalpel(blade) => (blade.begin_s, blade.path) = (Some(now), stays),
+            ToolEntry::Suture(ball) => (ball.begin_s, ball.path) = (Some(now), stays),
             _ => {
-                let want = "grab, probe or scalpel: only these begin while the body moves";
+                let want = "grab, probe, scalpel or suture: only these begin while the body moves";
                 return Err(SimError::value(self.name(), "kind", entry.kind(), want));
             }
         }

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::SimError;
 use crate::haptic::{CoupledDevice, ForceModel, HapticOptions, VirtualCoupling, force_model};
 use crate::report::StepReport;
-use crate::scene::{GrabEntry, ProbeEntry, Region, ToolEntry};
+use crate::scene::{AblationEntry, GrabEntry, ProbeEntry, Region, ToolEntry};
 use crate::step::Simulation;
 use crate::tools::Pose;
 
@@ -29,7 +29,8 @@ impl Drawn {
         let mut drawn = Self::default();
         match entry {
             ToolEntry::Grab(GrabEntry { region: Region::Sphere { radius_m, .. }, .. })
-            | ToolEntry::Probe(ProbeEntry { radius_m, .. }) => {
+            | ToolEntry::Probe(ProbeEntry { radius_m, .. })
+            | ToolEntry::Suture(AblationEntry { radius_m, .. }) => {
                 drawn.radius_mm = Some(1e3 * radius_m);
             }
             ToolEntry::Scalpel(blade) => drawn.edge_mm = Some(blade.edge_m.map(|x| 1e3 * x)),

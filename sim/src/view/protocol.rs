@@ -51,6 +51,8 @@ pub(super) enum Request {
     /// Puts a blade there by its tip, scanner RAS, mm, with the other end of its edge `edge_mm` from there, scanner axes,
     /// mm: what it sweeps over from then on is cut.
     Cut { hand: u8, tip_mm: [f64; 3], edge_mm: [f64; 3] },
+    /// Puts a ball there, scanner RAS, mm, that joins the cut faces in it.
+    Sew { hand: u8, centre_mm: [f64; 3], radius_mm: f64 },
     /// Where a hand is from where it took hold, scanner axes, mm; `stamp` comes back in the picture that
     /// shows it.
     Move { hand: u8, move_mm: [f64; 3], stamp: u32 },
@@ -92,7 +94,8 @@ impl Request {
     fn check(&self) -> Result<(), String> {
         match self {
             Self::Grab { hand, rest_mm: at, radius_mm }
-            | Self::Press { hand, centre_mm: at, radius_mm } => {
+            | Self::Press { hand, centre_mm: at, radius_mm }
+            | Self::Sew { hand, centre_mm: at, radius_mm } => {
                 check_hand(*hand)?;
                 check_place("the place", at)?;
                 match RADII_MM.contains(radius_mm) {
@@ -211,6 +214,7 @@ mod tests {
             (r#"{"do":"grab","hand":0,"rest_mm":[1,2,1e999],"radius_mm":1}"#, "out of range"),
             (r#"{"do":"grab","hand":99,"rest_mm":[1,2,3],"radius_mm":1}"#, "hand is 99"),
             (r#"{"do":"press","hand":1,"centre_mm":[1,2,3],"radius_mm":0}"#, "radius_mm is 0"),
+            (r#"{"do":"sew","hand":1,"centre_mm":[1,2,3],"radius_mm":-4}"#, "radius_mm is -4"),
             (r#"{"do":"cut","hand":1,"tip_mm":[1,2,3],"edge_mm":[0,0,0]}"#, "edge_mm is 0 mm long"),
             (r#"{"do":"cut","hand":1,"tip_mm":[1,2,3],"edge_mm":[0,0,900]}"#, "edge_mm is 900 mm"),
             (r#"{"do":"cut","hand":11,"tip_mm":[1,2,3],"edge_mm":[0,0,9]}"#, "hand is 11"),

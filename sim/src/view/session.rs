@@ -19,7 +19,9 @@ use super::recording::Recording;
 use super::side::{Answer, Beside, HandKey, STILL_STEPS, Side};
 use super::state::{Standing, quoted};
 use crate::SimError;
-use crate::scene::{GrabEntry, GrabHold, ProbeEntry, Region, ScalpelEntry, ToolEntry};
+use crate::scene::{
+    AblationEntry, GrabEntry, GrabHold, ProbeEntry, Region, ScalpelEntry, ToolEntry,
+};
 
 /// The most steps of a simulation that hands are on: their paths are kept.
 const MOST_STEPS: usize = 200_000;
@@ -222,6 +224,21 @@ impl Session {
                     edge_m: edge_mm.map(|x| 1e-3 * x),
                     level: Some(mesh.finest_level().min(mesh.start_level + FINER)),
                     toughness_j_m2: None,
+                    path: Vec::new(),
+                    path_csv: None,
+                    begin_s: None,
+                    release_s: None,
+                });
+                self.take((page, hand), entry)
+            }
+            Request::Sew { hand, centre_mm, radius_mm } => {
+                let entry = ToolEntry::Suture(AblationEntry {
+                    centre: None,
+                    centre_mm: Some(centre_mm),
+                    centre_voxel: None,
+                    radius_m: radius_mm * 1e-3,
+                    labels: Vec::new(),
+                    becomes: None,
                     path: Vec::new(),
                     path_csv: None,
                     begin_s: None,
@@ -448,7 +465,10 @@ fn changes(orders: &Orders) -> Result<Vec<String>, SimError> {
     let mut changes = orders.set.clone();
     let is_set = |key: &str| orders.set.iter().any(|one| one.trim_start().starts_with(key));
     let is_hand = |tool: &ToolEntry| {
-        matches!(tool, ToolEntry::Grab(_) | ToolEntry::Probe(_) | ToolEntry::Scalpel(_))
+        matches!(
+            tool,
+            ToolEntry::Grab(_) | ToolEntry::Probe(_) | ToolEntry::Scalpel(_) | ToolEntry::Suture(_)
+        )
     };
     let has_goal = scene.refinement.goal.is_some() || scene.stages.indicator == "goal";
     if !orders.play && !has_goal && scene.tools.iter().all(is_hand) && !is_set("tools") {

@@ -12,7 +12,7 @@ use super::{ALONE, LOBE, READY, View, number, pair, runs_again};
 const TRIANGLES: &str = "return yawara.body.surfaces[0].mesh.geometry.index.count / 3";
 
 #[test]
-fn a_blade_opens_the_liver_and_what_it_did_is_run_again() {
+fn a_blade_opens_the_liver_a_suture_closes_it_and_what_was_done_is_run_again() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(page) = Browser::open(1100, 760) else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -49,6 +49,17 @@ fn a_blade_opens_the_liver_and_what_it_did_is_run_again() {
     page.run("document.getElementById('save').click()");
     page.wait("document.getElementById('command').textContent.includes('001')");
     let felt = page.run("return felt");
+    page.let_go();
+    // Sewn again it is whole.
+    page.wait("yawara.last.at_rest");
+    page.run(
+        "document.querySelector('input[value=sew]').click();
+         const radius = document.getElementById('radius');
+         radius.value = 40;
+         radius.dispatchEvent(new Event('input'));",
+    );
+    page.drag([at[0] + 20.0, at[1]], &way);
+    page.wait(&format!("yawara.body.surfaces[0].mesh.geometry.index.count / 3 === {whole}"));
     page.let_go();
     runs_again(&kept.join("001/run"), &felt);
     let summary = fs::read_to_string(kept.join("001/run/summary.json")).unwrap();

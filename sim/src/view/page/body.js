@@ -356,7 +356,7 @@ export class Body {
       const at = new THREE.Vector3(...tool.reference_mm);
       const force = new THREE.Vector3(...tool.force_n);
       const size = force.length();
-      if (tool.kind === 'probe' && tool.radius_mm) {
+      if ((tool.kind === 'probe' || tool.kind === 'suture') && tool.radius_mm) {
         const ball = new THREE.Mesh(new THREE.SphereGeometry(tool.radius_mm, 32, 20), new THREE.MeshStandardMaterial({ color: 0x8a9099, roughness: 0.35, transparent: true, opacity: 0.8 }));
         ball.position.copy(at);
         this.tools.push(ball);

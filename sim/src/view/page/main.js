@@ -355,6 +355,9 @@ function take(x, y, pointer, of = body) {
   if (kind === 'grab') {
     hand.start = hit.point.clone();
     say({ do: 'grab', hand: id, rest_mm: hit.rest.toArray(), radius_mm: radius });
+  } else if (kind === 'sew') {
+    hand.start = hit.point.clone();
+    say({ do: 'sew', hand: id, centre_mm: hand.start.toArray(), radius_mm: radius });
   } else if (kind === 'cut') {
     // A blade along the view; what it sweeps over is cut as deep as the slider says.
     const depth = Number(get('depth').value);
