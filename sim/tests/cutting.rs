@@ -64,6 +64,8 @@ fn a_bar_that_is_cut_through_is_two_that_do_not_pull_at_each_other() {
         assert_eq!(tool.parked, 1);
         assert!((tool.cut_cm2 - 16.0).abs() < 0.5, "{} cm²", tool.cut_cm2);
         assert!((tool.cut_j - 50.0 * 1e-4 * tool.cut_cm2).abs() < 1e-12);
+        // In one step of 50 mm.
+        assert!((tool.force_max_n - tool.cut_j / 0.05).abs() < 1e-9, "{} N", tool.force_max_n);
         assert!(force(&cut) < 0.01 * whole, "{} of {whole} N", force(&cut));
         assert!(summary.inverse.drift_max < 1e-8, "{:?}", summary.inverse);
     }

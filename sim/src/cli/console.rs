@@ -175,11 +175,15 @@ fn inverse_words(inverse: &InverseSummary) -> String {
 
 /// What a tool has cut, or closed.
 fn cut_words(number: usize, tool: &ToolSummary) -> String {
-    let ToolSummary { kind, cut_cm2, cut_j, doubled, closed, refused, parked, .. } = tool;
+    let ToolSummary { kind, cut_cm2, cut_j, force_max_n, doubled, closed, refused, parked, .. } =
+        tool;
     let mut all = vec![match *closed > 0 {
         true => format!("{closed} doubled vertices made one again"),
         false => format!("{cut_cm2:.2} cm², {cut_j:.2e} J, {doubled} vertices doubled"),
     }];
+    if *cut_j > 0.0 {
+        all.push(format!("at most {force_max_n:.3} N"));
+    }
     if *parked > 0 {
         let what = if *parked == 1 {
             "piece that nothing supports"

@@ -91,6 +91,7 @@ pub(super) mod tests {
             tets: 3000,
             splits: 4,
             merges: 5,
+            edits: 0,
             waiting: 11,
             iterations: 6,
             substeps: 2,

@@ -10,7 +10,8 @@ pub struct ToolReport {
     /// Its kind, as in the scene.
     pub kind: &'static str,
     /// Force of the tool on the body in scanner axes, N: Σ (f_int − f_ext) over what a grab holds,
-    /// Σ λ n over what a probe pushes, the load of a pressure, a load.
+    /// Σ λ n over what a probe pushes, the load of a pressure, a load. Of a scalpel what its cut takes by
+    /// `toughness_j_m2`, which goes into the new surfaces: the body does not feel it.
     pub force_n: [f64; 3],
     /// How far the size of the force is from that on a mesh without end, N; none where it is not known.
     pub force_error_n: Option<f64>,
@@ -90,6 +91,8 @@ pub(crate) struct Edited {
     pub labels_cm3: BTreeMap<i64, f64>,
     pub cut_m2: f64,
     pub work_j: f64,
+    /// Of the blade on the body, scanner axes, N: the work over the way of the middle of its edge, along that.
+    pub force_n: [f64; 3],
     pub doubled: usize,
     pub closed: usize,
     pub refused: usize,

@@ -370,6 +370,12 @@ impl Blade {
         (d - a).cross(&(c - b)).try_normalize(0.0)
     }
 
+    /// How far the middle of its edge goes.
+    pub(super) fn way(&self) -> Vector3<f64> {
+        let [[a, b], [c, d]] = self.edges;
+        0.5 * (c + d - a - b)
+    }
+
     /// The box around that surface.
     pub(super) fn bounds(&self) -> [Vector3<f64>; 2] {
         let all = self.edges.as_flattened();

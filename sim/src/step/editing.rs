@@ -90,6 +90,9 @@ impl Simulation {
                     before.get_or_insert_with(|| state.energy_j());
                     edited.parked = content.follow_cut(&delta, &faces, state, inverse, gravity)?;
                     (edited.cut_m2, edited.work_j) = (area_m2, toughness_j_m2 * area_m2);
+                    let way = blade.way();
+                    let force = edited.work_j / way.norm_squared() * way;
+                    edited.force_n = self.recorder.axes.to_ras_direction(&force).into();
                     edited.doubled = delta.doubled.len();
                 }
                 Edit::Close { sweep, radius_m } => {

@@ -164,6 +164,9 @@ impl Simulation {
         let (edited, splits) = self.edit(span)?;
         outcome.report.splits += splits;
         outcome.report.edits = edited.len();
+        for one in edited.iter().filter(|one| one.work_j > 0.0) {
+            outcome.report.tools[one.tool].force_n = one.force_n;
+        }
         let state = &self.body.state;
         (outcome.report.vertices, outcome.report.tets) = (state.vertex_count(), state.tet_count());
         if self.is_written(step) {

@@ -222,7 +222,12 @@ mod tests {
             number: 7,
             generation: 1,
             text: "{}".into(),
-            surfaces: vec![Surface { rest, moved: vec![[1; 3]; PIECE + 3], changed: vec![3, 7] }],
+            surfaces: vec![Surface {
+                rest,
+                since: 2,
+                moved: vec![[1; 3]; PIECE + 3],
+                changed: vec![3, 7],
+            }],
             voxels: Some(Arc::new(Voxels {
                 dims: [3, 1, 1],
                 to_voxels: [[0.0; 4]; 3],
@@ -250,6 +255,11 @@ mod tests {
         assert_eq!(of(4, 1), [&[last][..], &mesh].concat());
         assert_eq!(of(6, 1), [&[last][..], &mesh[2..]].concat());
         assert_eq!(of(7, 1), [[0; 4]; 0]);
+        // A surface that is another than the page has seen comes with where it rests.
+        let mut cut = picture.clone();
+        (cut.surfaces[0].since, cut.surfaces[0].changed) = (7, vec![7, 7]);
+        let bytes = cut.encode(Seen { number: 6, generation: 1 });
+        assert_eq!(blocks(&bytes, size), [&[rest, piece, last][..], &mesh[2..]].concat());
         let alone = |with_rest| blocks(&picture.encode_alone(with_rest), size);
         assert_eq!(alone(true), whole);
         assert_eq!(alone(false), [&[piece, last][..], &mesh].concat());
