@@ -229,12 +229,15 @@ fn body_of_a_wrong_size() {
     let topology = "mesh.topology=components";
     for (beside, named) in [
         ("output.checkpoint_steps=2", "output.checkpoint_steps"),
-        ("output.surfaces=[{ label = 1 }]", "output.surfaces"),
         ("stages.homogenisation=kharevych", "mesh.topology"),
     ] {
         let set = run_with(&["--set", topology, "--set", beside]);
         bar().refused(&set, &["components", named]);
     }
+    let level = ["--set", "mesh.apart_level=1"];
+    bar().refused(&run_with(&level), &["mesh.apart_level", "topology"]);
+    let apart = ["--set", topology, "--set", "mesh.apart_level=30"];
+    bar().refused(&run_with(&apart), &["mesh.apart_level is 30", "max_level"]);
     bar().refused(&run_with(&["--set", "mesh.base_mm=1e9"]), &["mesh.base_mm is 1000000000", "80"]);
 }
 

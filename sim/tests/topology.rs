@@ -56,7 +56,7 @@ fn lobes_pull_at_each_other_only_where_tetrahedra_hold_them_together() {
     };
     let fine = force(&mut with("merged", 6));
     let mut apart = with("components", 6);
-    assert!(mesh_row(&apart).contains("0 vertices came in"), "{}", mesh_row(&apart));
+    assert!(mesh_row(&apart).contains("0 vertices came in for that"), "{}", mesh_row(&apart));
     assert!((force(&mut apart) / fine - 1.0).abs() < 1e-9);
     for level in [0, 3] {
         let (mut merged, mut apart) = (with("merged", level), with("components", level));
@@ -77,6 +77,30 @@ fn a_mesh_refines_around_what_is_apart() {
     let before = simulation.body().vertex_count();
     assert!(force(&mut simulation) > 0.0);
     assert!(simulation.body().vertex_count() > before);
+}
+
+#[test]
+fn a_mesh_is_refined_where_it_is_taken_apart() {
+    // Nothing is refined for later: no error is too large.
+    let with = |level: u8| {
+        let mesh = format!("max_level = 6, topology = 'components', apart_level = {level}");
+        pulled(between_lobes, &mesh, &["refinement.target=0.99"])
+    };
+    let fine = force(&mut pulled(between_lobes, "start_level = 6, topology = 'components'", &[]));
+    let mut last = f64::INFINITY;
+    for level in [0, 3, 6] {
+        let mut simulation = with(level);
+        let topology = simulation.summary().unwrap().body.unwrap().topology;
+        assert_eq!(topology.refined > 0, level > 0, "{level}: {topology:?}");
+        // The fissure is a voxel wide, and level 6 as fine as voxels.
+        assert_eq!(topology.doubled > 0, level < 6, "{level}: {topology:?}");
+        let off = force(&mut simulation) / fine - 1.0;
+        assert!(off > 0.0 && off < last, "{level}: {off} after {last}");
+        last = off;
+    }
+    let by_itself = pulled(between_lobes, "max_level = 6, topology = 'components'", &[]);
+    let of_three = with(3).summary().unwrap().body.unwrap().topology;
+    assert_eq!(by_itself.summary().unwrap().body.unwrap().topology, of_three);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use yawara_embed::Material;
 use yawara_mesh::volume::LabelVolume;
 use yawara_mesh::{
-    BisectionForest, CellGrid, Domain, LabelTree, Lattice, Part, Placement, TetId, VertexId,
+    BisectionForest, CellGrid, Domain, LabelTree, Lattice, Part, Placement, VertexId,
 };
 
 use super::axes::ScannerAxes;
@@ -97,10 +97,10 @@ impl ImageBody {
         setup.drop_unheld_components(scene)?;
         setup.summary.label_refinement =
             label_refinement::refine(&mut setup.forest, scene, &setup.places, &placement)?;
-        let unjoined = setup.forest.unjoined();
-        setup.summary.topology.unjoined = unjoined.len();
-        if !scene.mesh.topology.is_merged() {
-            setup.separate(scene, &unjoined)?;
+        if scene.mesh.topology.is_merged() {
+            setup.summary.topology.unjoined = setup.forest.unjoined().len();
+        } else {
+            setup.separate(scene)?;
         }
         setup.solid = vec![false; setup.forest.vertex_capacity()];
         for v in setup.forest.vertices() {
@@ -110,10 +110,15 @@ impl ImageBody {
     }
 
     /// Takes apart what no face of a voxel joins.
-    fn separate(&mut self, scene: &Scene, unjoined: &[TetId]) -> Result<(), SimError> {
+    fn separate(&mut self, scene: &Scene) -> Result<(), SimError> {
+        let limit = scene.mesh.max_vertices;
+        let before = self.forest.vertex_count();
+        let unjoined = self.forest.refine_unjoined(scene.mesh.apart_level(), limit)?;
+        self.summary.topology.refined = self.forest.vertex_count() - before;
+        self.summary.topology.unjoined = unjoined.len();
         let whole = self.forest.clone();
-        let delta = self.forest.separate(unjoined)?;
-        let (count, limit) = (self.forest.vertex_count(), scene.mesh.max_vertices);
+        let delta = self.forest.separate(&unjoined)?;
+        let count = self.forest.vertex_count();
         if count > limit {
             return Err(SimError::TooManyVertices { count, limit });
         }

@@ -141,6 +141,8 @@ pub struct BodySummary {
 /// Material that shares tetrahedra or vertices of the start mesh with such as no face of a voxel joins it to near by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct TopologySummary {
+    /// Vertices that came in where it is to be apart, before it was taken apart.
+    pub refined: usize,
     /// Tetrahedra around the vertices that it shares.
     pub unjoined: usize,
     /// Of these, those that are there several times if it is apart.

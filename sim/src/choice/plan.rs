@@ -146,7 +146,7 @@ fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
             );
         }
     }
-    let TopologySummary { unjoined, doubled, vertices, .. } = setup.summary.topology;
+    let TopologySummary { refined, unjoined, doubled, vertices, .. } = setup.summary.topology;
     if unjoined > 0 && scene.mesh.topology.is_merged() {
         why += &format!(
             "; {unjoined} tetrahedra hold together what no face of a voxel joins near by \
@@ -154,8 +154,8 @@ fn mesh(scene: &Scene, setup: &ImageBody) -> PlanRow {
         );
     } else if !scene.mesh.topology.is_merged() {
         why += &format!(
-            "; what no face of a voxel joins near by is apart: {doubled} tetrahedra are there several times and are not split, \
-             {vertices} vertices came in"
+            "; what no face of a voxel joins near by is apart: {refined} vertices came in to refine there, \
+             {doubled} tetrahedra are there several times and are not split, {vertices} vertices came in for that"
         );
     }
     row("mesh", "bisection", true, why)

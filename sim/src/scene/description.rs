@@ -253,7 +253,14 @@ pub struct MeshOptions {
     /// Whether material that only shares tetrahedra of the start mesh hangs together.
     #[serde(default, skip_serializing_if = "Topology::is_merged")]
     pub topology: Topology,
+    /// Level down to which tetrahedra around what nothing joins are bisected before it is taken apart, in the topology
+    /// `components`; three beyond `start_level` if absent, or the finest if that is less.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub apart_level: Option<u8>,
 }
+
+/// By so many levels the mesh is finer where parts of it are taken apart, unless a scene says otherwise: half the edges.
+const APART_LEVELS: u8 = 3;
 
 /// What hangs together in the start mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -278,6 +285,12 @@ impl MeshOptions {
     /// Finest level the simulation may refine to.
     pub fn finest_level(&self) -> u8 {
         self.max_level.unwrap_or(self.start_level)
+    }
+
+    /// Level down to which it is refined around what is to be apart.
+    pub(crate) fn apart_level(&self) -> u8 {
+        let absent = || self.finest_level().min(self.start_level.saturating_add(APART_LEVELS));
+        self.apart_level.unwrap_or_else(absent)
     }
 
     /// Whether the simulation may refine at all.

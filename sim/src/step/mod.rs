@@ -5,7 +5,7 @@
 //! tools from `tool_loads`, starting from what `predictor` expects, with inertia by `dynamics`, vertices `held` by tools and
 //! probes by `contact`, in parts as long as `pace` allows; `missed` says where it fails. `refinement`
 //! splits and merges the mesh of `content` where the [`indicator`] and `marking` ask for it, and estimates how far
-//! `figures` are from those of a finer one; `tool_forces` measures what tools feel, and `ledger` whose work became which
+//! `figures` are from those of a finer one, as far as `measuring` asks and what was found has not `stood`; `tool_forces` measures what tools feel, and `ledger` whose work became which
 //! energy, with what `slips` from under tools when the mesh changes. `hands` has tools come, go where they are led and
 //! let go while the simulation runs, `editing` changes the labels that they change; `holding` puts what they hold into the body. `keeping` takes all of the state out as
 //! a `checkpoint` and makes it again from its `beginning`.
@@ -39,6 +39,7 @@ mod settling;
 mod simulation;
 mod slips;
 mod span;
+mod stood;
 mod tool_forces;
 mod tool_loads;
 

@@ -33,7 +33,9 @@ pub fn write_html(run: &Run, path: &Path) -> Result<f64, SimError> {
         quantum_mm = snapshot.quantum_mm;
         let picture = painter.paint(snapshot)?;
         let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
-        packed.write_all(&picture.encode_alone(number == 0)).map_err(io)?;
+        // Pictures are shown in any order.
+        let with_rest = number == 0 || !run.has_one_surface();
+        packed.write_all(&picture.encode_alone(with_rest)).map_err(io)?;
         pictures.push(STANDARD.encode(packed.finish().map_err(io)?));
     }
     let recording = json!({ "state": standing(run), "pictures": pictures });

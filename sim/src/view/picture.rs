@@ -101,7 +101,7 @@ impl Picture {
         out.extend(self.text.as_bytes());
         out.resize(8 + padded, b' ');
         for (number, surface) in self.surfaces.iter().enumerate() {
-            if with_rest || surface.since > since {
+            if with_rest || (since > 0 && surface.since > since) {
                 surface.rest.encode(number, &mut out);
             }
             for (piece, moved) in surface.moved.chunks(PIECE).enumerate() {

@@ -12,6 +12,7 @@ use crate::bisection::delta::{Tet, TetId};
 use crate::bisection::forest::BisectionForest;
 use crate::bisection::geometry::FACES;
 use crate::bisection::kuhn::Point;
+use crate::bisection::refine::Region;
 
 /// Parts of leaves that hang together.
 type Body = BTreeSet<Place>;
@@ -88,6 +89,26 @@ impl BisectionForest {
         }
         let leaves = loose.iter().flat_map(|p| &around[p]).map(|&leaf| leaves[leaf].tet.id);
         leaves.collect::<BTreeSet<TetId>>().into_iter().collect()
+    }
+
+    /// Bisects, with closure, the leaves that [`unjoined`](Self::unjoined) finds until they are at `level`, or the mesh would
+    /// have more than `max_vertices`. Returns those that it finds then.
+    ///
+    /// Cost: of [`unjoined`](Self::unjoined) and [`refine_where`](Self::refine_where), as often as leaves are split.
+    /// # Errors
+    /// As [`refine_where`](Self::refine_where).
+    pub fn refine_unjoined(
+        &mut self,
+        level: u8,
+        max_vertices: usize,
+    ) -> Result<Vec<TetId>, BisectionError> {
+        loop {
+            let unjoined = self.unjoined();
+            let has = |_: &Self, tet: &Tet| unjoined.binary_search(&tet.id).is_ok();
+            if self.refine_where(level, max_vertices, Region::Everywhere, &has)?.added == 0 {
+                return Ok(unjoined);
+            }
+        }
     }
 
     fn filled(&self) -> Vec<Filled> {

@@ -170,9 +170,20 @@ impl Check<'_> {
 
     /// What the body can't be beside that hangs together by material alone.
     fn topology(&self, scene: &Scene) -> Result<(), SimError> {
-        let topology = scene.mesh.topology;
-        if topology.is_merged() {
-            return Ok(());
+        let mesh = &scene.mesh;
+        if mesh.topology.is_merged() {
+            let want = "no such key without mesh.topology = \"components\"";
+            return self.that(
+                mesh.apart_level.is_none(),
+                "mesh.apart_level",
+                mesh.apart_level,
+                want,
+            );
+        }
+        if let Some(level) = mesh.apart_level {
+            let (least, most) = (mesh.start_level, mesh.finest_level());
+            let want = format!("from start_level, {least}, to max_level, {most}");
+            self.that((least..=most).contains(&level), "mesh.apart_level", level, &want)?;
         }
         let refused = |is_there: bool, beside: &str| {
             let want = format!("\"merged\" beside {beside}");

@@ -17,6 +17,10 @@ impl Indicator for Energy {
         "energy"
     }
 
+    fn remembers(&self) -> bool {
+        false
+    }
+
     fn unit(&self) -> &'static str {
         "J"
     }

@@ -27,6 +27,10 @@ impl Indicator for Goal {
         "goal"
     }
 
+    fn remembers(&self) -> bool {
+        false
+    }
+
     fn unit(&self) -> &'static str {
         "of the goal"
     }

@@ -32,6 +32,10 @@ impl Indicator for Residual {
         "residual"
     }
 
+    fn remembers(&self) -> bool {
+        false
+    }
+
     fn unit(&self) -> &'static str {
         "J"
     }

@@ -114,6 +114,12 @@ pub trait Indicator: Send {
         None
     }
 
+    /// Whether what it says may be another while the body stands as it stood. One that says it does not is not asked
+    /// again until something moves.
+    fn remembers(&self) -> bool {
+        true
+    }
+
     /// Whether [`elements`](Self::elements) says the errors of energy and of figures. Duals are made for one
     /// that does.
     fn estimates(&self) -> bool {

@@ -17,6 +17,10 @@ impl Indicator for Rotation {
         "rotation"
     }
 
+    fn remembers(&self) -> bool {
+        false
+    }
+
     fn unit(&self) -> &'static str {
         "m"
     }

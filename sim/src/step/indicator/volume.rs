@@ -16,6 +16,10 @@ impl Indicator for Volume {
         "volume"
     }
 
+    fn remembers(&self) -> bool {
+        false
+    }
+
     fn unit(&self) -> &'static str {
         "1"
     }
