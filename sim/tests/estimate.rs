@@ -1,6 +1,10 @@
 //! The error estimate against the error itself, and refinement to a target.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use nalgebra::Vector3;
+use yawara::indicator::{Indicator, Measured, Residual, RingMember, Sight};
 use yawara::report::StepReport;
 use yawara::{Simulation, Stages, scene_file};
 
@@ -197,7 +201,45 @@ fn a_fixed_mesh_is_measured_where_a_frame_is_written() {
     }
 }
 
-/// A pull, a hand that stands still until 1 s, then goes on until 1.2 s.
+/// `residual`, counting how often it is asked.
+struct Counted(Residual, Arc<AtomicUsize>);
+
+impl Indicator for Counted {
+    fn name(&self) -> &'static str {
+        "counted"
+    }
+
+    fn unit(&self) -> &'static str {
+        self.0.unit()
+    }
+
+    fn measure(&self, ring: &[RingMember]) -> f64 {
+        self.0.measure(ring)
+    }
+
+    fn measure_vertex(&self, ring: &[RingMember], surplus: &Vector3<f64>) -> f64 {
+        self.0.measure_vertex(ring, surplus)
+    }
+
+    fn elements(&self, sight: &Sight<'_>) -> Option<Measured> {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.elements(sight)
+    }
+
+    fn error_over_sum(&self) -> Option<f64> {
+        self.0.error_over_sum()
+    }
+
+    fn remembers(&self) -> bool {
+        self.0.remembers()
+    }
+
+    fn estimates(&self) -> bool {
+        self.0.estimates()
+    }
+}
+
+/// A pull until .5 s, a hand that stands still until 1 s, then goes on until 1.2 s.
 #[test]
 fn what_stands_still_is_measured_once_and_again_when_it_moves() {
     let set = [
@@ -210,24 +252,32 @@ fn what_stands_still_is_measured_once_and_again_when_it_moves() {
             .into(),
     ];
     let (scene, _) = scene_file::load("beam", &set).unwrap();
-    let mut simulation = Simulation::builder(&scene).build().unwrap();
-    let reports: Vec<StepReport> = (0..24).map(|_| simulation.step().unwrap()).collect();
-    assert!(reports.iter().all(|report| report.converged && report.error_estimate.is_some()));
-    let is_measured = |report: &&StepReport| report.times.indicator_ms > 0.0;
-    assert_eq!(reports[..10].iter().filter(is_measured).count(), 10);
+    let asked = Arc::new(AtomicUsize::new(0));
+    let indicator = Box::new(Counted(Residual::default(), asked.clone()));
+    let stages = Stages { indicator, ..Stages::by_name(&scene.stages).unwrap() };
+    let mut simulation = Simulation::new(&scene, stages).unwrap();
+    let mut step = || {
+        let before = asked.load(Ordering::Relaxed);
+        let report = simulation.step().unwrap();
+        assert!(report.converged && report.error_estimate.is_some(), "{report:?}");
+        (asked.load(Ordering::Relaxed) - before, report)
+    };
+    let steps: Vec<(usize, StepReport)> = (0..24).map(|_| step()).collect();
+    assert!(steps[..10].iter().chain(&steps[20..]).all(|(asked, _)| *asked == 1));
     // Until no vertex comes or goes any more, and each has been there for as long as it has to be.
     let stands = |i: &usize| {
-        reports[i - 4..=*i].iter().all(|one| one.iterations + one.splits + one.merges == 0)
+        let is_still = |one: &StepReport| one.iterations + one.splits + one.merges == 0;
+        steps[i - 4..=*i].iter().all(|(_, one)| is_still(one))
     };
     let still: Vec<usize> = (14..20).filter(stands).collect();
     assert!(!still.is_empty());
     for i in still {
-        assert!(!is_measured(&&reports[i]), "step {}", i + 1);
-        assert_eq!(reports[i].error_estimate, reports[i - 1].error_estimate);
-        assert_eq!(reports[i].tools[0].force_error_n, reports[i - 1].tools[0].force_error_n);
+        let ((asked, report), (_, before)) = (&steps[i], &steps[i - 1]);
+        assert_eq!(*asked, 0, "step {}", i + 1);
+        assert_eq!(report.error_estimate, before.error_estimate);
+        assert_eq!(report.tools[0].force_error_n, before.tools[0].force_error_n);
     }
-    assert_eq!(reports[20..].iter().filter(is_measured).count(), 4);
-    assert!(reports[23].error_estimate != reports[19].error_estimate);
+    assert!(steps[23].1.error_estimate != steps[19].1.error_estimate);
 }
 
 #[test]

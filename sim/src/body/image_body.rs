@@ -115,6 +115,10 @@ impl ImageBody {
         let before = self.forest.vertex_count();
         let unjoined = self.forest.refine_unjoined(scene.mesh.apart_level(), limit)?;
         self.summary.topology.refined = self.forest.vertex_count() - before;
+        if self.summary.topology.refined > 0 {
+            // Coarser again it would hang together.
+            self.forest.make_floor();
+        }
         self.summary.topology.unjoined = unjoined.len();
         let whole = self.forest.clone();
         let delta = self.forest.separate(&unjoined)?;

@@ -254,7 +254,7 @@ pub struct MeshOptions {
     #[serde(default, skip_serializing_if = "Topology::is_merged")]
     pub topology: Topology,
     /// Level down to which tetrahedra around what nothing joins are bisected before it is taken apart, in the topology
-    /// `components`; three beyond `start_level` if absent, or the finest if that is less.
+    /// `components`, which merging keeps; three beyond `start_level` if absent, or the finest if that is less.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub apart_level: Option<u8>,
 }

@@ -1,5 +1,7 @@
 //! What is measured after a step: how far figures are off, and what the mesh wants.
 
+use std::time::Instant;
+
 use super::equilibrium::Acting;
 use super::figures::{self, Figure};
 use super::indicator::{Dual, Sight};
@@ -8,7 +10,7 @@ use super::refinement::Estimates;
 use super::simulation::{SimulatedBody, Simulation};
 use super::stood::{Found, Stood};
 use crate::error::SimError;
-use crate::report::{GoalReport, StageTimes, StepReport, ToolReport};
+use crate::report::{GoalReport, StageTimes, StepReport, ToolReport, milliseconds};
 
 impl Simulation {
     /// The estimates of a step, and, if it `ranks`, what the mesh wants; returns what the body stores then, J.
@@ -21,11 +23,15 @@ impl Simulation {
         felt: &mut [ToolReport],
         report: &mut StepReport,
     ) -> Result<Option<f64>, SimError> {
+        let begin = Instant::now();
         let SimulatedBody { state, refiner, .. } = &self.body;
         let remembers = refiner.as_ref().is_some_and(|refiner| refiner.rules.indicator.remembers());
         let known = self.stood.as_ref().filter(|stood| !remembers && stood.is(state, felt, ranks));
         let found = match known {
-            Some(stood) => stood.found.clone(),
+            Some(stood) => {
+                report.times.indicator_ms = milliseconds(begin);
+                stood.found.clone()
+            }
             None => {
                 let found = self.find(step, ranks, felt, &mut report.times)?;
                 let SimulatedBody { state, refiner, .. } = &self.body;
