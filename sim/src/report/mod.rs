@@ -11,8 +11,8 @@ mod failure;
 mod fields;
 mod kept;
 mod made_by;
-#[cfg(feature = "view")]
 mod opened;
+#[cfg(feature = "view")]
 mod outer_faces;
 mod recorder;
 mod records;
