@@ -48,11 +48,14 @@ impl Simulation {
             Some(rest) => rest,
             None => Box::new(Start::new(&self.scene, None)?),
         };
-        let made = self.make(&rest, &mut entry);
+        let refiner = self.body.refiner.as_ref().filter(|_| entry.edits());
+        let may = refiner.map_or(Ok(()), |refiner| {
+            is_of_parts(&refiner.content.embedding, &self.scene.name, EDITS)
+        });
+        let made = may.and_then(|()| self.make(&rest, &mut entry));
         if let (true, Origin::Image(body), Some(refiner)) =
             (entry.edits() && made.is_ok(), &rest.origin, &mut self.body.refiner)
         {
-            is_of_parts(&refiner.content.embedding, &self.scene.name, EDITS)?;
             refiner.content.volume.get_or_insert_with(|| Arc::new(body.volume.clone()));
         }
         self.rest = Some(rest);
