@@ -230,13 +230,16 @@ impl Painter {
     fn lay(
         &mut self,
         at: usize,
-        rest_mm: impl Iterator<Item = Vector3<f64>>,
+        rest_mm: impl Iterator<Item = Vector3<f64>> + Clone,
         triangles: &[[u32; 3]],
         number: u64,
     ) {
+        let known = self.last.surfaces.get_mut(at);
+        if known.as_ref().is_some_and(|known| known.rest.is(rest_mm.clone(), triangles)) {
+            return;
+        }
         let new = Surface::at_rest(rest_mm, triangles, number);
-        match self.last.surfaces.get_mut(at) {
-            Some(known) if known.rest == new.rest => {}
+        match known {
             Some(known) => *known = new,
             None => self.last.surfaces.push(new),
         }

@@ -25,7 +25,6 @@ use super::voxels::Voxels;
 pub(super) const PIECE: usize = 512;
 
 /// A surface as it rests.
-#[derive(PartialEq)]
 pub(super) struct SurfaceAtRest {
     pub points_mm: Vec<[f32; 3]>,
     pub triangles: Vec<[u32; 3]>,
@@ -155,6 +154,18 @@ impl Surface {
 }
 
 impl SurfaceAtRest {
+    /// Whether it is one of these points, mm, and triangles.
+    pub fn is(
+        &self,
+        mut points_mm: impl Iterator<Item = Vector3<f64>>,
+        triangles: &[[u32; 3]],
+    ) -> bool {
+        let same = |own: &[f32; 3]| {
+            points_mm.next().is_some_and(|x| <[f32; 3]>::from(x.map(|x| x as f32)) == *own)
+        };
+        self.triangles == triangles && self.points_mm.iter().all(same) && points_mm.next().is_none()
+    }
+
     fn encode(&self, number: usize, out: &mut Vec<u8>) {
         begin(out, 1, number, self.points_mm.len(), self.triangles.len());
         self.points_mm.iter().flatten().for_each(|x| out.extend(x.to_le_bytes()));
