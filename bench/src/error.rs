@@ -35,6 +35,10 @@ pub enum BenchError {
     #[cfg(feature = "gpu")]
     #[error(transparent)]
     Gpu(#[from] yawara_gpu::GpuError),
+    /// PETSc refused.
+    #[cfg(feature = "petsc")]
+    #[error(transparent)]
+    Petsc(#[from] yawara_petsc::PetscError),
     /// The simulation refused.
     #[error(transparent)]
     Sim(#[from] SimError),
@@ -112,8 +116,8 @@ pub enum BenchError {
         limit: f64,
     },
     /// A part that this program was built without.
-    #[error("{0} needs the feature `gpu`: build with --features gpu")]
-    FeatureMissing(&'static str),
+    #[error("{0} needs the feature `{1}`: build with --features {1}")]
+    FeatureMissing(&'static str, &'static str),
     /// So many processes of a program that can't share a study.
     #[error(
         "mpirun has started {0} processes, and this program can't share a study among them: build \
@@ -126,6 +130,12 @@ pub enum BenchError {
          (`pareto`, `stiff`, `extremes` and `ablation` share their cases)"
     )]
     OneProcess(usize),
+    /// So many processes of one reference.
+    #[error(
+        "mpirun has started {0} processes, and a reference of --reference petsc is made in one: make it in the same \
+         folder without mpirun (and `--only none` before the cases), then share the cases"
+    )]
+    OneReference(usize),
     /// A launcher of another MPI than the program's: how many processes each of them sees.
     #[error(
         "the launcher has started {0} processes, MPI finds {1}: start them by the mpirun of the \

@@ -11,6 +11,8 @@ mod bodies;
 mod error;
 pub mod harness;
 pub mod pareto;
+#[cfg(feature = "petsc")]
+mod petsc;
 mod solvers;
 pub mod studies;
 mod workloads;
@@ -23,6 +25,7 @@ pub use error::{BenchError, Result};
 pub use harness::machine::Machine;
 pub use harness::statistics::{median, percentile, ratios};
 pub use harness::{cases, ranks};
+pub use solvers::ReferenceBy;
 pub use solvers::accuracy::inverse_error;
 pub use solvers::direct::{DIRECT, Direct};
 pub use workloads::history::{History, Update};

@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, cracks, cut, drift, elements, endurance,
-    estimates, homogenisation, laws, mesh, meshes, pareto, reality, robust, scaling, table1, touch,
+    estimates, homogenisation, laws, mesh, meshes, pareto, reality, resolution, robust, scaling, table1, touch,
     validate,
 };
 use yawara_bench::{BenchError, ranks};
@@ -61,11 +61,14 @@ enum Study {
     Estimates(estimates::Arguments),
     /// Cases with a known solution: beams, spheres, rotation; errors and their slopes (quick: one
     /// refinement less of each).
-    Validate(Common),
+    Validate(validate::Arguments),
     /// Error against run time: every stage varied on one scene, against a converged reference.
     Pareto(pareto::Arguments),
     /// A recorded beam of silicone against its simulation, fitted to the bare beam alone (quick: one coarse mesh).
     Reality(reality::Arguments),
+    /// Bodies at the resolution of their image by PETSc, on the processes of mpirun: iterations, memory, and how far the
+    /// start mesh is off (needs the feature `petsc`).
+    Resolution(resolution::Arguments),
     /// Stiffness ratios up to 1e9 and Poisson's ratios up to .4999.
     Stiff(CaseArguments),
     /// Thin vessels, long voxels, fast tools, long steps, many updates.
@@ -110,14 +113,16 @@ impl Study {
 
 /// What is printed, and whether all is as it should be.
 fn run(study: &Study) -> Result<(String, bool), BenchError> {
-    ranks::check(study.shares_cases())?;
+    if !matches!(study, Study::Resolution(_)) {
+        ranks::check(study.shares_cases())?;
+    }
     let printed = match study {
         #[cfg(feature = "gpu")]
         Study::Table1 { arguments, gpu: true, adapter } => {
             table1::gpu::run(arguments, adapter.as_deref())
         }
         #[cfg(not(feature = "gpu"))]
-        Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing("--gpu")),
+        Study::Table1 { gpu: true, .. } => Err(BenchError::FeatureMissing("--gpu", "gpu")),
         Study::Table1 { arguments, gpu: false, .. } => table1::run(arguments),
         Study::Drift(arguments) => drift::run(arguments),
         Study::Scaling(arguments) => scaling::run(arguments),
@@ -131,6 +136,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Estimates(arguments) => estimates::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
         Study::Reality(arguments) => reality::run(arguments),
+        Study::Resolution(arguments) => resolution::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),
         Study::Extremes(arguments) => extremes::run(arguments),
@@ -159,7 +165,7 @@ fn main() -> ExitCode {
     if let Err(error) = cli.study.set_threads() {
         return refuse(&error.to_string());
     }
-    match run(&cli.study) {
+    match run(&cli.study).and_then(|done| ranks::finish().map(|()| done)) {
         Ok((report, good)) => {
             // All is in the files: a reader that leaves early misses nothing.
             let _ = write!(std::io::stdout(), "{report}");

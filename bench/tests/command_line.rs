@@ -32,6 +32,11 @@ fn bad_arguments_are_refused_in_one_paragraph() {
     refused(&["drift", "--vertices", "40000"], "--vertices is 40000");
     refused(&["drift", "--seed=-1"], "--seed");
     refused(&["inverse"], "inverse");
+    if cfg!(not(feature = "petsc")) {
+        refused(&["resolution"], "--features petsc");
+        refused(&["validate", "--reference", "petsc"], "--features petsc");
+        refused(&["pareto", "beam", "--quick", "--reference", "petsc"], "--features petsc");
+    }
     refused(&["drift", "--quik"], "--quick");
 }
 

@@ -1,12 +1,15 @@
 //! Studies under mpirun, as they are called: shared, stopped, killed, refused.
 #![cfg(feature = "mpi")]
 
+mod mpirun;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use mpirun::FLAGS;
 use serde_json::Value;
 
 /// Steps of a small beam, all quick candidates, long enough for a signal to come while they run;
@@ -27,20 +30,6 @@ const SMALL: &[&str] = &[
     "time.step_s=0.025",
     "--cap-s",
     "600",
-];
-
-/// As root, on as few cores as there are, in a container without a network.
-const FLAGS: &[&str] = &[
-    "--allow-run-as-root",
-    "--oversubscribe",
-    "--bind-to",
-    "none",
-    "--mca",
-    "plm",
-    "isolated",
-    "--mca",
-    "btl",
-    "self,vader",
 ];
 
 /// Not every launcher ends the others when one process fails: with these mpirun does not.

@@ -157,7 +157,7 @@ pub(crate) fn elements_of<'a>(
     })
 }
 
-fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
+pub(crate) fn held_box(volume: &LabelVolume) -> [Vector3<f64>; 2] {
     // A volume without a voxel inside was refused with its grid of cells.
     let [low, high] = volume.bounding_box().unwrap_or_default();
     let voxel_m = volume.grid().spacing_mm * 1e-3;

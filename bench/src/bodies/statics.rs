@@ -8,11 +8,12 @@ use yawara_corot::{
     Body, ConstitutiveLaw, Equilibrium, InternalForces, Outcome, Problem, Tolerance,
 };
 use yawara_embed::{ElementFormulation, P1, P1P1};
-use yawara_inverse_update::{InverseMaintainer, build};
+use yawara_inverse_update::InverseMaintainer;
 use yawara_mesh::{Lattice, VertexId};
 
 use crate::bodies::solid::Solid;
 use crate::error::Result;
+use crate::solvers::inverse_at_rest;
 
 /// A body, held at some vertices, on its way through equilibria.
 pub struct Statics {
@@ -83,7 +84,7 @@ impl Statics {
         let is_fixed = |v: VertexId| !free[v.index()];
         let assembly = Assembly::new(element.as_ref(), &is_fixed, &order_key);
         let slots = assembly.slots((0..free.len()).map(|v| VertexId(v as u32)));
-        let inverse = build("sparse", assembly.assemble(body.elements(), &slots)?)?;
+        let inverse = inverse_at_rest(assembly.assemble(body.elements(), &slots)?)?;
         let link = Link { slots, inverse, block: element.unknowns() };
         let positions = solid.points.clone();
         let internal = vec![Vector3::zeros(); free.len()];

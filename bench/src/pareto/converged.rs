@@ -11,6 +11,7 @@ use super::measure::{choice, run_steps};
 use super::path::Path;
 use crate::error::{BenchError, Result};
 use crate::harness::{Folder, Progress};
+use crate::solvers::ReferenceBy;
 
 /// The relative residual of its steps.
 const RESIDUAL: f64 = 1e-10;
@@ -54,25 +55,27 @@ impl Reference {
     /// The reference of `scene` on the finest uniform mesh of at most `limit` vertices: as kept in
     /// `folder` under `name`, or else computed in at most `cap_s` seconds and kept.
     ///
-    /// `laminate` down to voxels, element co-rotation, the element by plan, [`RESIDUAL`].
+    /// `laminate` down to voxels, element co-rotation, the element by plan, [`RESIDUAL`]; solved `by` the plan's inverse or
+    /// another.
     /// Cost: what a run on such a mesh costs.
     pub fn of(
         scene: &Scene,
         (limit, cap_s): (usize, f64),
         folder: &Folder,
         name: &str,
+        by: ReferenceBy,
     ) -> Result<Self> {
         let name = format!("cases/{name}.bin");
         if let Some(bytes) = folder.read(&name)? {
             let damaged = |reason: &str| BenchError::Damaged(folder.at(&name), reason.into());
             return decode(&bytes).map_err(damaged);
         }
-        let reference = Self::compute(scene, limit, cap_s)?;
+        let reference = Self::compute(scene, limit, cap_s, by)?;
         folder.write(&name, encode(&reference))?;
         Ok(reference)
     }
 
-    fn compute(scene: &Scene, limit: usize, cap_s: f64) -> Result<Self> {
+    fn compute(scene: &Scene, limit: usize, cap_s: f64, by: ReferenceBy) -> Result<Self> {
         let begin = std::time::Instant::now();
         let level = finest_level(scene, limit)?;
         let mut fine = uniform(scene, level, limit);
@@ -82,7 +85,7 @@ impl Reference {
         fine.solver.max_halvings = HALVINGS;
         fine.stages = yawara::scene::StageNames::default();
         let mut stages = Stages::by_name(&fine.stages)?;
-        stages.inverse = Deadline::after(cap_s).guard(stages.inverse);
+        stages.inverse = Deadline::after(cap_s).guard(by.factory(stages.inverse)?);
         let mut simulation = Simulation::new(&fine, stages)?;
         let points_level = level.max(scene.mesh.finest_level());
         let mut probe = simulation.probe(points_level)?;
@@ -199,10 +202,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(root.path(), &serde_json::json!({}), false).unwrap();
         let scene = beam(&["mesh.max_level=0", "time.steps=2", "tools.0.path.1.time_s=0.3"]);
-        let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
+        let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn).unwrap();
         assert_eq!((made.summary.converged, made.path.forces.len()), (2, 2));
         assert!(made.summary.residual_max <= RESIDUAL);
-        let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference").unwrap();
+        let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn).unwrap();
         assert_eq!((&kept.path, &kept.summary), (&made.path, &made.summary));
     }
 

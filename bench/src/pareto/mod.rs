@@ -26,6 +26,7 @@ use crate::error::{BenchError, Result};
 use crate::harness::cases::{self, Case, Measured, Selection};
 use crate::harness::report::write;
 use crate::harness::{Folder, ranks};
+use crate::solvers::ReferenceBy;
 
 use choices::Choices;
 use converged::finest_level;
@@ -50,6 +51,8 @@ pub struct Options {
     pub cap_s: f64,
     /// Vertices that the reference may have.
     pub reference_vertices: usize,
+    /// What it is solved by.
+    pub reference: ReferenceBy,
 }
 
 /// Vertices that a quick study's candidates may have, unless the start mesh alone has more.
@@ -64,7 +67,8 @@ impl Options {
     pub fn new(scene: &str, quick: bool) -> Self {
         let (cap_s, reference_vertices) = if quick { (10.0, 3_000) } else { (80.0, 30_000) };
         let overrides = if quick { vec![max_vertices(QUICK_VERTICES)] } else { Vec::new() };
-        Self { scene: scene.into(), overrides, quick, cap_s, reference_vertices }
+        let reference = ReferenceBy::default();
+        Self { scene: scene.into(), overrides, quick, cap_s, reference_vertices, reference }
     }
 }
 
@@ -119,11 +123,13 @@ impl Study {
         if let Some(twice) = self.candidates.iter().find(|one| !names.insert(&one.name)) {
             return Err(BenchError::SameName(twice.name.clone()));
         }
+        self.options.reference.check()?;
         let folder = Folder::open(&selection.out, &self.described(), selection.force)?;
         // Without a reference there is no study: it takes what it takes.
         let limits = (self.options.reference_vertices, f64::INFINITY);
+        let by = self.options.reference;
         let reference =
-            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference"))?;
+            ranks::in_turn(|_| Reference::of(&self.scene, limits, &folder, "reference", by))?;
         let cases = self.cases(&reference.path, &folder);
         let rows = match cases::run(&folder, &cases, selection.shard)? {
             Measured::All(rows) => rows,
@@ -143,6 +149,7 @@ impl Study {
             "scene": self.scene,
             "cap_s": self.options.cap_s,
             "reference_vertices": self.options.reference_vertices,
+            "reference": self.options.reference,
             "cases": self.candidates.iter().map(case).collect::<Vec<_>>(),
         })
     }

@@ -22,6 +22,7 @@ pub mod meshes;
 pub mod pareto;
 mod race;
 pub mod reality;
+pub mod resolution;
 pub mod robust;
 pub mod scaling;
 pub mod sweep;

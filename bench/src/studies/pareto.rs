@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::harness::arguments::in_range;
 use crate::harness::cases::Selection;
 use crate::pareto::{Candidate, Options, Study};
+use crate::solvers::ReferenceBy;
 
 /// What is asked for on the command line.
 #[derive(Args, Clone, Debug)]
@@ -34,6 +35,9 @@ pub struct Arguments {
     /// Vertices that the uniform mesh of the reference may have [default: 30000, quick: 3000].
     #[arg(long, value_name = "N")]
     pub reference_vertices: Option<usize>,
+    /// What the reference is solved by.
+    #[arg(long, value_enum, default_value_t)]
+    pub reference: ReferenceBy,
 }
 
 /// Up to a day.
@@ -63,6 +67,7 @@ impl Arguments {
             in_range("--reference-vertices", vertices, VERTICES)?;
             options.reference_vertices = vertices;
         }
+        options.reference = self.reference;
         let mut study = Study::new(options)?;
         study.candidates.extend(named);
         if !self.only.is_empty() {

@@ -61,6 +61,15 @@ pub fn abort(code: u8) {
     }
 }
 
+/// Ends what a study has started under mpirun beside the cases that are shared: PETSc, where it runs.
+/// # Errors
+/// `BenchError::Petsc`.
+pub fn finish() -> Result<()> {
+    #[cfg(feature = "petsc")]
+    yawara_petsc::Petsc::finish()?;
+    Ok(())
+}
+
 /// Whether this process is the one that speaks for all.
 pub(crate) fn is_first() -> bool {
     rank().is_none_or(|rank| rank == 0)

@@ -6,6 +6,7 @@ use yawara::{Stages, scene_file};
 use crate::error::{BenchError, Result};
 use crate::harness::Folder;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
+use crate::solvers::ReferenceBy;
 use crate::pareto::{Reference, measure};
 
 /// A value of what is varied.
@@ -81,7 +82,7 @@ fn measured(
     let (scene, _) = scene_file::load(one.scene, &overrides)?;
     let limits = (one.reference_vertices, cap_s);
     let name = format!("reference-{number:03}");
-    let reference = match Reference::of(&scene, limits, folder, &name) {
+    let reference = match Reference::of(&scene, limits, folder, &name, ReferenceBy::BuiltIn) {
         // Whether a value can be run is not for its reference to say.
         Err(ended @ BenchError::TimeIsUp(..)) => Err(ended.to_string()),
         other => Ok(other?),

@@ -108,7 +108,7 @@ pub(super) fn elastica(n: usize) -> Result<Vec<Row>> {
         for part in reached + 1..=k {
             let traction = Vector3::new(0.0, 0.0, part as f64 * unit);
             let load = solid.traction(|x| near(x.x, length), |_| traction);
-            solve("elastica", &mut statics, &ElementCorotation, equilibrium.as_mut(), &load, 1e-7)?;
+            solve("elastica", &mut statics, &ElementCorotation, equilibrium.as_mut(), &load, 1e-9)?;
         }
         reached = k;
         let end = section(&solid, length);

@@ -10,12 +10,14 @@ mod paper_failure;
 mod shells;
 mod spheres;
 
+use clap::Args;
 use serde::Serialize;
 
 use crate::error::Result;
 use crate::harness::arguments::Common;
 use crate::harness::plot::log_log;
-use crate::harness::report::{self, Summary, curves};
+use crate::harness::report::{self, Claim, Limit, Summary, curves};
+use crate::solvers::ReferenceBy;
 
 pub use figure::Row;
 
@@ -81,13 +83,37 @@ impl Report {
     }
 }
 
+/// What is asked for on the command line.
+#[derive(Args, Clone, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    common: Common,
+    /// What the cases are solved by; by petsc they are by both, and compared.
+    #[arg(long, value_enum, default_value_t)]
+    reference: ReferenceBy,
+}
+
+/// How far the same figure may be apart by two factors, relative to what it should be.
+const APART: f64 = 1e-8;
+
 /// Runs the study.
-pub fn run(arguments: &Common) -> Result<String> {
-    let folder = arguments.folder()?;
-    let report = Report::new(arguments.quick)?;
-    let failure = paper_failure::rows(arguments.quick)?;
-    let text = format!("{}\n{}", report.table(), paper_failure::table(&failure));
+pub fn run(arguments: &Arguments) -> Result<String> {
+    let Arguments { common, reference } = arguments;
+    reference.check()?;
+    let folder = common.folder()?;
+    let report = reference.solve(|| Report::new(common.quick))?;
+    let failure = paper_failure::rows(common.quick)?;
+    let mut text = format!("{}\n{}", report.table(), paper_failure::table(&failure));
+    let mut claims = Vec::new();
+    if *reference != ReferenceBy::BuiltIn {
+        let apart = report.apart(&Report::new(common.quick)?);
+        let name = "largest difference of a figure to the built-in factor's, of what it should be, over 1e-8";
+        claims.push(Claim::new(name, apart / APART, Limit::AtMost(1.0)));
+        text.extend(claims.iter().map(Claim::text));
+        text += &format!("\nThe largest difference is {apart:.1e}.\n");
+    }
     let summary = Summary::new(text)
+        .with("claims", claims)
         .with_file("paper_failure.csv", Some(report::csv(&report::objects(&failure))))
         .with_file("validate.svg", report.plot())
         .with_file("paper_failure.svg", paper_failure::plot(&failure));
@@ -95,6 +121,12 @@ pub fn run(arguments: &Common) -> Result<String> {
 }
 
 impl Report {
+    /// The largest difference of a figure to that of another report of the same cases, relative to what it should be.
+    fn apart(&self, other: &Self) -> f64 {
+        let pairs = self.rows.iter().zip(&other.rows);
+        pairs.map(|(a, b)| (a.computed - b.computed).abs() / a.scale).fold(0.0, f64::max)
+    }
+
     fn table(&self) -> String {
         let mut text = String::from(
             "| case | quantity | refinement | vertices | computed | expected | error | slope |\n\
