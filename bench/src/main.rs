@@ -8,8 +8,8 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, cracks, cut, drift, elements, endurance,
-    estimates, homogenisation, laws, mesh, meshes, pareto, reality, resolution, robust, scaling, table1, touch,
-    validate,
+    estimates, homogenisation, laws, mesh, meshes, pareto, reality, resolution, robust, scaling,
+    table1, touch, validate,
 };
 use yawara_bench::{BenchError, ranks};
 

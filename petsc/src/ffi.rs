@@ -76,16 +76,10 @@ unsafe extern "C" {
         message: *const c_char,
         context: *mut c_void,
     ) -> Code;
-    pub fn PetscOptionsSetValue(
-        options: Object,
-        name: *const c_char,
-        value: *const c_char,
-    ) -> Code;
-    pub fn PetscDataTypeFromString(
-        name: *const c_char,
-        kind: *mut c_int,
-        found: *mut Bool,
-    ) -> Code;
+    pub fn PetscOptionsSetValue(options: Object, name: *const c_char, value: *const c_char)
+    -> Code;
+    pub fn PetscDataTypeFromString(name: *const c_char, kind: *mut c_int, found: *mut Bool)
+    -> Code;
     pub fn PetscDataTypeGetSize(kind: c_int, size: *mut usize) -> Code;
 
     pub fn VecCreateGhostBlock(

@@ -66,7 +66,8 @@ impl Matrix {
         let matrix = Self { raw, block, is_half };
         // The lock goes before the matrix does where something fails.
         let _lock = locked();
-        let (kind, own, others) = (if is_half { c"sbaij" } else { c"aij" }, own.as_ptr(), others.as_ptr());
+        let (kind, own, others) =
+            (if is_half { c"sbaij" } else { c"aij" }, own.as_ptr(), others.as_ptr());
         // SAFETY: a live matrix; both lists have a number for each owned block row, and are read only here.
         unsafe {
             call!(MatSetSizes(raw, rows, rows, all, all))?;
@@ -108,7 +109,15 @@ impl Matrix {
         // SAFETY: a live matrix; as many values as PETSc reads, which checks the numbers of rows and columns.
         unsafe {
             let (row, column, values) = (rows.as_ptr(), columns.as_ptr(), values.as_ptr());
-            call!(MatSetValuesBlocked(self.raw, count, row, across, column, values, ffi::ADD_VALUES))
+            call!(MatSetValuesBlocked(
+                self.raw,
+                count,
+                row,
+                across,
+                column,
+                values,
+                ffi::ADD_VALUES
+            ))
         }
     }
 

@@ -53,6 +53,12 @@ pub enum PetscError {
 /// What a function of this crate returns.
 pub type Result<T> = std::result::Result<T, PetscError>;
 
+/// What multigrid does unless options say otherwise. What couples weakly is not aggregated: without that, iterations grow
+/// with the mesh where stiffness jumps. The first two levels have large aggregates: coarse matrices are denser, and would take more
+/// memory and time than the finest.
+const MULTIGRID: [(&CStr, &CStr); 2] =
+    [(c"-pc_gamg_threshold", c"0.02"), (c"-pc_gamg_aggressive_coarsening", c"2")];
+
 /// PETSc is not made for threads: whoever calls it holds this.
 static LOCK: Mutex<()> = Mutex::new(());
 
@@ -87,7 +93,11 @@ pub(crate) fn checked(call: &'static str, code: ffi::Code) -> Result<()> {
     };
     let text = said.into_iter().flatten().filter(|part| !part.trim().is_empty());
     let text = text.collect::<Vec<_>>().join(": ");
-    Err(PetscError::Call { call, code, text: text.split_whitespace().collect::<Vec<_>>().join(" ") })
+    Err(PetscError::Call {
+        call,
+        code,
+        text: text.split_whitespace().collect::<Vec<_>>().join(" "),
+    })
 }
 
 /// Calls a function of PETSc and checks its code; the lock has to be held.
@@ -115,9 +125,9 @@ impl Petsc {
             ffi::PETSC_MPI_THREAD_REQUIRED = ffi::SERIALIZED;
             // An interrupted study ends as all others do.
             call!(PetscOptionsSetValue(null_mut(), c"-no_signal_handler".as_ptr(), null()))?;
-            // What couples weakly is not aggregated: without it iterations grow with the mesh where stiffness jumps.
-            let (threshold, value) = (c"-pc_gamg_threshold".as_ptr(), c"0.01".as_ptr());
-            call!(PetscOptionsSetValue(null_mut(), threshold, value))?;
+            for (name, value) in MULTIGRID {
+                call!(PetscOptionsSetValue(null_mut(), name.as_ptr(), value.as_ptr()))?;
+            }
             call!(PetscInitialize(null_mut(), null_mut(), null(), null()))?;
             // What fails is told by us, in one paragraph.
             call!(PetscPushErrorHandler(Some(ffi::PetscReturnErrorHandler), null_mut()))?;

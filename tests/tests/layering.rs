@@ -169,7 +169,9 @@ fn the_default_member_is_sim() {
 fn every_crate_but_gpu_and_petsc_forbids_unsafe_code() {
     let metadata = metadata();
     let packages = list(&metadata, "packages").iter();
-    for package in packages.filter(|package| !["yawara-gpu", "yawara-petsc"].contains(&text(package, "name"))) {
+    for package in
+        packages.filter(|package| !["yawara-gpu", "yawara-petsc"].contains(&text(package, "name")))
+    {
         let name = text(package, "name");
         let roots: Vec<&Value> = list(package, "targets")
             .iter()

@@ -202,10 +202,14 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(root.path(), &serde_json::json!({}), false).unwrap();
         let scene = beam(&["mesh.max_level=0", "time.steps=2", "tools.0.path.1.time_s=0.3"]);
-        let made = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn).unwrap();
+        let made =
+            Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn)
+                .unwrap();
         assert_eq!((made.summary.converged, made.path.forces.len()), (2, 2));
         assert!(made.summary.residual_max <= RESIDUAL);
-        let kept = Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn).unwrap();
+        let kept =
+            Reference::of(&scene, (45 * 3, 600.0), &folder, "reference", ReferenceBy::BuiltIn)
+                .unwrap();
         assert_eq!((&kept.path, &kept.summary), (&made.path, &made.summary));
     }
 

@@ -26,6 +26,9 @@ const ITERATIONS: usize = 5000;
 /// Rows and columns of an element.
 const ROWS: usize = 12;
 
+/// Whether the vertex at a place is fixed, m.
+type Holds = dyn Fn(&Vector3<f64>) -> bool;
+
 /// What is to be solved: the finest tetrahedra of labels under their weight.
 pub(crate) struct Problem {
     pub tree: Arc<LabelTree>,
@@ -36,8 +39,9 @@ pub(crate) struct Problem {
     /// Where the corner of the first cube lies, and the edge of a voxel, m.
     pub origin: Vector3<f64>,
     pub voxel_m: f64,
-    /// Whether a vertex is fixed, by where it lies.
-    pub is_held: Box<dyn Fn(&Vector3<f64>) -> bool>,
+    pub is_held: Box<Holds>,
+    /// Whether that fixes the same on every mesh of the same cubes.
+    pub is_held_alike: bool,
     /// m/s².
     pub gravity: Vector3<f64>,
 }
@@ -178,10 +182,11 @@ impl<'a> Body<'a> {
             let cube = self.numbering.curve()[place];
             problem.visit(cube, &mut |corners, label| {
                 let step = |i: usize| [0, 1, 2].map(|axis| corners[i][axis] - corners[0][axis]);
-                let kind = *known.entry(([step(1), step(2), step(3)], label)).or_insert_with(|| {
-                    self.kinds.push(Kind::new(problem, corners, label));
-                    self.kinds.len() as u32 - 1
-                });
+                let kind =
+                    *known.entry(([step(1), step(2), step(3)], label)).or_insert_with(|| {
+                        self.kinds.push(Kind::new(problem, corners, label));
+                        self.kinds.len() as u32 - 1
+                    });
                 self.tets.push((corners.map(|p| self.local(self.numbering.number(p))), kind));
             });
         }
@@ -255,12 +260,17 @@ impl<'a> Body<'a> {
         let reference = load.norm()?;
         let mut left = self.measure(&u, &load, &mut residual, is_corotated)? / reference;
         let mut rounding = 0.0;
-        let (mut outer, mut inner, mut first) = (0, 0, 0);
+        let (mut outer, mut inner, mut fresh, mut is_kept) = (0, 0, 0, false);
         let mut solver: Option<Solver> = None;
         while left > tolerance.max(rounding) {
             if outer == OUTER {
                 let (case, method) = ("resolution", "gamg");
-                return Err(BenchError::NotConverged { case, method, reached: left, limit: tolerance });
+                return Err(BenchError::NotConverged {
+                    case,
+                    method,
+                    reached: left,
+                    limit: tolerance,
+                });
             }
             outer += 1;
             if is_corotated || outer == 1 {
@@ -274,11 +284,12 @@ impl<'a> Body<'a> {
             solver.set_tolerance(relative, ITERATIONS)?;
             let solved = solver.solve(&residual, &mut step)?;
             inner += solved.iterations;
-            if outer == 1 {
-                first = solved.iterations;
+            if !is_kept {
+                fresh = solved.iterations;
             }
-            // What was made for another turn of the elements goes on as long as it helps as much.
-            solver.keep_preconditioner(2 * solved.iterations <= 3 * first.max(1))?;
+            // What was made for another turn of the elements goes on as long as it helps all but as much.
+            is_kept = solved.iterations <= 2 * fresh.max(1);
+            solver.keep_preconditioner(is_kept)?;
             step.update_ghosts()?;
             advance(&mut u, &step)?;
             left = self.measure(&u, &load, &mut residual, is_corotated)? / reference;
@@ -403,7 +414,8 @@ impl<'a> Body<'a> {
             }
             matrix.add(&corners.map(|v| self.global(v)), &values)?;
         }
-        let scale = self.kinds.iter().map(|kind| kind.stiffness.diagonal().max()).fold(0.0, f64::max);
+        let scale =
+            self.kinds.iter().map(|kind| kind.stiffness.diagonal().max()).fold(0.0, f64::max);
         let scale = largest_of(self.petsc, scale)?;
         let anchor = Matrix3::identity() * scale;
         for local in (0..self.owned.len()).filter(|&v| self.held[v]) {

@@ -29,7 +29,11 @@ pub(crate) struct Numbering {
 impl Numbering {
     /// Of these cubes, of `units` voxels along an edge, on a grid of `dims` cubes. Cost: O(cubes), and a table for each
     /// way in which a cube's neighbours may come before it.
-    pub fn new(cubes: impl IntoIterator<Item = [usize; 3]>, dims: [usize; 3], units: usize) -> Self {
+    pub fn new(
+        cubes: impl IntoIterator<Item = [usize; 3]>,
+        dims: [usize; 3],
+        units: usize,
+    ) -> Self {
         let mut curve: Vec<[usize; 3]> = cubes.into_iter().collect();
         curve.sort_by_key(|cube| Lattice::key(cube.map(|c| c as i32)));
         let mut place = vec![NONE; dims.iter().product()];
@@ -127,9 +131,8 @@ impl Numbering {
     fn at(&self, cube: [i32; 3]) -> Option<([usize; 3], u32)> {
         let cube = cube.map(|c| usize::try_from(c).unwrap_or(usize::MAX));
         let is_inside = (0..3).all(|axis| cube[axis] < self.dims[axis]);
-        let place = is_inside.then(|| {
-            self.place[cube[0] + self.dims[0] * (cube[1] + self.dims[1] * cube[2])]
-        })?;
+        let place = is_inside
+            .then(|| self.place[cube[0] + self.dims[0] * (cube[1] + self.dims[1] * cube[2])])?;
         (place != NONE).then_some((cube, place))
     }
 

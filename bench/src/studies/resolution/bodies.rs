@@ -44,6 +44,7 @@ pub(super) fn cube(voxels: usize, ratio: f64) -> Result<Problem> {
         origin: Vector3::zeros(),
         voxel_m: 1.0 / voxels as f64,
         is_held: Box::new(|x| x.z <= 0.0),
+        is_held_alike: true,
         gravity: Vector3::new(0.02, 0.0, -0.05),
     })
 }
@@ -62,6 +63,7 @@ pub(super) fn organ(voxel_mm: f64) -> Result<Problem> {
         origin: Vector3::from(grid.first_voxel.map(|v| v as f64 * voxel_m)),
         voxel_m,
         is_held: Box::new(move |x| (0..3).all(|i| x[i] >= low[i] && x[i] <= high[i])),
+        is_held_alike: false,
         gravity: Vector3::new(0.0, 0.0, -9.81 / 20.0),
     })
 }
@@ -85,11 +87,15 @@ pub(super) fn corotated(problem: &Problem, residual: f64) -> Result<Vec<(Point, 
     let mut statics = Statics::new(&solid, |x| (problem.is_held)(x))?;
     let mut equilibrium = equilibrium_by_name("fallback")?;
     let tolerance = Tolerance::new(residual, 500);
-    let found =
-        statics.solve(&ElementCorotation, equilibrium.as_mut(), &load, &tolerance, &|| ());
+    let found = statics.solve(&ElementCorotation, equilibrium.as_mut(), &load, &tolerance, &|| ());
     if !found.converged {
         let (case, method) = ("resolution", found.method);
-        return Err(BenchError::NotConverged { case, method, reached: found.residual, limit: residual });
+        return Err(BenchError::NotConverged {
+            case,
+            method,
+            reached: found.residual,
+            limit: residual,
+        });
     }
     Ok(forest.vertices().map(|v| (forest.point(v), statics.displacement(v.index()))).collect())
 }

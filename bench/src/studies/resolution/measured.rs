@@ -47,7 +47,8 @@ struct Row {
     rounding: f64,
     work_j: f64,
     largest_m: f64,
-    /// What the start mesh with `laminate` does of the work, relative and less one; of the linear body.
+    /// What the start mesh with `laminate` does of the work, relative and less one; of linear bodies whose hold is the
+    /// same on both.
     #[serde(skip_serializing_if = "Option::is_none")]
     start_mesh_error: Option<f64>,
     /// ‖u − u'‖ / ‖u'‖ to the solution by the built-in factor, for small bodies of one process.
@@ -117,7 +118,8 @@ fn measure(
     let rest = body.come_to_rest(!is_linear, residual)?;
     let solve_s = begin.elapsed().as_secs_f64() - setup_s;
     let peak = sum_of(petsc, peak_bytes().unwrap_or(0) as f64)?;
-    let start = is_linear.then(|| Uniform::solve(problem, 0)).transpose()?;
+    let is_compared = is_linear && problem.is_held_alike;
+    let start = is_compared.then(|| Uniform::solve(problem, 0)).transpose()?;
     let finest = problem.tree.grid().embed_level();
     let is_small = |limit: usize| petsc.size() == 1 && body.vertices() <= limit;
     let factored = match is_linear {

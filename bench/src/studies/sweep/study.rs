@@ -6,8 +6,8 @@ use yawara::{Stages, scene_file};
 use crate::error::{BenchError, Result};
 use crate::harness::Folder;
 use crate::harness::cases::{self, Advance, Case, CaseArguments, Findings};
-use crate::solvers::ReferenceBy;
 use crate::pareto::{Reference, measure};
+use crate::solvers::ReferenceBy;
 
 /// A value of what is varied.
 pub(super) struct Point {
