@@ -242,3 +242,25 @@ fn an_error_of_one_process_ends_all() {
     refused(mpirun(2, &["pareto", "baem"], &none), &["\"baem\" is neither"]);
     assert!(!none.exists());
 }
+
+/// As a cluster's scheduler starts them, with a task that is killed and started again.
+#[test]
+fn tasks_of_an_array_job_share_a_folder() {
+    let root = tempfile::tempdir().unwrap();
+    let out = root.path().join("array");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("sweep.slurm");
+    let task = |number: &str| {
+        let mut command = Command::new("bash");
+        command.arg(&script).args(SMALL).arg("--out").arg(&out).env("YAWARA_BENCH", PROGRAM);
+        command.env("SLURM_ARRAY_TASK_ID", number).env("SLURM_ARRAY_TASK_MAX", "2");
+        piped(&mut command)
+    };
+    let (mut first, second) = (task("1"), task("2"));
+    wait_for(&mut first, || !cases(&out).is_empty());
+    first.kill().unwrap();
+    first.wait().unwrap();
+    succeeds(second);
+    assert!(!out.join("pareto.json").exists());
+    succeeds(task("1"));
+    assert_eq!(table(&out), table(whole()));
+}

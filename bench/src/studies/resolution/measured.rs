@@ -9,7 +9,7 @@ use super::Arguments;
 use super::bodies::{Uniform, corotated, cube, organ};
 use crate::error::{BenchError, Result};
 use crate::harness::arguments::in_range;
-use crate::harness::machine::{peak_bytes, reset_peak};
+use crate::harness::machine::{peak_bytes, reset_peak, resident_bytes};
 use crate::harness::plot::slope;
 use crate::harness::report::markdown::rows as table;
 use crate::harness::report::{self, Claim, Limit, Summary};
@@ -56,7 +56,7 @@ struct Row {
     factor_error: Option<f64>,
     setup_s: f64,
     solve_s: f64,
-    /// The most that all processes together had.
+    /// The most that all processes together had, beside what they had before the first body.
     gigabytes: f64,
 }
 
@@ -82,11 +82,12 @@ pub fn run(arguments: &Arguments) -> Result<String> {
     let petsc = Petsc::start()?;
     let is_first = petsc.rank() == 0;
     let folder = is_first.then(|| common.folder()).transpose()?;
+    let before = sum_of(petsc, resident_bytes().unwrap_or(0) as f64)?;
     let mut rows = Vec::new();
     let mut progress = Progress::new((2 * (cubes.len() + liver_mm.len())) as f64);
     let mut run = |name: String, problem: &Problem| -> Result<()> {
         for model in ["linear", "corotated"] {
-            rows.push(measure(petsc, &name, problem, model, *residual)?);
+            rows.push(measure((petsc, before), &name, problem, model, *residual)?);
             if is_first {
                 progress.advance(&name, 1.0);
             }
@@ -104,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<String> {
 }
 
 fn measure(
-    petsc: &Petsc,
+    (petsc, before): (&Petsc, f64),
     name: &str,
     problem: &Problem,
     model: &'static str,
@@ -150,7 +151,7 @@ fn measure(
         factor_error,
         setup_s,
         solve_s,
-        gigabytes: 1e-9 * peak,
+        gigabytes: 1e-9 * (peak - before),
     })
 }
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import scipy.sparse
@@ -126,12 +126,14 @@ class Tool:
 
     @pose.setter
     def pose(self, pose: Any) -> None:
+        move: Any
+        turn: float
         match pose:
-            case (move, Real() as turn):
-                pass
+            case (move, Real() as given):
+                turn = float(given)
             case move:
                 turn = 0.0
-        self._simulation._native.set_tool_pose(self.number, [float(x) for x in move], float(turn))
+        self._simulation._native.set_tool_pose(self.number, [float(x) for x in move], turn)
 
     @property
     def report(self) -> ToolReport | None:
@@ -166,7 +168,13 @@ class Tools(Sequence[Tool]):
     def __iter__(self) -> Iterator[Tool]:
         return iter(self._all)
 
-    def __getitem__(self, key: Any) -> Any:
+    @overload
+    def __getitem__(self, key: int | str) -> Tool: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[Tool]: ...
+
+    def __getitem__(self, key: int | str | slice) -> Tool | Sequence[Tool]:
         if not isinstance(key, str):
             return self._all[key]
         found = [tool for tool in self._all if tool.kind == key]
