@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::Serialize;
 use yawara_petsc::Petsc;
 
-use super::Arguments;
+use super::arguments::Arguments;
 use super::bodies::{Uniform, corotated, cube, organ};
 use crate::error::{BenchError, Result};
 use crate::harness::arguments::in_range;
