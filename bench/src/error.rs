@@ -132,8 +132,8 @@ pub enum BenchError {
     OneProcess(usize),
     /// So many processes of one reference.
     #[error(
-        "mpirun has started {0} processes, and a reference of --reference petsc is made in one: make it in the same \
-         folder without mpirun (and `--only none` before the cases), then share the cases"
+        "mpirun has started {0} processes, and a reference of --reference petsc is made in one: call the study \
+         without mpirun, in parts by --shard where it has some"
     )]
     OneReference(usize),
     /// A launcher of another MPI than the program's: how many processes each of them sees.
@@ -157,6 +157,9 @@ pub enum BenchError {
          body"
     )]
     NoRing(usize),
+    /// An option with another value than it takes.
+    #[error("{0} is {1}, want {2}")]
+    Option(&'static str, String, &'static str),
     /// A number on the command line is out of range.
     #[error("{option} is {value}, want {low} to {high}", low = .limits.0, high = .limits.1)]
     OutOfRange {

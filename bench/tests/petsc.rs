@@ -120,8 +120,8 @@ fn what_makes_no_sense_is_refused() {
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success() && message.contains(words), "{arguments:?}: {message}");
     };
-    refused(1, &["resolution", "--cubes", "12"], "--cubes is 12");
-    refused(1, &["resolution", "--cubes", "4"], "--cubes is 4, want 8 to 512");
+    refused(1, &["resolution", "--cubes", "12"], "--cubes is 12, want a power of two");
+    refused(1, &["resolution", "--cubes", "4"], "--cubes is 4, want a power of two from 8 to 512");
     refused(1, &["resolution", "--ratio", "0"], "--ratio");
     refused(1, &["resolution", "--residual", "NaN"], "--residual");
     refused(1, &["resolution", "--liver-mm", "0"], "--liver-mm");

@@ -99,7 +99,6 @@ unsafe extern "C" {
     pub fn VecRestoreArray(vector: Object, values: *mut *mut f64) -> Code;
     pub fn VecGetArrayRead(vector: Object, values: *mut *const f64) -> Code;
     pub fn VecRestoreArrayRead(vector: Object, values: *mut *const f64) -> Code;
-    pub fn VecGetOwnershipRange(vector: Object, low: *mut Int, high: *mut Int) -> Code;
     pub fn VecNorm(vector: Object, kind: c_int, norm: *mut f64) -> Code;
     pub fn VecMax(vector: Object, at: *mut Int, value: *mut f64) -> Code;
     pub fn VecDot(a: Object, b: Object, dot: *mut f64) -> Code;

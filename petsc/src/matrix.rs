@@ -16,23 +16,14 @@ pub struct Matrix {
 // SAFETY: as for `Vector`.
 unsafe impl Send for Matrix {}
 
-/// Blocks of a row of each process that there is room for: those in columns that it owns too, and others.
-#[derive(Clone, Copy, Debug)]
-pub struct Room<'a> {
-    /// By owned row.
-    pub own: &'a [i32],
-    /// By owned row.
-    pub others: &'a [i32],
-}
-
 impl Matrix {
-    /// Zeros, positive definite in the end: AIJ with the block size, since PETSc's multigrid takes no BAIJ before 3.20. `own` and `others` say how many blocks each owned row has in columns that are
-    /// owned here, and in those that are not.
+    /// Zeros, positive definite in the end: AIJ with the block size, since the multigrid of PETSc 3.18 takes no BAIJ.
+    /// `own` and `others` say how many blocks each owned row has in columns that are owned here, and in those that are not.
     ///
     /// # Errors
     /// [`PetscError`].
     pub fn definite(petsc: &Petsc, block: usize, own: &[i32], others: &[i32]) -> Result<Self> {
-        let matrix = Self::made(petsc, block, Room { own, others }, false)?;
+        let matrix = Self::made(petsc, block, [own, others], false)?;
         let _lock = locked();
         // SAFETY: a live matrix.
         unsafe {
@@ -48,11 +39,15 @@ impl Matrix {
     /// # Errors
     /// [`PetscError`].
     pub fn half(petsc: &Petsc, block: usize, own: &[i32], others: &[i32]) -> Result<Self> {
-        Self::made(petsc, block, Room { own, others }, true)
+        Self::made(petsc, block, [own, others], true)
     }
 
-    fn made(petsc: &Petsc, block: usize, room: Room<'_>, is_half: bool) -> Result<Self> {
-        let Room { own, others } = room;
+    fn made(
+        petsc: &Petsc,
+        block: usize,
+        [own, others]: [&[i32]; 2],
+        is_half: bool,
+    ) -> Result<Self> {
         if own.len() != others.len() {
             let (want, got) = (own.len(), others.len());
             return Err(PetscError::Length { what: "room in others' columns", want, got });

@@ -35,6 +35,9 @@ pub enum PetscError {
         /// Those wanted.
         want: usize,
     },
+    /// A system that a factor does not solve, and PETSc's reason.
+    #[error("PETSc does not solve the system (reason {0}): it is singular to working precision")]
+    NotSolved(i32),
     /// More rows than 32-bit indices count.
     #[error("{0} rows are more than 32-bit indices count, want at most {limit}", limit = i32::MAX)]
     TooLarge(usize),

@@ -43,18 +43,6 @@ impl Vector {
         self.block
     }
 
-    /// The number of the first block that is owned here.
-    ///
-    /// # Errors
-    /// [`PetscError::Call`].
-    pub fn first(&self) -> Result<usize> {
-        let (mut low, mut high) = (0, 0);
-        let _lock = locked();
-        // SAFETY: a live vector, live locals.
-        unsafe { call!(VecGetOwnershipRange(self.raw, &raw mut low, &raw mut high))? };
-        Ok(low as usize / self.block)
-    }
-
     /// Has `work` read and write the numbers that are here, those owned first, then the ghosts.
     ///
     /// # Errors

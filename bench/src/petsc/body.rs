@@ -262,7 +262,8 @@ impl<'a> Body<'a> {
         let mut rounding = 0.0;
         let (mut outer, mut inner, mut fresh, mut is_kept) = (0, 0, 0, false);
         let mut solver: Option<Solver> = None;
-        while left > tolerance.max(rounding) {
+        // A residual that is no number is not one that is small.
+        while !(left <= tolerance.max(rounding)) {
             if outer == OUTER {
                 let (case, method) = ("resolution", "gamg");
                 return Err(BenchError::NotConverged {
@@ -274,7 +275,7 @@ impl<'a> Body<'a> {
             }
             outer += 1;
             if is_corotated || outer == 1 {
-                self.assemble(&mut matrix, &mut u, is_corotated)?;
+                self.assemble(&mut matrix, &u, is_corotated)?;
             }
             let relative = if is_corotated { INNER } else { (0.5 * tolerance / left).max(1e-12) };
             if solver.is_none() {
@@ -395,7 +396,7 @@ impl<'a> Body<'a> {
     }
 
     /// Σ R K Rᵀ, with ones of the largest stiffness where displacements are fixed.
-    fn assemble(&self, matrix: &mut Matrix, u: &mut Vector, is_corotated: bool) -> Result<()> {
+    fn assemble(&self, matrix: &mut Matrix, u: &Vector, is_corotated: bool) -> Result<()> {
         matrix.clear()?;
         let u = u.values()?;
         let mut values = [0.0; ROWS * ROWS];

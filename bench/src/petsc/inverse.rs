@@ -77,7 +77,10 @@ impl Factor {
     /// u += C f.
     fn add(&mut self, f: &[f64], u: &mut [f64]) -> Result<(), PetscError> {
         self.load.with(|load| load.copy_from_slice(f))?;
-        self.solver.solve(&self.load, &mut self.solution)?;
+        let solved = self.solver.solve(&self.load, &mut self.solution)?;
+        if !solved.is_good() {
+            return Err(PetscError::NotSolved(solved.reason));
+        }
         let solution = self.solution.values()?;
         u.iter_mut().zip(solution).for_each(|(u, more)| *u += more);
         Ok(())
@@ -123,5 +126,24 @@ impl InverseMaintainer for PetscInverse {
 
     fn rebuild(&mut self) -> Result<(), InverseError> {
         self.renew(self.stiffness.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use faer::mat;
+
+    #[test]
+    fn a_spring_is_solved_and_one_that_hangs_free_is_refused() {
+        let mut k = SparseStiffness::zeros(2, 1).unwrap();
+        k.add(&[0, 1], mat![[2.0, -2.0], [-2.0, 2.0]].as_ref()).unwrap();
+        let free = PetscInverse::new(k.clone());
+        let mut u = [0.0; 2];
+        let refused = free.and_then(|free| free.solve(&[1.0, 0.0], &mut u)).unwrap_err();
+        assert!(matches!(refused, InverseError::Storage { method: "petsc", .. }), "{refused}");
+        k.add(&[0], mat![[1.0]].as_ref()).unwrap();
+        PetscInverse::new(k).unwrap().solve(&[1.0, 0.5], &mut u).unwrap();
+        assert!((u[0] - 1.5).abs() < 1e-12 && (u[1] - 1.75).abs() < 1e-12, "{u:?}");
     }
 }

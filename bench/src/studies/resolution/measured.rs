@@ -8,7 +8,6 @@ use yawara_petsc::Petsc;
 use super::arguments::Arguments;
 use super::bodies::{Uniform, corotated, cube, organ};
 use crate::error::{BenchError, Result};
-use crate::harness::arguments::in_range;
 use crate::harness::machine::{peak_bytes, reset_peak, resident_bytes};
 use crate::harness::plot::slope;
 use crate::harness::report::markdown::rows as table;
@@ -63,22 +62,25 @@ struct Row {
 /// Runs the study.
 ///
 /// # Errors
-/// [`BenchError::OutOfRange`] for cubes that are none; [`BenchError::Petsc`].
+/// [`BenchError::Option`] for cubes that are none; [`BenchError::Petsc`].
 pub fn run(arguments: &Arguments) -> Result<String> {
     let Arguments { common, cubes, ratio, liver_mm, residual } = arguments;
     let quick = common.quick && cubes == &[16, 32, 64];
     let cubes = if quick { &vec![8, 16, 32] } else { cubes };
-    for &voxels in cubes {
-        in_range("--cubes", voxels, (8, 512))?;
-        in_range("--cubes", voxels, (voxels.next_power_of_two(), 512))?;
-    }
-    let within = |what: &str, value: f64, is_good: bool| match is_good {
+    let check = |option, value: String, is_good, want| match is_good {
         true => Ok(()),
-        false => Err(BenchError::NotFinite(format!("{what} (positive)"), value)),
+        false => Err(BenchError::Option(option, value, want)),
     };
-    within("--ratio", *ratio, ratio.is_finite() && *ratio > 0.0)?;
-    within("--residual", *residual, residual.is_finite() && *residual > 0.0)?;
-    liver_mm.iter().try_for_each(|&mm| within("--liver-mm", mm, mm.is_finite() && mm >= 0.1))?;
+    for &n in cubes {
+        let is_good = n.is_power_of_two() && (8..=512).contains(&n);
+        check("--cubes", n.to_string(), is_good, "a power of two from 8 to 512")?;
+    }
+    let is_positive = |x: f64| x.is_finite() && x > 0.0;
+    check("--ratio", ratio.to_string(), is_positive(*ratio), "a number above 0")?;
+    check("--residual", residual.to_string(), is_positive(*residual), "a number above 0")?;
+    for &mm in liver_mm {
+        check("--liver-mm", mm.to_string(), mm.is_finite() && mm >= 0.1, "at least 0.1")?;
+    }
     let petsc = Petsc::start()?;
     let is_first = petsc.rank() == 0;
     let folder = is_first.then(|| common.folder()).transpose()?;
