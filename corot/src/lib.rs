@@ -24,9 +24,9 @@ pub use body::{Body, LawState};
 pub use contact::{Contact, ContactOutcome, Obstacle, Pushes, Sphere, solve_with_contact};
 pub use element::{EDGES, Element, ElementPoint, locate, rotation};
 pub use equilibrium::{
-    Anderson, Direct, EQUILIBRIA, Equilibrium, Fallback, Following, Inverse, Iterate, Iteration,
-    Lbfgs, Newton, Outcome, Problem, ResidualNewton, Tolerance, check_mixed, check_pair,
-    equilibrium_by_name, reply_by_two,
+    Anderson, Attached, Direct, Disturbance, EQUILIBRIA, Equilibrium, Fallback, Following, Inverse,
+    Iterate, Iteration, Lbfgs, Newton, Outcome, Problem, ResidualNewton, Tolerance, check_mixed,
+    check_pair, equilibrium_by_name, reply_by_two,
 };
 pub use error::CorotError;
 pub use field::Field;

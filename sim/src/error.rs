@@ -148,6 +148,12 @@ pub enum SimError {
         /// The limit.
         limit: usize,
     },
+    /// An equilibrium whose tangent is singular: the step.
+    #[error(
+        "step {0}: the body answers to a small change of its materials without bound, or its tangent is not resolved; \
+         take shorter steps, or measure where it is less deformed"
+    )]
+    NoResponse(usize),
     /// A tool that reaches nothing.
     #[error(
         "{key} lies outside the body of {image}: the nearest that can be held or loaded is \

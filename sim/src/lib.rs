@@ -41,6 +41,7 @@ mod error;
 #[cfg(feature = "view")]
 pub mod film;
 pub mod haptic;
+pub mod identify;
 pub mod inverse;
 pub mod output;
 #[cfg(feature = "view")]

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use faer::Mat;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use yawara_embed::{P1P1, SparseLdl};
 use yawara_mesh::TetId;
 
@@ -123,9 +123,22 @@ impl Body {
     /// with the same rotations, grips and pressures.
     pub(crate) fn softened(&self, bound: f64) -> Self {
         let pressures = self.pressures.as_ref().map(Pressures::without_elements);
-        let mut body = Self { pressures, grips: self.grips.clone(), ..Self::default() };
+        let soft =
+            |element: &Element| element.elasticity * (bound / element.elasticity.amax()).min(1.0);
+        self.made_of(Self { pressures, ..Self::default() }, soft)
+    }
+
+    /// The same body of elements with other elasticities, Pa, under the same law, which has to be one without a memory;
+    /// with the same rotations, grips and pressures.
+    #[must_use]
+    pub fn with_elasticities(&self, elasticity: impl Fn(&Element) -> Matrix6<f64>) -> Self {
+        self.made_of(self.emptied(), elasticity)
+    }
+
+    fn made_of(&self, mut body: Self, elasticity: impl Fn(&Element) -> Matrix6<f64>) -> Self {
+        body.grips = self.grips.clone();
         for (number, element) in self.elements.iter().enumerate() {
-            let elasticity = element.elasticity * (bound / element.elasticity.amax()).min(1.0);
+            let elasticity = elasticity(element);
             let turned = self.rotation(number);
             body.insert_made_of(Element { elasticity, ..*element }, &turned, &[]);
         }

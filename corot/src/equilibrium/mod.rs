@@ -2,7 +2,7 @@
 //!
 //! `solver.rs` holds the trait, `problem.rs` what every solver works on, `iteration.rs` where an
 //! iteration stands and the best place it has been at, `inverse.rs` what they precondition with, `following.rs`
-//! loads that move with the body; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait,
+//! loads that move with the body, `response.rs` how an equilibrium answers to small changes; one file per solver. Open `solver.rs` first. To add one: a file with a type that implements the trait,
 //! a line in [`equilibrium_by_name`].
 
 pub(crate) mod anderson;
@@ -16,6 +16,7 @@ mod line_search;
 mod newton;
 mod problem;
 mod residual_newton;
+mod response;
 mod solver;
 mod sparse_lu;
 mod tangent_system;
@@ -30,6 +31,7 @@ pub use lbfgs::Lbfgs;
 pub use newton::Newton;
 pub use problem::{Iterate, Outcome, Problem, Tolerance};
 pub use residual_newton::ResidualNewton;
+pub use response::{Attached, Disturbance};
 pub use solver::Equilibrium;
 
 use crate::error::CorotError;

@@ -187,6 +187,12 @@ impl BodyState {
             .is_none_or(|sheet| sheet.holds[finest_at(weights, sheet.level, sheet.finest_level)])
     }
 
+    /// The stiffness with which a tool, or the support if that is none, holds material elastically, N/m⁴.
+    pub(crate) fn grip_stiffness(&self, tool: Option<usize>) -> Option<f64> {
+        let mut grips = self.body.grips().iter().zip(&self.grip_tools);
+        grips.find(|(grip, of)| **of == tool && grip.stiffness().is_some())?.0.stiffness()
+    }
+
     /// A grip of the material at `points`, with κ = `stiffness` (N/m per unit of weight) if it is elastic; none where there is
     /// no material.
     pub(crate) fn grip(&self, points: Vec<WeightedPoint>, stiffness: Option<f64>) -> Option<Grip> {

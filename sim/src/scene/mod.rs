@@ -16,6 +16,7 @@ mod overrides;
 mod region;
 mod schema;
 mod stage_names;
+mod table_csv;
 mod tool;
 
 pub use description::{
@@ -36,4 +37,5 @@ pub(crate) use input_files::{input_files, sha256, sha256_of};
 pub(crate) use law::MaterialLaw;
 pub(crate) use region::{Shape, Way};
 pub(crate) use stage_names::{AUTO, ON_DEVICE};
+pub(crate) use table_csv::Table;
 pub(crate) use tool::Course;

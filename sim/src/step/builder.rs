@@ -235,8 +235,15 @@ impl<'a> SimulationBuilder<'a> {
                     embedding.adopt(Arc::clone(forest.tree()), parts)?;
                 }
                 let volume = (edits || are_own).then(|| Arc::clone(&labels));
-                let content =
-                    Content { forest, embedding, placement, memory, volume, label_values };
+                let content = Content {
+                    forest,
+                    embedding,
+                    placement,
+                    memory,
+                    volume,
+                    label_values,
+                    material_of: positions,
+                };
                 let is_asked = scene.refinement.split_above.is_some() || !scene.mesh.refines();
                 if !is_asked && indicator.error_over_sum().is_none() {
                     let want =

@@ -300,6 +300,11 @@ impl ContactState {
         self.pushes.iter().map(|push| ((push.tool, push.number), push.force * push.normal))
     }
 
+    /// Of every contact the tool, the point and the force on it, N.
+    pub fn touching(&self) -> impl Iterator<Item = (usize, ElementPoint, Vector3<f64>)> {
+        self.pushes.iter().map(|push| (push.tool, push.point, push.force * push.normal))
+    }
+
     /// Adds the forces of all contacts to `loads`, by vertex number, N.
     pub fn add_loads(&self, loads: &mut [Vector3<f64>]) {
         for push in &self.pushes {

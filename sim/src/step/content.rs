@@ -43,6 +43,8 @@ pub(crate) struct Content {
     pub volume: Option<Arc<LabelVolume>>,
     /// Labels as in the image, by dense label.
     pub label_values: Vec<i64>,
+    /// By dense label the entry of the scene's materials; none of void.
+    pub material_of: Vec<Option<usize>>,
 }
 
 impl Content {

@@ -43,7 +43,7 @@ pub(crate) struct Acting<'a> {
 
 /// Brings a body from equilibrium to equilibrium, or through motion with inertia.
 pub(crate) struct StepSolver {
-    forces: Box<dyn InternalForces>,
+    pub(super) forces: Box<dyn InternalForces>,
     equilibrium: Box<dyn Equilibrium>,
     rules: Solver,
     step_s: f64,

@@ -35,6 +35,7 @@ mod pace;
 mod predictor;
 mod proximity;
 mod refinement;
+mod sensitivity;
 mod settling;
 mod simulation;
 mod slips;
@@ -45,4 +46,5 @@ mod tool_loads;
 
 pub use builder::SimulationBuilder;
 pub use checkpoint::Checkpoint;
+pub(crate) use sensitivity::Reading;
 pub use simulation::Simulation;

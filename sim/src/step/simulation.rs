@@ -300,7 +300,7 @@ impl Simulation {
         Ok(remeshed)
     }
 
-    fn felt(&self) -> ToolForces<'_> {
+    pub(super) fn felt(&self) -> ToolForces<'_> {
         let Self { body, solver, contact, recorder, .. } = self;
         ToolForces { state: &body.state, solver, contact, axes: recorder.axes }
     }
