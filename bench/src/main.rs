@@ -8,8 +8,8 @@ use clap::{Parser, Subcommand};
 use yawara_bench::studies::sweep::{extremes, stiff};
 use yawara_bench::studies::{
     Arguments, CaseArguments, Common, ablation, compare, cracks, cut, drift, elements, endurance,
-    estimates, homogenisation, laws, mesh, meshes, pareto, reality, resolution, robust, scaling,
-    table1, touch, validate,
+    estimates, homogenisation, identify, laws, mesh, meshes, pareto, reality, resolution, robust,
+    scaling, table1, touch, validate,
 };
 use yawara_bench::{BenchError, ranks};
 
@@ -66,6 +66,8 @@ enum Study {
     Pareto(pareto::Arguments),
     /// A recorded beam of silicone against its simulation, fitted to the bare beam alone (quick: one coarse mesh).
     Reality(reality::Arguments),
+    /// Moduli from noisy moves and forces: errors, how often bands hold the truth, the gradient (quick: few points, 10 trials).
+    Identify(identify::Arguments),
     /// Bodies at the resolution of their image by PETSc, on the processes of mpirun: iterations, memory, and how far the
     /// start mesh is off (needs the feature `petsc`).
     Resolution(resolution::Arguments),
@@ -136,6 +138,7 @@ fn run(study: &Study) -> Result<(String, bool), BenchError> {
         Study::Estimates(arguments) => estimates::run(arguments),
         Study::Validate(arguments) => validate::run(arguments),
         Study::Reality(arguments) => reality::run(arguments),
+        Study::Identify(arguments) => identify::run(arguments),
         Study::Resolution(arguments) => resolution::run(arguments),
         Study::Pareto(arguments) => pareto::run(arguments),
         Study::Stiff(arguments) => stiff::run(arguments),

@@ -38,6 +38,7 @@ mod body;
 mod choice;
 pub mod cli;
 mod error;
+pub mod feel;
 #[cfg(feature = "view")]
 pub mod film;
 pub mod haptic;

@@ -1,7 +1,7 @@
 //! Moduli from how a body moved: derivatives against differences, phantoms with noise, what is refused.
 
 use yawara::identify::{Identified, Measured, Measurement, Options, identify, misfit, predict};
-use yawara::scene::{Image, Scene};
+use yawara::scene::Scene;
 use yawara::scene_file;
 use yawara_mesh::volume::{Grid, LabelVolume};
 
@@ -29,17 +29,13 @@ fn scene(tool: &str, settings: &[&str]) -> Scene {
     };
     let materials: String = MODULI.iter().enumerate().map(material).collect();
     let text = format!(
-        "name = \"quarters\"\n[image]\nphantom = \"block\"\nsize_mm = [80.0, 80.0, 80.0]\nvoxel_mm = 5.0\n{materials}\
+        "name = \"quarters\"\n{materials}\
          [mesh]\nbase_mm = 40.0\nstart_level = 3\n\
          [[fixed]]\nshape = \"box\"\nmin = [0.0, 0.0, 0.0]\nmax = [1.0, 1.0, 0.1]\n\
          [[tools]]\n{tool}\n[time]\nsteps = 2\nstep_s = 0.5\n"
     );
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("quarters.toml");
-    std::fs::write(&file, text).unwrap();
     let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
-    let scene = scene_file::load(&file.display().to_string(), &settings).unwrap().0;
-    Scene { image: Image::default(), ..scene }
+    scene_file::parse(&text, "quarters", &settings, true).unwrap()
 }
 
 const PULL: &str = "kind = \"grab\"\nregion = { shape = \"box\", min = [0.3, 0.3, 0.9], max = [0.7, 0.7, 1.0] }\n\
@@ -173,11 +169,106 @@ fn errors(found: &Identified) -> Vec<f64> {
 #[test]
 fn four_moduli_are_found_from_noisy_moves_and_forces() {
     let truth = scene(PULL, &["support.stiffness_n_m4=2e10"]);
-    let measured = noisy(&truth, 7, 1.0);
-    let found = found(&truth, &measured, &Options::default());
-    println!("{} runs, chi {} of {}", found.runs, found.chi_squared, found.degrees_of_freedom);
+    let found = found(&truth, &noisy(&truth, 7, 1.0), &Options::default());
+    assert!(found.converged && found.sd_is_given && found.vertices > 50);
     for (modulus, off) in found.moduli.iter().zip(errors(&found)) {
-        println!("{modulus:?} {off:.4}");
+        assert!(modulus.is_told && off.abs() < 3.0 * modulus.relative_sd, "{modulus:?} {off}");
+        assert!(modulus.relative_sd < 0.06 && modulus.mesh_shift.is_none(), "{modulus:?}");
     }
-    assert!(found.converged);
+    // Within four of its own standard deviations.
+    let (chi, free) = (found.chi_squared, found.degrees_of_freedom);
+    assert!(
+        (free - 452.0).abs() < 1.0 && (chi - free).abs() < 4.0 * (2.0 * free).sqrt(),
+        "{chi} of {free}"
+    );
+    assert_eq!(found.residuals.len(), 456);
+    assert!((0..4).all(|i| (found.correlation[i][i] - 1.0).abs() < 1e-12));
+}
+
+#[test]
+fn noise_that_is_not_given_is_taken_from_what_is_left() {
+    let truth = scene(PULL, &["support.stiffness_n_m4=2e10"]);
+    let mut measured = noisy(&truth, 7, 1.0);
+    measured.retain(|one| matches!(one.of, Measured::Move(_)) || one.time_s == 1.0);
+    let given = found(&truth, &measured, &Options::default());
+    measured.iter_mut().for_each(|one| one.sd = None);
+    let taken = found(&truth, &measured, &Options::default());
+    assert!(!taken.sd_is_given);
+    let moves = taken.residuals.iter().find(|one| one.kind == "move_mm").unwrap();
+    assert!((moves.sd - 0.1).abs() < 0.02, "{}", moves.sd);
+    for (a, b) in given.moduli.iter().zip(&taken.moduli) {
+        // A force that counts for more than it should tells more.
+        assert!((0.4..2.5).contains(&(a.relative_sd / b.relative_sd)), "{a:?} {b:?}");
+    }
+}
+
+/// A pull that is led tells ratios of moduli; how large they are only its force does.
+#[test]
+fn what_nothing_measured_depends_on_stays_as_it_was_believed_and_is_said_so() {
+    let truth = scene(PULL, &["support.hold=vertices"]);
+    let mut measured = noisy(&truth, 3, 1.0);
+    measured.retain(|one| matches!(one.of, Measured::Move(_)));
+    let found = found(&truth, &measured, &Options { prior_factor: 2.0, ..Options::default() });
+    for modulus in &found.moduli {
+        assert!(!modulus.is_told && modulus.relative_sd > 0.3, "{modulus:?}");
+        assert!(modulus.relative_sd <= 2.0_f64.ln());
+    }
+    let ratio = |i: usize| {
+        let of = |moduli: &dyn Fn(usize) -> f64| moduli(i) / moduli(2);
+        of(&|i| found.moduli[i].young_modulus_pa) / of(&|i| MODULI[i]) - 1.0
+    };
+    assert!([0, 1, 3].map(ratio).iter().all(|off| off.abs() < 0.15), "{:?}", [0, 1, 3].map(ratio));
+    assert!(found.correlation[0][2] > 0.95, "{:?}", found.correlation);
+}
+
+#[test]
+fn where_the_scene_refines_it_is_said_by_how_much_the_mesh_moves_what_is_found() {
+    let truth = scene(PULL, &["support.stiffness_n_m4=2e10", "mesh.max_level=6"]);
+    let found = found(&truth, &noisy(&truth, 5, 1.0), &Options::default());
+    let shifts: Vec<f64> = found.moduli.iter().filter_map(|one| one.mesh_shift).collect();
+    assert!(shifts.len() == 4 && shifts.iter().any(|shift| shift.abs() > 1e-3), "{shifts:?}");
+    assert!(shifts.iter().all(|shift| shift.abs() < 0.5), "{shifts:?}");
+    assert!(found.left_out[0].contains("refinement"), "{:?}", found.left_out);
+}
+
+#[test]
+fn what_does_not_fit_the_scene_is_refused_with_its_place() {
+    let plain = scene(PULL, &[]);
+    let one = asked().remove(0);
+    let refused = |scene: &Scene, measured: &[Measurement], options: &Options, want: &str| {
+        let found = identify(scene, Some(&quarters()), measured, options, &mut |_, _| {});
+        let message = found.unwrap_err().to_string();
+        assert!(message.contains(want), "{message}\nwant {want}");
+    };
+    let usual = Options::default();
+    let with = |change: &dyn Fn(&mut Measurement)| {
+        let mut one = one.clone();
+        change(&mut one);
+        [one]
+    };
+    refused(&plain, &[], &usual, "measurements is none, want one at least");
+    refused(
+        &plain,
+        &with(&|one| one.time_s = 0.7),
+        &usual,
+        "asked: time_s is 0.7, want the end of",
+    );
+    refused(&plain, &with(&|one| one.time_s = 1.5), &usual, "at most 1 s");
+    let far = with(&|one| one.of = Measured::Move([0.0, 0.0, 60.0]));
+    refused(&plain, &far, &usual, "x_mm, y_mm, z_mm is [0.0, 0.0, 60.0], want a point of the body");
+    let other = with(&|one| one.of = Measured::Force(1));
+    refused(&plain, &other, &usual, "tool is 1, want below 1");
+    let mixed = [one.clone(), Measurement { sd: None, ..one.clone() }];
+    refused(&plain, &mixed, &usual, "sd is given for 1 of 2 measurements");
+    let entries = Options { entries: vec![4], ..Options::default() };
+    refused(&plain, &with(&|_| ()), &entries, "a material is 4");
+    let prior = Options { prior_factor: 1.0, ..Options::default() };
+    refused(&plain, &with(&|_| ()), &prior, "the prior's factor is 1");
+    let moving = scene(PULL, &["dynamics={}", "stages.integrator=newmark"]);
+    refused(&moving, &with(&|_| ()), &usual, "dynamics is there, want none");
+    let viscous = "materials.0.law={ kind = 'prony', terms = [{ fraction = 0.5, time_s = 1.0 }] }";
+    refused(&scene(PULL, &[viscous]), &with(&|_| ()), &usual, "want laws of the strain alone");
+    let load = "kind = \"load\"\nregion = { shape = \"box\", min = [0.0, 0.0, 0.9], max = [1.0, 1.0, 1.0] }\nload = [{ time_s = 0.0, force_n = [0.0, 0.0, 0.1] }]";
+    let force = with(&|one| one.of = Measured::Force(0));
+    refused(&scene(load, &[]), &force, &usual, "tool is 0, want that of a grab or a probe");
 }

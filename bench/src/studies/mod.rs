@@ -16,6 +16,7 @@ pub mod elements;
 pub mod endurance;
 pub mod estimates;
 pub mod homogenisation;
+pub mod identify;
 pub mod laws;
 pub mod mesh;
 pub mod meshes;

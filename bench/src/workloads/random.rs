@@ -44,6 +44,12 @@ impl SplitMix64 {
         low + 0.5 * (high - low) * (self.symmetric() + 1.0)
     }
 
+    /// A number of the standard normal distribution (Box and Muller).
+    pub fn normal(&mut self) -> f64 {
+        let [u, v] = [0, 1].map(|_| 0.5 * (self.symmetric() + 1.0));
+        (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
+    }
+
     /// A unit vector, all directions alike.
     pub fn direction(&mut self) -> Vector3<f64> {
         let (z, turn) = (self.symmetric(), self.between(0.0, TAU));

@@ -3,6 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::problem::{Problem, Tolerance};
+use super::tangent_system::{Kind, TangentSystem};
+use crate::body::Body;
 use crate::element::ElementPoint;
 use crate::field::Field;
 use crate::vectors::{axpy, dot};
@@ -38,8 +40,9 @@ const LEFT: f64 = 1e-10;
 /// What may be left where rounding allows no less.
 const ENOUGH: f64 = 1e-6;
 
-/// Directions at most.
-const DIRECTIONS: usize = 200;
+/// Directions at most by the warped inverse, and by a factor of the tangent.
+const FEW: usize = 80;
+const MANY: usize = 200;
 
 /// A direction that adds less than this part of itself to those before it adds rounding.
 const SINGULAR: f64 = 1e-13;
@@ -57,7 +60,7 @@ impl Problem<'_> {
     /// if it is not found, as where A is singular.
     ///
     /// Cost: two evaluations of internal forces and an application of the inverse for each of some tens of directions, and
-    /// an application for each row of G.
+    /// an application for each row of G; where that does not arrive, a factor of the tangent of forces that have one.
     /// # Source
     /// Saad, Schultz, GMRES, SIAM J. Sci. Stat. Comput. 7(3), 1986; A d by central differences as of Knoll, Keyes,
     /// Jacobian-free Newton-Krylov methods, J. Comput. Phys. 193(2), 2004.
@@ -67,14 +70,36 @@ impl Problem<'_> {
         attached: &Attached,
         disturbance: &Disturbance<'_>,
     ) -> Option<Vec<f64>> {
+        let warped = |force: &[f64]| self.warped(force);
+        let found = self.respond_by(&warped, FEW, positions, attached, disturbance);
+        if found.is_some() || self.forces.tangent().is_none() {
+            return found;
+        }
+        let mut system = TangentSystem::new(self, Kind::Whole, None);
+        system.renew(self, positions)?;
+        let solved = |force: &[f64]| system.solve(force);
+        self.respond_by(&solved, MANY, positions, attached, disturbance)
+    }
+
+    /// The same with something that comes near to A⁻¹, in at most so many directions.
+    fn respond_by(
+        &self,
+        near_inverse: &dyn Fn(&[f64]) -> Vec<f64>,
+        directions: usize,
+        positions: &Field,
+        attached: &Attached,
+        disturbance: &Disturbance<'_>,
+    ) -> Option<Vec<f64>> {
         let Disturbance { load, moved, targets } = *disturbance;
-        let held = Columns::new(self, &attached.rows)?;
+        let held = Columns::new(self, &attached.rows, near_inverse)?;
         let mut answer = moved.to_vec();
         held.correct(&mut answer, targets);
-        let mut rest = self.pulled(positions, attached, &answer);
+        // The rotations that evaluations leave in it are not those of the preconditioner.
+        let mut aside = self.body.clone();
+        let mut rest = self.pulled(&mut aside, positions, attached, &answer);
         rest.iter_mut().zip(load).for_each(|(rest, load)| *rest = load - *rest);
         let prepared = |force: &[f64]| {
-            let mut step = self.prepared(force);
+            let mut step = near_inverse(force);
             held.correct(&mut step, &vec![0.0; targets.len()]);
             step
         };
@@ -84,14 +109,20 @@ impl Problem<'_> {
         if !(whole > 0.0) {
             return (whole == 0.0).then_some(answer);
         }
-        let operator = |d: &[f64]| prepared(&self.pulled(positions, attached, d));
-        let (found, left) = least_residual(&start, LEFT * whole, operator);
+        let operator = |d: &[f64]| prepared(&self.pulled(&mut aside, positions, attached, d));
+        let (found, left) = least_residual(&start, LEFT * whole, directions, operator);
         axpy(1.0, &found, &mut answer);
         (left <= ENOUGH * whole).then_some(answer)
     }
 
-    /// A d on the free vertices, in the rows of residuals.
-    fn pulled(&self, positions: &Field, attached: &Attached, d: &[f64]) -> Vec<f64> {
+    /// A d on the free vertices, in the rows of residuals, by a copy of the body.
+    fn pulled(
+        &self,
+        body: &mut Body,
+        positions: &Field,
+        attached: &Attached,
+        d: &[f64],
+    ) -> Vec<f64> {
         let mut pull = vec![0.0; d.len()];
         let farthest = d.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
         if farthest == 0.0 {
@@ -99,14 +130,12 @@ impl Problem<'_> {
         }
         let volumes = self.body.elements().iter().map(|element| element.geometry.volume);
         let length = STEP * volumes.fold(f64::INFINITY, f64::min).cbrt() / farthest;
-        // The rotations that it leaves are not those of the preconditioner.
-        let mut body = self.body.clone();
         let mut internal = vec![Vector3::zeros(); positions.len()];
         for sign in [-1.0, 1.0] {
             let mut residual = vec![0.0; d.len()];
             let mut moved = positions.to_vec();
             body.set_pressures(&self.body.pressures());
-            let mut aside = self.with_body(&mut body);
+            let mut aside = self.with_body(body);
             (aside.constraints, aside.pushes) = (None, None);
             aside.advance(&mut moved, d, sign * length);
             aside.evaluate(&moved, &mut internal, &mut residual, &Tolerance::new(1.0, 0));
@@ -127,7 +156,7 @@ impl Problem<'_> {
     }
 
     /// T C Tᵀ of forces.
-    fn prepared(&self, force: &[f64]) -> Vec<f64> {
+    fn warped(&self, force: &[f64]) -> Vec<f64> {
         let mut step = force.to_vec();
         self.body.turn_back(&mut step);
         let turned = step.clone();
@@ -137,7 +166,7 @@ impl Problem<'_> {
     }
 }
 
-/// What the linear body answers to the rows of G.
+/// What the body answers to the rows of G, nearly.
 struct Columns<'a> {
     rows: &'a [Vec<(usize, Vector3<f64>)>],
     unknowns: usize,
@@ -148,10 +177,14 @@ struct Columns<'a> {
 
 impl<'a> Columns<'a> {
     /// None where the answer of the linear body is not finite.
-    fn new(problem: &Problem<'_>, rows: &'a [Vec<(usize, Vector3<f64>)>]) -> Option<Self> {
+    fn new(
+        problem: &Problem<'_>,
+        rows: &'a [Vec<(usize, Vector3<f64>)>],
+        near_inverse: &dyn Fn(&[f64]) -> Vec<f64>,
+    ) -> Option<Self> {
         let unknowns = problem.unknowns_per_vertex();
         let columns: Vec<Vec<f64>> =
-            rows.iter().map(|row| problem.prepared(&problem.force_of(row))).collect();
+            rows.iter().map(|row| near_inverse(&problem.force_of(row))).collect();
         let entry = |i: usize, j: usize| along(&rows[i], &columns[j], unknowns);
         let block = DMatrix::from_fn(rows.len(), rows.len(), entry);
         let least = DEPENDENT * block.amax();
@@ -183,11 +216,12 @@ fn along(row: &[(usize, Vector3<f64>)], d: &[f64], unknowns: usize) -> f64 {
     row.iter().map(of).sum()
 }
 
-/// The combination d of directions from `start` with the least ‖start − B d‖, until that is below `enough`; also what is left.
+/// The combination d of so many directions from `start` with the least ‖start − B d‖, until that is below `enough`; also what is left.
 fn least_residual(
     start: &[f64],
     enough: f64,
-    operator: impl Fn(&[f64]) -> Vec<f64>,
+    directions: usize,
+    mut operator: impl FnMut(&[f64]) -> Vec<f64>,
 ) -> (Vec<f64>, f64) {
     let size = |a: &[f64]| dot(a, a).sqrt();
     let scaled = |a: &[f64], by: f64| a.iter().map(|a| by * a).collect::<Vec<f64>>();
@@ -195,7 +229,7 @@ fn least_residual(
     let mut basis = vec![scaled(start, 1.0 / left)];
     // R of the Hessenberg matrix, by columns, its rotations, and what they make of the right side.
     let (mut columns, mut turns, mut side) = (Vec::new(), Vec::<[f64; 2]>::new(), vec![left]);
-    while left > enough && columns.len() < DIRECTIONS {
+    while left > enough && columns.len() < directions {
         let mut next = operator(&basis[basis.len() - 1]);
         let before = size(&next);
         let mut column = vec![0.0; basis.len()];
@@ -251,7 +285,7 @@ mod tests {
         });
         let wanted = DVector::from_fn(7, |i, _| (i as f64 - 2.5).powi(3));
         let side = &matrix * &wanted;
-        let (found, left) = least_residual(side.as_slice(), 1e-12, |d| {
+        let (found, left) = least_residual(side.as_slice(), 1e-12, 20, |d| {
             (&matrix * DVector::from_column_slice(d)).as_slice().to_vec()
         });
         let off = (DVector::from_vec(found) - &wanted).norm();

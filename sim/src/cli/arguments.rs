@@ -43,6 +43,12 @@ pub enum Command {
     ///
     /// Prints rates and latencies. What is computed depends on how fast this machine is.
     Haptic(HapticArguments),
+    /// Draws how stiff the skin feels under a fingertip, or where and how much a nodule is felt.
+    Feel(FeelArguments),
+    /// Finds the moduli of a scene's materials from measured moves and forces, with bands.
+    ///
+    /// Exits 0 if they were found, 1 if the search ended before, 2 if it was refused.
+    Identify(IdentifyArguments),
     /// Shows a scene in the browser, with hands on it, or plays a run that is over.
     ///
     /// Prints the address, which has a token in it; ends with Ctrl-C.
@@ -133,6 +139,65 @@ pub struct PlanArguments {
     /// Prints a JSON array instead of a table.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct FeelArguments {
+    /// A TOML file, or the name of a built-in scene.
+    #[arg(default_value = DEFAULT_SCENE)]
+    pub scene: String,
+    /// The picture to write.
+    #[arg(long, value_name = "FILE.png")]
+    pub out: PathBuf,
+    /// Writes what is felt at every point as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    pub json: Option<PathBuf>,
+    /// Points of the skin at most.
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    pub points: usize,
+    /// Radius of the fingertip, mm.
+    #[arg(long, value_name = "MM", default_value_t = 5.0)]
+    pub radius_mm: f64,
+    /// A material, by name or number from 0, whose part in the force is drawn.
+    #[arg(long, value_name = "NAME")]
+    pub nodule: Option<String>,
+    /// The material that would be in its place [default: the first].
+    #[arg(long, value_name = "NAME", requires = "nodule")]
+    pub like: Option<String>,
+    /// How deep the fingertip presses where forces are compared, mm.
+    #[arg(long, value_name = "MM", default_value_t = 2.0)]
+    pub depth_mm: f64,
+    /// The least difference of force that counts as felt, N.
+    #[arg(long, value_name = "N", default_value_t = 0.05)]
+    pub threshold_n: f64,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct IdentifyArguments {
+    /// A TOML file, or the name of a built-in scene: the body, what holds it and what its tools did.
+    pub scene: String,
+    /// A table of what was measured, several times for several: time_s and either x_mm, y_mm, z_mm, ux_mm, uy_mm, uz_mm,
+    /// sd_mm (where a point rests, how far it has moved) or tool, fx_n, fy_n, fz_n, sd_n.
+    #[arg(long, value_name = "FILE.csv", required = true)]
+    pub measured: Vec<PathBuf>,
+    /// A material whose modulus is looked for, by name or number from 0, several times for several [default: all].
+    #[arg(long, value_name = "NAME")]
+    pub material: Vec<String>,
+    /// Before anything is measured a modulus is believed to be within this factor of the scene's (one standard deviation).
+    #[arg(long, value_name = "FACTOR", default_value_t = 10.0)]
+    pub prior_factor: f64,
+    /// Writes all that is found as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    pub json: Option<PathBuf>,
+    /// Draws what was measured and what is left.
+    #[arg(long, value_name = "FILE.svg")]
+    pub picture: Option<PathBuf>,
+    /// Replaces a value of the scene, as for run.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
 }
 
 #[derive(Debug, Args)]

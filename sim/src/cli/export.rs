@@ -8,6 +8,7 @@ use crate::playback::{Run, write_gltf};
 use crate::view::write_html;
 
 use super::arguments::ExportArguments;
+use super::input::check_file;
 use super::printer::Printer;
 
 /// How long a picture may last, s.
@@ -24,7 +25,7 @@ pub fn run(arguments: &ExportArguments, out: &mut Printer) -> Result<(), SimErro
         [("--html", html, "html"), ("--gltf", gltf, "glb"), ("--picture", picture, "png")]
     {
         if let Some(file) = file {
-            check(option, file, end)?;
+            check_file("yawara export", option, file, end)?;
         }
     }
     if !(LASTS_S.contains(seconds)) {
@@ -43,19 +44,6 @@ pub fn run(arguments: &ExportArguments, out: &mut Printer) -> Result<(), SimErro
     if let Some(file) = picture {
         write_picture(&run, file, *seconds)?;
         say(out, file, &format!("{} frames in {seconds} s", run.frame_count()))?;
-    }
-    Ok(())
-}
-
-/// Refuses a name that is no place for such a file.
-fn check(option: &str, file: &Path, end: &str) -> Result<(), SimError> {
-    let refused = |want: &str| SimError::value("yawara export", option, file.display(), want);
-    if file.extension().is_none_or(|extension| extension != end) {
-        return Err(refused(&format!("a file name that ends in .{end}")));
-    }
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if file.is_dir() || !folder.is_none_or(Path::is_dir) {
-        return Err(refused("a file in a folder that exists"));
     }
     Ok(())
 }

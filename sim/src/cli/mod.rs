@@ -8,7 +8,9 @@ mod completions;
 mod console;
 #[cfg(feature = "view")]
 mod export;
+mod feel;
 mod haptic;
+mod identify;
 mod init;
 mod input;
 mod labels;
@@ -109,6 +111,13 @@ fn execute(command: Command) -> Result<u8, SimError> {
         Command::Haptic(arguments) => {
             join_pool();
             haptic::run(&arguments, &mut out)?;
+        }
+        Command::Feel(arguments) => feel::run(&arguments, &mut out)?,
+        Command::Identify(arguments) => {
+            join_pool();
+            if !identify::run(&arguments, &mut out)? {
+                return Ok(NOT_CONVERGED);
+            }
         }
         #[cfg(feature = "view")]
         Command::View(arguments) => view::run(&arguments, &mut out)?,

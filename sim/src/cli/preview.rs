@@ -36,7 +36,8 @@ pub fn run(arguments: &PreviewArguments, out: &mut Printer) -> Result<(), SimErr
 
 type Writer = fn(&Path, &Picture) -> Result<(), SimError>;
 
-fn write_png(file: &Path, picture: &Picture) -> Result<(), SimError> {
+/// Writes a picture, whole or not at all.
+pub fn write_png(file: &Path, picture: &Picture) -> Result<(), SimError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, picture.width as u32, picture.height as u32);
     encoder.set_color(png::ColorType::Rgb);

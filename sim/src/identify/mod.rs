@@ -25,7 +25,7 @@ pub use measured::{Measured, Measurement, read};
 const BAND: f64 = 1.959_964;
 
 /// An entry is told from the prior where its standard deviation is below this part of that.
-const TOLD: f64 = 0.5;
+const TOLD: f64 = 0.3;
 
 /// How moduli are looked for.
 #[derive(Clone, Debug, PartialEq)]

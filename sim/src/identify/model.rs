@@ -6,7 +6,7 @@ use yawara_mesh::volume::LabelVolume;
 use super::measured::{Measured, Measurement};
 use crate::error::SimError;
 use crate::scene::{GrabHold, Scene, SupportHold, ToolEntry};
-use crate::step::{Reading, Simulation};
+use crate::step::{Reading, Simulation, Variations};
 
 /// The largest relative residual of an equilibrium that derivatives are taken at.
 const RESIDUAL: f64 = 1e-8;
@@ -147,9 +147,11 @@ impl<'a> Model<'a> {
         entries: &[usize],
     ) -> Result<(Predicted, DMatrix<f64>), SimError> {
         let mut slopes = DMatrix::zeros(self.component_count(), entries.len());
+        let mut variations = None;
         let predicted = self.run(moduli, &mut |simulation, read| {
             let readings: Vec<Reading> = read.iter().map(|read| read.reading).collect();
-            let found = simulation.slopes(&readings, entries)?;
+            let found =
+                simulation.slopes(&readings, once(&mut variations, simulation, entries)?)?;
             for (read, found) in read.iter().zip(found.row_iter()) {
                 slopes.set_row(read.row, &(read.unit() * found));
             }
@@ -171,13 +173,15 @@ impl<'a> Model<'a> {
         data: &[(f64, f64)],
     ) -> Result<(f64, Vec<f64>), SimError> {
         let (mut misfit, mut gradient) = (0.0, vec![0.0; entries.len()]);
+        let mut variations = None;
         self.run(moduli, &mut |simulation, read| {
             let readings: Vec<Reading> = read.iter().map(|read| read.reading).collect();
             let off = |read: &Read| (read.value - data[read.row].0) / data[read.row].1;
             misfit += read.iter().map(|read| 0.5 * off(read).powi(2)).sum::<f64>();
             let weights = read.iter().map(|read| read.unit() * off(read) / data[read.row].1);
-            let found =
-                simulation.slope_of_sum(&readings, &weights.collect::<Vec<_>>(), entries)?;
+            let variations = once(&mut variations, simulation, entries)?;
+            let weights: Vec<f64> = weights.collect();
+            let found = simulation.slope_of_sum(&readings, &weights, variations)?;
             gradient.iter_mut().zip(found).for_each(|(sum, slope)| *sum += slope);
             Ok(())
         })?;
@@ -225,6 +229,18 @@ impl<'a> Model<'a> {
         }
         Ok(Predicted { values, vertices: simulation.body().vertex_count() })
     }
+}
+
+/// The variations of these entries' moduli, made when they are asked for first: the mesh stays.
+fn once<'a>(
+    made: &'a mut Option<Variations>,
+    simulation: &Simulation,
+    entries: &[usize],
+) -> Result<&'a Variations, SimError> {
+    Ok(match made {
+        Some(made) => made,
+        None => made.insert(simulation.variations(entries)?),
+    })
 }
 
 /// A component that was measured.

@@ -1,10 +1,11 @@
 //! A picture of where a scene's regions and tools are on the body at rest.
 //!
 //! This file is the one to open first: [`Preview`]. `view` looks at the body along one axis, `solid`
-//! is the body as cells, `canvas` draws, `font` has the letters.
+//! is the body as cells, `skin` colours its outside by numbers, `canvas` draws, `font` has the letters.
 
 mod canvas;
 mod font;
+mod skin;
 mod solid;
 mod view;
 
@@ -19,6 +20,7 @@ use solid::Solid;
 use view::{LOOKS, View};
 
 pub use canvas::{Colour, Picture};
+pub(crate) use skin::{Shade, skin};
 
 /// What is fixed, in pictures.
 pub const FIXED: Colour = [30, 80, 200];

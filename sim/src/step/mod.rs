@@ -39,6 +39,7 @@ mod sensitivity;
 mod settling;
 mod simulation;
 mod slips;
+mod softness;
 mod span;
 mod stood;
 mod tool_forces;
@@ -46,5 +47,5 @@ mod tool_loads;
 
 pub use builder::SimulationBuilder;
 pub use checkpoint::Checkpoint;
-pub(crate) use sensitivity::Reading;
+pub(crate) use sensitivity::{Reading, Variations};
 pub use simulation::Simulation;

@@ -32,6 +32,9 @@ pub(crate) enum Reading {
     Force(usize, usize),
 }
 
+/// By entry of the scene's materials the elasticities of all elements, by number, where ln E is [`VARIED`] less and more.
+pub(crate) struct Variations(Vec<[Vec<Matrix6<f64>>; 2]>);
+
 /// A load and motions of tools, all of it small.
 #[derive(Debug, Default)]
 struct Stir {
@@ -88,20 +91,19 @@ impl Simulation {
             || self.tools[tool].obstacle(t).is_some()
     }
 
-    /// ∂ reading / ∂ ln E at the last equilibrium, for the E of each of these entries of the scene's materials: a row a
-    /// reading. The mesh and all that holds the body stay.
+    /// ∂ reading / ∂ ln E at the last equilibrium, for the E of each entry of `variations`: a row a reading. The mesh and all
+    /// that holds the body stay.
     ///
-    /// Cost: [`Problem::respond`] for each entry, and for each component of a force; twice a homogenisation of the body for each
-    /// entry.
+    /// Cost: [`Problem::respond`] for each entry, and for each component of a force.
     /// # Errors
-    /// [`SimError::NoResponse`], those of homogenisation and of the inverse.
+    /// [`SimError::NoResponse`], those of the inverse.
     pub(crate) fn slopes(
         &self,
         readings: &[Reading],
-        entries: &[usize],
+        variations: &Variations,
     ) -> Result<DMatrix<f64>, SimError> {
-        let pulls = self.pulls(entries)?;
-        let mut slopes = DMatrix::zeros(readings.len(), entries.len());
+        let pulls = self.pulls(variations);
+        let mut slopes = DMatrix::zeros(readings.len(), pulls.len());
         if readings.iter().any(|reading| matches!(reading, Reading::Move(..))) {
             for (column, pull) in pulls.iter().enumerate() {
                 let load = pull.iter().map(|pull| -pull).collect();
@@ -126,16 +128,16 @@ impl Simulation {
         Ok(slopes)
     }
 
-    /// ∂/∂ ln E of Σ weight · reading, for the E of each of these entries of the scene's materials, by one adjoint state.
+    /// ∂/∂ ln E of Σ weight · reading, for the E of each entry of `variations`, by one adjoint state.
     ///
-    /// Cost: one [`Problem::respond`], and twice a homogenisation of the body for each entry.
+    /// Cost: one [`Problem::respond`], and two evaluations of forces for each entry.
     /// # Errors
     /// As [`slopes`](Self::slopes).
     pub(crate) fn slope_of_sum(
         &self,
         readings: &[Reading],
         weights: &[f64],
-        entries: &[usize],
+        variations: &Variations,
     ) -> Result<Vec<f64>, SimError> {
         let m = self.body.state.body.unknowns_per_vertex();
         let mut stir = Stir { load: vec![0.0; self.rows()], leads: Vec::new() };
@@ -152,7 +154,7 @@ impl Simulation {
         }
         let adjoint = self.respond(&stir)?;
         let dot = |pull: &Vec<f64>| adjoint.iter().zip(pull).map(|(a, b)| a * b).sum();
-        Ok(self.pulls(entries)?.iter().map(dot).collect())
+        Ok(self.pulls(variations).iter().map(dot).collect())
     }
 
     /// A scanner axis in solver axes.
@@ -178,42 +180,53 @@ impl Simulation {
         found.ok_or(SimError::NoResponse(step))
     }
 
-    /// ∂(f_int − f_ext)/∂ ln E in the rows of residuals, at all vertices, of each of these entries.
-    fn pulls(&self, entries: &[usize]) -> Result<Vec<Vec<f64>>, SimError> {
-        let pull = |&entry: &usize| {
-            let [less, more] = [-VARIED, VARIED].map(|change| {
-                let body = self.varied(entry, change.exp())?;
-                Ok::<_, SimError>(self.solver.unbalanced(body, &self.body.state, &self.tools))
-            });
-            let (less, more): (Vec<f64>, Vec<f64>) = (less?, more?);
-            Ok(less.iter().zip(&more).map(|(less, more)| (less - more) / (2.0 * VARIED)).collect())
+    /// ∂(f_int − f_ext)/∂ ln E in the rows of residuals, at all vertices, of each entry of `variations`.
+    fn pulls(&self, variations: &Variations) -> Vec<Vec<f64>> {
+        let state = &self.body.state;
+        let unbalanced = |elasticities: &Vec<Matrix6<f64>>| {
+            let of =
+                |e: &Element| state.body.number(e.tet).map_or(e.elasticity, |n| elasticities[n]);
+            self.solver.unbalanced(state.body.with_elasticities(of), state, &self.tools)
         };
-        entries.iter().map(pull).collect()
+        let pull = |both: &[Vec<Matrix6<f64>>; 2]| {
+            let [less, more] = both.each_ref().map(unbalanced);
+            less.iter().zip(&more).map(|(less, more)| (less - more) / (2.0 * VARIED)).collect()
+        };
+        variations.0.iter().map(pull).collect()
     }
 
-    /// The body with the modulus of an entry of the scene's materials so many times as large.
-    fn varied(&self, entry: usize, factor: f64) -> Result<Body, SimError> {
+    /// What the elements are made of where the modulus of each of these entries of the scene's materials is another.
+    ///
+    /// Cost: twice a homogenisation of the body for each entry.
+    /// # Errors
+    /// Those of homogenisation.
+    pub(crate) fn variations(&self, entries: &[usize]) -> Result<Variations, SimError> {
+        let both = |&entry: &usize| {
+            Ok([self.varied(entry, (-VARIED).exp())?, self.varied(entry, VARIED.exp())?])
+        };
+        Ok(Variations(entries.iter().map(both).collect::<Result<_, SimError>>()?))
+    }
+
+    /// The elasticities of all elements, by number, with the modulus of an entry of the scene's materials so many times as
+    /// large.
+    fn varied(&self, entry: usize, factor: f64) -> Result<Vec<Matrix6<f64>>, SimError> {
         let SimulatedBody { state, refiner, .. } = &self.body;
         let Some(refiner) = refiner else {
             let is_it = |e: &Element| self.scene.material_of(state.label(e.tet)) == Some(entry);
-            let scale = |e: &Element| if is_it(e) { factor } else { 1.0 };
-            return Ok(state.body.with_elasticities(|e| scale(e) * e.elasticity));
+            let scaled = |e: &Element| if is_it(e) { factor * e.elasticity } else { e.elasticity };
+            return Ok(state.elements().iter().map(scaled).collect());
         };
         let content = &refiner.content;
-        let materials = varied(
-            content.embedding.materials(),
-            &content.material_of,
-            &self.scene,
-            entry,
-            factor,
-        )?;
+        let before = content.embedding.materials();
+        let materials = varied(before, &content.material_of, &self.scene, entry, factor)?;
         let others = content.embedding.of_others(&materials, &mut |_| ControlFlow::Continue(()))?;
-        let mut by_tet: Vec<Option<Matrix6<f64>>> = vec![None; content.forest.tet_capacity()];
+        let mut elasticities: Vec<_> = state.elements().iter().map(|e| e.elasticity).collect();
         for tet in content.forest.leaves() {
-            by_tet[tet.id.index()] = Some(others.of(tet.node));
+            if let Some(number) = state.body.number(tet.id) {
+                elasticities[number] = others.of(tet.node);
+            }
         }
-        let of = |e: &Element| by_tet[e.tet.index()].unwrap_or(e.elasticity);
-        Ok(state.body.with_elasticities(of))
+        Ok(elasticities)
     }
 }
 

@@ -57,7 +57,7 @@ impl SurfacePoints {
     }
 
     /// Where they are at rest, m.
-    pub(super) fn rest(&self) -> &[Vector3<f64>] {
+    pub(crate) fn rest(&self) -> &[Vector3<f64>] {
         &self.rest
     }
 

@@ -1,6 +1,5 @@
 //! The unit cubes whose material is homogenised: what every voxel is made of.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -122,7 +121,7 @@ impl Inside {
                 }
                 Self::Vessel(ratio) => stiffer(in_rod(&x, [0.5; 3], [1.0, 0.6, 0.8]), ratio),
                 Self::Strut(ratio) => stiffer(in_rod(&x, [0.2, 0.3, 0.0], [0.6, 0.4, 1.0]), ratio),
-                Self::LogNormal(sigma) => (sigma * normal(&mut random)).exp(),
+                Self::LogNormal(sigma) => (sigma * random.normal()).exp(),
                 Self::Field(ratio) => {
                     let [x, y, z] = voxel;
                     ratio.powf(field[x + VOXELS * (y + VOXELS * z)])
@@ -142,7 +141,7 @@ impl Inside {
 /// A Gaussian random field on the voxels, from 0 to 1: normal numbers, smoothed along each axis by a
 /// bell of deviation 1.5 that goes round the sides.
 fn field(random: &mut SplitMix64) -> Vec<f64> {
-    let mut values: Vec<f64> = places([VOXELS; 3]).map(|_| normal(random)).collect();
+    let mut values: Vec<f64> = places([VOXELS; 3]).map(|_| random.normal()).collect();
     for stride in [1, VOXELS, VOXELS * VOXELS] {
         let smooth = |i: usize| -> f64 {
             let at = i / stride % VOXELS;
@@ -167,12 +166,6 @@ fn balls(random: &mut SplitMix64) -> Vec<(Vector3<f64>, f64)> {
 /// Within 0.12 of the line through `foot`.
 fn in_rod(x: &Vector3<f64>, foot: [f64; 3], along: [f64; 3]) -> bool {
     (x - Vector3::from(foot)).cross(&Vector3::from(along).normalize()).norm() < 0.12
-}
-
-/// A number of the standard normal distribution (Box and Muller).
-fn normal(random: &mut SplitMix64) -> f64 {
-    let [u, v] = [0, 1].map(|_| 0.5 * (random.symmetric() + 1.0));
-    (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
 }
 
 impl Block {

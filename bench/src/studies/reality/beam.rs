@@ -1,6 +1,7 @@
 //! The beam as a scene: at rest, and let go.
 
 use nalgebra::Vector3;
+use yawara::identify::{Measured, Measurement, Options, identify};
 use yawara::scene::{Image, LawEntry, PronyEntry, RelaxingPart, Scene};
 use yawara::{Simulation, scene_file};
 use yawara_corot::{ElementPoint, locate};
@@ -80,6 +81,28 @@ impl Beam {
             scene.materials.push(weight);
         }
         Ok((scene, volume))
+    }
+
+    /// With the modulus with which the bare beam's marker drops as far as measured, and the standard deviation of its
+    /// logarithm, where that of the drop is known, mm.
+    /// # Errors
+    /// [`BenchError::Sim`].
+    pub fn fitted(mut self, drop_mm: f64, sd_mm: f64) -> Result<(Self, f64)> {
+        let (scene, volume) = self.scene()?;
+        let low = DIMS.map(|cells| -0.5 * cells as f64 * VOXEL_MM);
+        let rest_mm = [0, 1, 2].map(|axis| low[axis] + 1e3 * MARKER_M[axis]);
+        let measured = Measurement {
+            time_s: scene.time.step_s * scene.time.steps as f64,
+            of: Measured::Move(rest_mm),
+            values: [None, None, Some(-drop_mm)],
+            sd: Some(sd_mm),
+            place: "the bare beam".into(),
+        };
+        let found =
+            identify(&scene, Some(&volume), &[measured], &Options::default(), &mut |_, _| {})?;
+        let modulus = &found.moduli[0];
+        self.young_modulus_pa = modulus.young_modulus_pa;
+        Ok((self, modulus.relative_sd))
     }
 
     /// How far the marker drops until the beam rests, mm.

@@ -44,6 +44,9 @@ const LONGEST_S: f64 = 4.0;
 const POISSON: f64 = 0.499;
 const OTHERS: [f64; 3] = [0.45, 0.48, 0.499];
 
+/// What a camera does not tell apart, mm: drops that agree better do so by chance.
+const NOISE_MM: f64 = 0.05;
+
 /// How long swings are followed, s.
 const SECONDS: f64 = 2.0;
 
@@ -112,7 +115,9 @@ pub fn run(arguments: &Arguments) -> Result<String> {
         frequency_hz: 0.5 * (a.frequency_hz + b.frequency_hz),
         damping_ratio: 0.5 * (a.damping_ratio + b.damping_ratio),
     };
-    let beam = fitted(&bare, POISSON, level)?;
+    // Of the mean of two.
+    let sd_mm = 0.5 * (a.drop_mm - b.drop_mm).abs().max(NOISE_MM);
+    let (beam, relative_sd) = fitted(&bare, sd_mm, POISSON, level)?;
     progress.advance("modulus", 1.0);
     let elastic = figures(&beam, &Damping::None)?;
     progress.advance("elastic swing", 1.0);
@@ -137,25 +142,27 @@ pub fn run(arguments: &Arguments) -> Result<String> {
         }
     }
     for poisson_ratio in OTHERS {
-        let beam = fitted(&bare, poisson_ratio, level)?;
+        let (beam, _) = fitted(&bare, sd_mm, poisson_ratio, level)?;
         for &load_n in &loads {
             rests.push(rest(&Beam { load_n, ..beam.clone() })?);
         }
     }
-    report::write(&folder, "reality", &rows, summary(&rows, &rests, &beam, &ladder, beta_s))
+    report::write(
+        &folder,
+        "reality",
+        &rows,
+        summary(&rows, &rests, (&beam, relative_sd), &ladder, beta_s),
+    )
 }
 
 fn swing_of(place: &str, text: &str) -> Result<Swing> {
     Swing::of(&Recording::parse(place, text)?).ok_or_else(|| BenchError::NoSwing(place.into()))
 }
 
-/// The bare beam whose marker drops as measured: E by secants, for the drop is nearly as 1/E.
-fn fitted(bare: &Swing, poisson_ratio: f64, level: u8) -> Result<Beam> {
-    let mut beam = Beam { young_modulus_pa: 2.6e5, poisson_ratio, level, load_n: 0.0 };
-    for _ in 0..4 {
-        beam.young_modulus_pa *= beam.drop_mm()? / bare.drop_mm;
-    }
-    Ok(beam)
+/// The bare beam whose marker drops as measured, and the standard deviation of ln E.
+fn fitted(bare: &Swing, sd_mm: f64, poisson_ratio: f64, level: u8) -> Result<(Beam, f64)> {
+    let beam = Beam { young_modulus_pa: 2.6e5, poisson_ratio, level, load_n: 0.0 };
+    beam.fitted(bare.drop_mm, sd_mm)
 }
 
 fn rest(beam: &Beam) -> Result<Rest> {
@@ -183,11 +190,19 @@ fn compared(load_n: f64, is: &'static str, damping: &'static str, both: [&Swing;
     ]
 }
 
-fn summary(rows: &[Row], rests: &[Rest], beam: &Beam, ladder: &Ladder, beta_s: f64) -> Summary {
+fn summary(
+    rows: &[Row],
+    rests: &[Rest],
+    (beam, relative_sd): (&Beam, f64),
+    ladder: &Ladder,
+    beta_s: f64,
+) -> Summary {
     let mut text = format!(
-        "Bare beam: E = {:.1} kPa after a long time, {:.1} kPa at once; ladder of {} times from {:.4} to {} s, \
+        "Bare beam: E = {:.1} kPa after a long time (95 % band {:.1} to {:.1} by how far two recordings differ), {:.1} kPa at once; ladder of {} times from {:.4} to {} s, \
          exponent {:.2}; Rayleigh's β {:.2e} s.\n\n",
         1e-3 * beam.young_modulus_pa,
+        1e-3 * beam.young_modulus_pa * (-1.96 * relative_sd).exp(),
+        1e-3 * beam.young_modulus_pa * (1.96 * relative_sd).exp(),
         1e-3 * beam.young_modulus_pa * ladder.stiffer,
         ladder.terms.len(),
         ladder.terms[0].time_s,
@@ -223,6 +238,7 @@ fn summary(rows: &[Row], rests: &[Rest], beam: &Beam, ladder: &Ladder, beta_s: f
     Summary::new(text)
         .with("schema", SCHEMA)
         .with("young_modulus_pa", beam.young_modulus_pa)
+        .with("relative_sd", relative_sd)
         .with("at_once", ladder.stiffer)
         .with("terms", terms)
         .with("rayleigh_s", beta_s)
