@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use yawara_bench::cases::{Selection, Shard};
 use yawara_bench::studies::{
-    Arguments, Common, cracks, cut, drift, elements, endurance, estimates, homogenisation, meshes,
-    robust, scaling, table1, touch,
+    Arguments, Common, cracks, cut, drift, elements, endurance, estimates, homogenisation,
+    identify, meshes, robust, scaling, table1, touch,
 };
 use yawara_bench::{BenchError, DIRECT};
 use yawara_inverse_update::CHOICES;
@@ -437,6 +437,27 @@ fn robust_has_a_row_for_every_case_element_and_equilibrium() {
         robust::Arguments { selection, equilibria: words(["anderson", "newten"]), ..arguments };
     let error = robust::run(&bad).unwrap_err().to_string();
     assert!(error.contains("newten") && !other.exists(), "{error}");
+}
+
+/// Few points and trials: moduli within their deviations, an exact gradient, and tables that the program reads.
+#[test]
+fn identify_finds_moduli_by_an_exact_gradient() {
+    let (_root, common) = scratch();
+    let out = common.out.clone();
+    let arguments = identify::Arguments { common, trials: Some(2) };
+    let printed = identify::run(&arguments).unwrap();
+    let text = std::fs::read_to_string(out.join("identify.json")).unwrap();
+    let value: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(rows(&value).len(), 4);
+    for row in rows(&value) {
+        let (error, sd) = (number(row, "error"), number(row, "relative_sd"));
+        assert!(error.abs() < 4.0 * sd && sd < 0.05, "{row}");
+        assert!(printed.contains(row["material"].as_str().unwrap()));
+    }
+    assert!(number(&value, "coverage") > 0.5);
+    assert!(number(&value["gradient"], "off") < 1e-6, "{}", value["gradient"]);
+    let measured = yawara::identify::read(&out.join("quarters.csv")).unwrap();
+    assert_eq!(measured.len(), 4 + number(&rows(&value)[0], "points") as usize);
 }
 
 /// Two scenes of all, one of them cut short: every step is counted once, and again the same.

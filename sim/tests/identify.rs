@@ -5,6 +5,8 @@ use yawara::scene::Scene;
 use yawara::scene_file;
 use yawara_mesh::volume::{Grid, LabelVolume};
 
+use crate::workbench::Workbench;
+
 const MODULI: [f64; 4] = [4e3, 9e3, 1.5e4, 6e3];
 
 /// A block of 80 mm with a label to each quarter, as seen from above.
@@ -271,4 +273,61 @@ fn what_does_not_fit_the_scene_is_refused_with_its_place() {
     let load = "kind = \"load\"\nregion = { shape = \"box\", min = [0.0, 0.0, 0.9], max = [1.0, 1.0, 1.0] }\nload = [{ time_s = 0.0, force_n = [0.0, 0.0, 0.1] }]";
     let force = with(&|one| one.of = Measured::Force(0));
     refused(&scene(load, &[]), &force, &usual, "tool is 0, want that of a grab or a probe");
+}
+
+/// The program with a table of its own making, and the skin of the same scene.
+#[test]
+fn the_program_finds_a_modulus_and_draws_a_skin() {
+    let bench = Workbench::new();
+    let settings = ["--set", "mesh.max_level=0", "--set", "support.stiffness_n_m4=1e11"];
+    let measured = [0.1, 0.2].map(|time_s| Measurement {
+        time_s,
+        of: Measured::Force(0),
+        values: [Some(0.0); 3],
+        sd: None,
+        place: "asked".into(),
+    });
+    let set = ["mesh.max_level=0", "support.stiffness_n_m4=1e11"].map(str::to_owned);
+    let (beam, _) = scene_file::load("beam", &set).unwrap();
+    let steps: Vec<Measurement> = measured
+        .into_iter()
+        .zip(1..)
+        .map(|(one, step)| Measurement { time_s: f64::from(step) * beam.time.step_s, ..one })
+        .collect();
+    let values = predict(&beam, None, &steps).unwrap();
+    let mut table = String::from("time_s,tool,fx_n,fy_n,fz_n,sd_n\n");
+    for (one, values) in steps.iter().zip(values.chunks_exact(3)) {
+        let [x, y, z] = [0, 1, 2].map(|axis| 1.5 * values[axis]);
+        table += &format!("{},0,{x},{y},{z},1e-4\n", one.time_s);
+    }
+    bench.write("forces.csv", table);
+    let identify = ["identify", "beam", "--measured", "forces.csv"];
+    let files = ["--json", "found.json", "--picture", "found.svg"];
+    let printed = bench.succeed(&[&identify[..], &files[..], &settings[..]].concat());
+    assert!(printed.contains("nothing changes any more"), "{printed}");
+    let found: serde_json::Value = serde_json::from_str(&bench.read("found.json")).unwrap();
+    let modulus = found["moduli"][0]["young_modulus_pa"].as_f64().unwrap();
+    // The support stays as it is: not quite in proportion.
+    let ratio = modulus / beam.materials[0].young_modulus_pa;
+    assert!((1.5..1.7).contains(&ratio), "{ratio}");
+    assert!(
+        bench.read("found.svg").starts_with("<svg")
+            && bench.read("found.svg").contains("forces, N")
+    );
+    bench.refused(
+        &[&identify[..], &["--material", "steel"]].concat(),
+        &["--material is steel, want one of"],
+    );
+    bench.refused(&[&identify[..], &["--picture", "found.png"]].concat(), &["ends in .svg"]);
+    bench.write("bad.csv", "time_s,tool,fx_n\n0.1,0,one\n");
+    let bad = ["identify", "beam", "--measured", "bad.csv"];
+    bench.refused(&bad, &["bad.csv, line 2: fx_n is \"one\", want a number"]);
+
+    let feel = ["feel", "beam", "--out", "felt.png", "--points", "200"];
+    let printed = bench.succeed(&[&feel[..], &["--json", "felt.json"], &settings[..]].concat());
+    assert!(printed.contains("stiffness"), "{printed}");
+    let skin: serde_json::Value = serde_json::from_str(&bench.read("felt.json")).unwrap();
+    assert!(skin["points"].as_array().unwrap().len() > 100 && skin.get("felt_share").is_none());
+    bench.refused(&[&feel[..], &["--radius-mm", "0"]].concat(), &["the radius (mm) is 0"]);
+    bench.refused(&["feel", "beam", "--out", "felt.jpg"], &["ends in .png"]);
 }

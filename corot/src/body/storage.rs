@@ -282,10 +282,7 @@ impl Body {
 #[cfg(test)]
 impl Body {
     /// One tetrahedron of no symmetry, unrotated, and where its corners rest.
-    pub(crate) fn of_one(
-        mut self,
-        elasticity: nalgebra::Matrix6<f64>,
-    ) -> (Self, [Vector3<f64>; 4]) {
+    pub(crate) fn of_one(mut self, elasticity: Matrix6<f64>) -> (Self, [Vector3<f64>; 4]) {
         let rest = [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.0, 0.9, 0.1], [0.2, 0.1, 1.1]];
         let rest = rest.map(Vector3::from);
         self.insert(Element {
@@ -311,7 +308,7 @@ mod tests {
     /// the last.
     #[test]
     fn elements_keep_their_rotations_where_others_go() {
-        let (one, _) = Body::new().of_one(nalgebra::Matrix6::identity());
+        let (one, _) = Body::new().of_one(Matrix6::identity());
         let (element, mut body) = (one.elements[0], Body::new());
         for number in 0..19 {
             let element = Element { tet: TetId(number as u32), ..element };

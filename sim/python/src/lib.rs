@@ -8,6 +8,7 @@ mod arrays;
 mod command;
 mod error;
 mod forest;
+mod identify;
 mod inverse;
 mod raised;
 mod simulation;
@@ -24,6 +25,8 @@ mod _yawara {
     use crate::error::Error;
     #[pymodule_export]
     use crate::forest::BisectionForest;
+    #[pymodule_export]
+    use crate::identify::{feel, identify};
     #[pymodule_export]
     use crate::inverse::Inverse;
     #[pymodule_export]

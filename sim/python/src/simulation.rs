@@ -273,7 +273,7 @@ impl Simulation {
 }
 
 /// Changes of keys as the command line takes them.
-fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+pub(crate) fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     if settings.cast::<PyMapping>().is_err() {
         return settings.extract();
     }
@@ -281,7 +281,7 @@ fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     Ok(table.iter().map(|(key, value)| format!("{key}={value}")).collect())
 }
 
-fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {
+pub(crate) fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {
     let read = match scene.cast::<PyString>() {
         Ok(name) if !in_memory => {
             scene_file::load(name.to_str()?, settings).map(|(scene, _)| scene)

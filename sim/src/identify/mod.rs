@@ -51,6 +51,7 @@ pub struct Modulus {
     /// The entry, from 0.
     pub entry: usize,
     /// The label that it is of, if it is of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub label: Option<i64>,
     /// What the scene has, Pa.
     pub start_pa: f64,

@@ -5,6 +5,7 @@ anterior, superior. Whatever is refused raises `yawara.Error`, a `ValueError` th
 """
 
 from ._yawara import BisectionForest, Error, materials
+from .identify import Identified, Measurement, Modulus, Skin, feel, identify
 from .inverse import SparseInverse
 from .simulation import Frame, Simulation, StepReport, Tool, ToolReport, scenes
 
@@ -12,11 +13,17 @@ __all__ = [
     "BisectionForest",
     "Error",
     "Frame",
+    "Identified",
+    "Measurement",
+    "Modulus",
     "Simulation",
+    "Skin",
     "SparseInverse",
     "StepReport",
     "Tool",
     "ToolReport",
+    "feel",
+    "identify",
     "materials",
     "scenes",
 ]

@@ -12,6 +12,29 @@ def scenes() -> list[tuple[str, str]]: ...
 def materials() -> list[dict[str, Any]]: ...
 def run_command(words: Sequence[str]) -> int: ...
 
+def identify(
+    scene: Any,
+    settings: Any,
+    measured: Sequence[
+        tuple[float, Sequence[float] | None, int | None, Sequence[float | None], float | None]
+    ],
+    entries: Sequence[int],
+    prior_factor: float,
+    *,
+    labels: ArrayLike | None = None,
+    affine: ArrayLike | None = None,
+) -> dict[str, Any]: ...
+def feel(
+    scene: Any,
+    settings: Any,
+    points: int,
+    radius_mm: float,
+    nodule: tuple[int, int] | None,
+    *,
+    labels: ArrayLike | None = None,
+    affine: ArrayLike | None = None,
+) -> dict[str, Any]: ...
+
 class Simulation:
     def __init__(
         self,
