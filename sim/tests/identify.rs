@@ -279,7 +279,7 @@ fn what_does_not_fit_the_scene_is_refused_with_its_place() {
 #[test]
 fn the_program_finds_a_modulus_and_draws_a_skin() {
     let bench = Workbench::new();
-    let settings = ["--set", "mesh.max_level=0", "--set", "support.stiffness_n_m4=1e11"];
+    let settings = ["--set", "mesh.max_level=0", "--set", "gravity_m_s2=[0.0, 0.0, 0.0]"];
     let measured = [0.1, 0.2].map(|time_s| Measurement {
         time_s,
         of: Measured::Force(0),
@@ -287,7 +287,7 @@ fn the_program_finds_a_modulus_and_draws_a_skin() {
         sd: None,
         place: "asked".into(),
     });
-    let set = ["mesh.max_level=0", "support.stiffness_n_m4=1e11"].map(str::to_owned);
+    let set = ["mesh.max_level=0", "gravity_m_s2=[0.0, 0.0, 0.0]"].map(str::to_owned);
     let (beam, _) = scene_file::load("beam", &set).unwrap();
     let steps: Vec<Measurement> = measured
         .into_iter()

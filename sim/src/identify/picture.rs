@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Identified, Residual};
+use super::identified::{Identified, Residual};
 
 /// Edge of each of the two panels, and the margin around them, in pixels.
 const PANEL: f64 = 320.0;

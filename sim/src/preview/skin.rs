@@ -33,8 +33,8 @@ const ENDS: [f64; 2] = [0.02, 0.98];
 /// below is pale.
 pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture {
     let all = || points.iter().map(|point| point.at);
-    let low = all().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(&b));
-    let high = all().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(&b));
+    let low = all().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+    let high = all().reduce(|a, b| a.sup(&b)).unwrap_or(Vector3::repeat(0.1));
     let mut values: Vec<f64> = points.iter().map(|point| point.value).collect();
     values.retain(|value| *value > 0.0 && floor.is_none_or(|floor| *value >= floor));
     values.sort_by(f64::total_cmp);
@@ -51,7 +51,7 @@ pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture
         Some(_) => at(share(value, [least, most])),
         None => at(share(value.ln(), [least.ln(), most.ln()])),
     };
-    let size = if points.is_empty() { Vector3::repeat(0.1) } else { high - low };
+    let size = high - low;
     let free = (WIDTH - 6 * MARGIN) as f64;
     let mut scale = TALLEST / size.y.max(size.z);
     let wide = |scale: f64| 2.0 * (scale * size.x).max(NAME) + (scale * size.y).max(NAME);
