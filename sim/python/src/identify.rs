@@ -6,8 +6,7 @@ use yawara::feel::Options as FeelOptions;
 use yawara::identify::{Measured, Measurement, Options};
 
 use crate::error::{of_simulation, refused};
-use crate::simulation::{changes, read};
-use crate::volume::label_volume;
+use crate::simulation::body;
 
 /// A measurement: time (s), where the point rests (scanner RAS, mm) or the tool, values by scanner axis (mm or N), the
 /// standard deviation of their noise.
@@ -27,9 +26,7 @@ pub fn identify<'py>(
     labels: Option<&Bound<'py, PyAny>>,
     affine: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let scene = read(scene, &changes(settings)?, labels.is_some())?;
-    let volume = labels.zip(affine).map(|(labels, affine)| label_volume(labels, affine));
-    let volume = volume.transpose()?;
+    let (scene, volume) = body(scene, settings, labels, affine)?;
     let of = |(number, row): (usize, Row)| {
         let (time_s, rest_mm, tool, values, sd) = row;
         let place = format!("measured[{number}]");
@@ -62,9 +59,7 @@ pub fn feel<'py>(
     labels: Option<&Bound<'py, PyAny>>,
     affine: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let scene = read(scene, &changes(settings)?, labels.is_some())?;
-    let volume = labels.zip(affine).map(|(labels, affine)| label_volume(labels, affine));
-    let volume = volume.transpose()?;
+    let (scene, volume) = body(scene, settings, labels, affine)?;
     let options = FeelOptions { points, radius_mm, nodule, ..FeelOptions::default() };
     let skin = py.detach(|| yawara::feel::feel(&scene, volume.as_ref(), &options));
     pythonize(py, &skin.map_err(of_simulation)?).map_err(refused)

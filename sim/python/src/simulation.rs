@@ -11,6 +11,7 @@ use pythonize::{depythonize, pythonize};
 use yawara::report::{Frame, StepReport, ToolReport};
 use yawara::scene::{Scene, ToolEntry, library};
 use yawara::{Pose, SimError, Stages, scene_file};
+use yawara_mesh::volume::LabelVolume;
 
 use crate::arrays::{matrix, rows, to_rows, vector};
 use crate::error::{of_simulation, refused};
@@ -69,12 +70,7 @@ impl Simulation {
         tools: Vec<Bound<'_, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let scene = read(scene, &changes(settings)?, labels.is_some())?;
-        let volume = match (labels, affine) {
-            (None, None) => None,
-            (Some(labels), Some(affine)) => Some(label_volume(labels, affine)?),
-            _ => return Err(refused("labels and affine come together or not at all")),
-        };
+        let (scene, volume) = body(scene, settings, labels, affine)?;
         let raised = Raised::default();
         let mut stages = Stages::by_name(&scene.stages).map_err(of_simulation)?;
         if let Some(own) = homogenisation {
@@ -272,8 +268,24 @@ impl Simulation {
     }
 }
 
+/// A scene with settings, and the labels that take the place of its image.
+pub(crate) fn body(
+    scene: &Bound<'_, PyAny>,
+    settings: &Bound<'_, PyAny>,
+    labels: Option<&Bound<'_, PyAny>>,
+    affine: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(Scene, Option<LabelVolume>)> {
+    let scene = read(scene, &changes(settings)?, labels.is_some())?;
+    let volume = match (labels, affine) {
+        (None, None) => None,
+        (Some(labels), Some(affine)) => Some(label_volume(labels, affine)?),
+        _ => return Err(refused("labels and affine come together or not at all")),
+    };
+    Ok((scene, volume))
+}
+
 /// Changes of keys as the command line takes them.
-pub(crate) fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     if settings.cast::<PyMapping>().is_err() {
         return settings.extract();
     }
@@ -281,7 +293,7 @@ pub(crate) fn changes(settings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     Ok(table.iter().map(|(key, value)| format!("{key}={value}")).collect())
 }
 
-pub(crate) fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {
+fn read(scene: &Bound<'_, PyAny>, settings: &[String], in_memory: bool) -> PyResult<Scene> {
     let read = match scene.cast::<PyString>() {
         Ok(name) if !in_memory => {
             scene_file::load(name.to_str()?, settings).map(|(scene, _)| scene)

@@ -10,9 +10,9 @@ SETTINGS = {"mesh.max_level": 0, "time.steps": 2, "support.stiffness_n_m4": 1e11
 
 def measured(modulus: float) -> list[yawara.Measurement]:
     simulation = yawara.Simulation("beam", {**SETTINGS, "materials.0.young_modulus_pa": modulus})
-    before = simulation.frame()
+    before = simulation.frame
     report = simulation.step()
-    after = simulation.frame()
+    after = simulation.frame
     rest = before.positions - before.displacements
     found = [
         yawara.Measurement(report.time_s, after.displacements[i], point_m=rest[i], sd=1e-5)

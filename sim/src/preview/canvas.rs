@@ -5,6 +5,9 @@ use super::font;
 /// Red, green, blue.
 pub type Colour = [u8; 3];
 
+pub(super) const BLACK: Colour = [25, 25, 25];
+pub(super) const GREY: Colour = [110, 110, 110];
+
 /// Pixels in rows from the top, each red, green, blue.
 #[derive(Clone, Debug)]
 pub struct Picture {

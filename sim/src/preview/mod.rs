@@ -15,7 +15,7 @@ use crate::body::{ScannerAxes, Start};
 use crate::error::SimError;
 use crate::scene::{Scene, ToolEntry};
 use crate::tools::{self, BodyAtRest, Holding, Tool};
-use canvas::width_of;
+use canvas::{BLACK, GREY, width_of};
 use solid::Solid;
 use view::{LOOKS, View};
 
@@ -37,9 +37,7 @@ pub const TOOLS: [Colour; 8] = [
     [100, 150, 20],
 ];
 
-const BLACK: Colour = [25, 25, 25];
 const WHITE: Colour = [255; 3];
-const GREY: Colour = [110, 110, 110];
 
 /// Pixels across, and for the views between the margins.
 const WIDTH: i64 = 1280;
@@ -190,14 +188,7 @@ impl Preview {
             picture.disc(last, 5.5, WHITE);
             picture.disc(last, 4.0, colour);
         }
-        let ([x, y], [width, height]) = (view.corner, view.size());
-        picture.text([x, TOP - 44], view.look.name, 2, GREY);
-        let [left, right, top, bottom] = view.look.letters;
-        let (middle, centre) = (y + height / 2 - 10, x + width / 2 - 7);
-        picture.text([x - 24, middle], left, 3, BLACK);
-        picture.text([x + width + 8, middle], right, 3, BLACK);
-        picture.text([centre, y - 22], top, 3, BLACK);
-        picture.text([centre, y + height + 4], bottom, 3, BLACK);
+        view.name(TOP - 44, picture);
     }
 
     fn colour(&self, holding: usize) -> Colour {

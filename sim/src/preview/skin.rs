@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::canvas::{Colour, Picture};
+use super::canvas::{BLACK, Colour, GREY, Picture};
 use super::view::{LOOKS, View};
-use super::{BLACK, GREY, LINE, MARGIN, NAME, TALLEST, TOP, WIDTH, shortened};
+use super::{LINE, MARGIN, NAME, TALLEST, TOP, WIDTH, shortened};
 
 /// A point of the skin, scanner axes, m.
 pub(crate) struct Shade {
@@ -80,15 +80,8 @@ pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture
         for point in seen {
             picture.disc(view.pixel(&point.at), radius, colour(point.value));
         }
-        let ([x, y], [width, height]) = (view.corner, view.size());
-        picture.text([x, TOP - 44], look.name, 2, GREY);
-        let [left_letter, right, top, bottom] = look.letters;
-        let (middle, centre) = (y + height / 2 - 10, x + width / 2 - 7);
-        picture.text([x - 24, middle], left_letter, 3, BLACK);
-        picture.text([x + width + 8, middle], right, 3, BLACK);
-        picture.text([centre, y - 22], top, 3, BLACK);
-        picture.text([centre, y + height + 4], bottom, 3, BLACK);
-        left += width.max(NAME as i64) + 2 * MARGIN;
+        view.name(TOP - 44, &mut picture);
+        left += view.size()[0].max(NAME as i64) + 2 * MARGIN;
     }
     let bar = 400;
     for step in 0..bar {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::canvas::{Colour, Picture};
+use super::canvas::{BLACK, Colour, GREY, Picture};
 use super::solid::Solid;
 
 /// How a view looks at the body: solver axes across, down and away from the eye, each backwards or not.
@@ -68,6 +68,18 @@ impl View<'_> {
             let axis = self.look.axes[which].0;
             ((self.high[axis] - self.low[axis]) * self.scale).ceil() as i64
         })
+    }
+
+    /// Writes its name at a height, and around it where the patient's sides are.
+    pub fn name(&self, above: i64, picture: &mut Picture) {
+        let ([x, y], [width, height]) = (self.corner, self.size());
+        picture.text([x, above], self.look.name, 2, GREY);
+        let [left, right, top, bottom] = self.look.letters;
+        let (middle, centre) = (y + height / 2 - 10, x + width / 2 - 7);
+        picture.text([x - 24, middle], left, 3, BLACK);
+        picture.text([x + width + 8, middle], right, 3, BLACK);
+        picture.text([centre, y - 22], top, 3, BLACK);
+        picture.text([centre, y + height + 4], bottom, 3, BLACK);
     }
 
     /// The pixel of a solver position.
