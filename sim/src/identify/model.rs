@@ -1,6 +1,7 @@
 //! A scene on a mesh that stays, as a model of what was measured.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
+use yawara_corot::ElementPoint;
 use yawara_mesh::volume::LabelVolume;
 
 use super::measured::{Measured, Measurement};
@@ -207,18 +208,19 @@ impl<'a> Model<'a> {
                 let want = "shorter steps, or other moduli to start from";
                 return Err(SimError::value(&self.scene.name, "an equilibrium", value, want));
             }
+            if !self.steps.contains(&step) {
+                continue;
+            }
             let (mut read, mut first) = (Vec::new(), 0);
+            let mut carried = self.carried(step, &simulation);
             for (one, own) in self.measurements.iter().zip(&self.steps) {
                 let count = one.values.iter().flatten().count();
                 if *own == step {
-                    let readings = readings_of(one, &simulation)?;
+                    let readings = readings_of(one, &mut carried, &simulation)?;
                     let here = readings.into_iter().zip(first..);
                     read.extend(here.map(|(reading, row)| Read { reading, row, value: 0.0 }));
                 }
                 first += count;
-            }
-            if read.is_empty() {
-                continue;
             }
             let readings: Vec<Reading> = read.iter().map(|read| read.reading).collect();
             for (read, value) in read.iter_mut().zip(simulation.read(&readings)) {
@@ -228,6 +230,20 @@ impl<'a> Model<'a> {
             visit(&simulation, &read)?;
         }
         Ok(Predicted { values, vertices: simulation.body().vertex_count() })
+    }
+
+    /// As the mesh carries them after a step, the points whose moves were measured then, in their order.
+    fn carried(
+        &self,
+        step: usize,
+        simulation: &Simulation,
+    ) -> impl Iterator<Item = Option<ElementPoint>> {
+        let here = self.measurements.iter().zip(&self.steps).filter(|(_, own)| **own == step);
+        let rest = here.filter_map(|(one, _)| match one.of {
+            Measured::Move(rest_mm) => Some(simulation.axes().to_solver(&rest_mm.into())),
+            Measured::Force(_) => None,
+        });
+        simulation.points(&rest.collect::<Vec<_>>(), 1e-3 * REACH_MM).into_iter()
     }
 }
 
@@ -265,13 +281,16 @@ impl Read {
 /// Called with what is read after a step.
 type Visit<'a> = dyn FnMut(&Simulation, &[Read]) -> Result<(), SimError> + 'a;
 
-/// A reading for each component that was measured.
-fn readings_of(one: &Measurement, simulation: &Simulation) -> Result<Vec<Reading>, SimError> {
+/// A reading for each component that was measured; of a move the next of the points that are `carried`.
+fn readings_of(
+    one: &Measurement,
+    carried: &mut impl Iterator<Item = Option<ElementPoint>>,
+    simulation: &Simulation,
+) -> Result<Vec<Reading>, SimError> {
     let axes = (0..3).filter(|&axis| one.values[axis].is_some());
     match one.of {
         Measured::Move(rest_mm) => {
-            let rest = simulation.axes().to_solver(&Vector3::from(rest_mm));
-            let found = simulation.points(&[rest], 1e-3 * REACH_MM).remove(0).ok_or_else(|| {
+            let found = carried.next().flatten().ok_or_else(|| {
                 let want = format!("a point of the body, or within {REACH_MM} mm of it");
                 SimError::value(&one.place, "x_mm, y_mm, z_mm", format!("{rest_mm:?}"), want)
             })?;
