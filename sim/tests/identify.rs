@@ -296,6 +296,8 @@ fn what_does_not_fit_the_scene_is_refused_with_its_place() {
     refused(&plain, &mixed, &usual, "sd is given for 1 of 2 measurements");
     let entries = Options { entries: vec![4], ..Options::default() };
     refused(&plain, &with(&|_| ()), &entries, "a material is 4");
+    let twice = Options { entries: vec![1, 1], ..Options::default() };
+    refused(&plain, &with(&|_| ()), &twice, "a material is 1, want the number of an entry");
     let prior = Options { prior_factor: 1.0, ..Options::default() };
     refused(&plain, &with(&|_| ()), &prior, "the prior's factor is 1");
     let moving = scene(PULL, &["dynamics={}", "stages.integrator=newmark"]);

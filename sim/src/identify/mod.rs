@@ -195,17 +195,15 @@ fn set_up<'a>(
         return refused("sd", value, "given for all or for none");
     }
     let whole = Model::new(scene, volume, measurements)?;
-    let there = whole.entries()?;
-    let entries = match options.entries.is_empty() {
-        true => there,
-        false => options.entries.clone(),
-    };
-    for entry in &entries {
-        if !whole.entries()?.contains(entry) {
-            let want = "the number of an entry of the scene's materials that the body is made of";
+    let there = whole.entries.clone();
+    let entries = &options.entries;
+    for (number, entry) in entries.iter().enumerate() {
+        if !there.contains(entry) || entries[..number].contains(entry) {
+            let want = "the number of an entry of the scene's materials that the body is made of, each once";
             return refused("a material", entry.to_string(), want);
         }
     }
+    let entries = if entries.is_empty() { there } else { entries.clone() };
     Ok((entries, components(measurements), whole))
 }
 

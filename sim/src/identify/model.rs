@@ -31,6 +31,8 @@ pub(super) struct Model<'a> {
     measurements: &'a [Measurement],
     /// By measurement the number of its step.
     steps: Vec<usize>,
+    /// The entries of the scene's materials that the body is made of.
+    pub entries: Vec<usize>,
 }
 
 impl<'a> Model<'a> {
@@ -51,7 +53,13 @@ impl<'a> Model<'a> {
         if scene.tools.iter().any(ToolEntry::edits) {
             return refused("tools", "one that changes labels or cuts", "none of these");
         }
-        let mut model = Self { scene: scene.clone(), volume, measurements, steps: Vec::new() };
+        let mut model = Self {
+            scene: scene.clone(),
+            volume,
+            measurements,
+            steps: Vec::new(),
+            entries: Vec::new(),
+        };
         for one in measurements {
             model.steps.push(model.step_of(one)?);
             if let Measured::Force(tool) = one.of
@@ -65,6 +73,7 @@ impl<'a> Model<'a> {
         if start.body().body.law().state_len() > 0 {
             return refused("materials", "with a law that remembers", "laws of the strain alone");
         }
+        model.entries = start.materials_there();
         model.hold_on(&start);
         Ok(model)
     }
@@ -108,7 +117,7 @@ impl<'a> Model<'a> {
         scene.refinement.near_probe = None;
         scene.refinement.goal = None;
         scene.solver.residual = scene.solver.residual.min(RESIDUAL);
-        Self { scene, steps: self.steps.clone(), ..*self }
+        Self { scene, steps: self.steps.clone(), entries: self.entries.clone(), ..*self }
     }
 
     pub fn scene(&self) -> &Scene {
@@ -121,11 +130,6 @@ impl<'a> Model<'a> {
             Some(volume) => builder.volume(volume.clone()).build(),
             None => builder.build(),
         }
-    }
-
-    /// Which entries of the scene's materials the body is made of.
-    pub fn entries(&self) -> Result<Vec<usize>, SimError> {
-        Ok(self.build(&self.scene)?.materials_there())
     }
 
     /// What the scene says with these moduli (Pa) of all its materials.
