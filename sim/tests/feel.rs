@@ -88,6 +88,28 @@ fn a_nodule_is_felt_where_it_is_near_and_a_wider_fingertip_feels_more_stiffness(
     assert!(picture.rgb.chunks_exact(3).any(|pixel| pixel == [253, 231, 37]));
 }
 
+/// What only steps need is left out: tools, and goals that name them.
+#[test]
+fn a_scene_whose_goal_is_a_tool_is_felt_too() {
+    let few = Options { points: 100, ..Options::default() };
+    let plain = feel(&scene("liver", &["image.voxel_mm=4.0"]), None, &few).unwrap();
+    let goal = scene("liver", &["image.voxel_mm=4.0", "stages.indicator=goal"]);
+    assert_eq!(feel(&goal, None, &few).unwrap().points, plain.points);
+}
+
+/// The softest material is a nodule, by which the stiffness of supports goes otherwise.
+#[test]
+fn the_support_is_the_same_without_a_nodule() {
+    let scene = scene("liver", &["image.voxel_mm=4.0", "materials.3.young_modulus_pa=50.0"]);
+    let tips = Options { points: 300, nodule: Some([3, 1]), ..Options::default() };
+    let skin = feel(&scene, None, &tips).unwrap();
+    let gain =
+        |point: &yawara::feel::Felt| (point.without_n_m.unwrap() / point.stiffness_n_m - 1.0).abs();
+    // Half of the skin is far from it.
+    let far = skin.points.iter().filter(|point| gain(point) < 1e-2).count();
+    assert!(2 * far > skin.points.len(), "{far} of {}", skin.points.len());
+}
+
 #[test]
 fn options_out_of_range_are_refused() {
     let scene = scene("beam", &[]);

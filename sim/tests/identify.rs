@@ -263,6 +263,14 @@ fn where_the_scene_refines_it_is_said_by_how_much_the_mesh_moves_what_is_found()
     assert!(shifts.len() == 4 && shifts.iter().any(|shift| shift.abs() > 1e-3), "{shifts:?}");
     assert!(shifts.iter().all(|shift| shift.abs() < 0.5), "{shifts:?}");
     assert!(found.left_out[0].contains("refinement"), "{:?}", found.left_out);
+    // A start mesh that is finer where labels meet stays so.
+    let finer = ["support.stiffness_n_m4=2e10", "mesh.max_level=6", "mesh.label_level=4"];
+    let start = scene(PULL, &finer);
+    let measured = noisy(&start, 5, 1.0);
+    let one_run = Options { runs: 1, ..Options::default() };
+    let there = identify(&start, Some(&quarters()), &measured, &one_run, &mut |_, _| {}).unwrap();
+    // Here labels meet on faces of its cells.
+    assert_eq!((there.vertices, there.runs), (found.vertices, 1));
 }
 
 #[test]

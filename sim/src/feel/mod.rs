@@ -16,7 +16,7 @@ use crate::body::Start;
 use crate::error::SimError;
 use crate::preview::{Picture, Shade, skin};
 use crate::report::milliseconds;
-use crate::scene::{Region, Scene};
+use crate::scene::{Region, Scene, SupportHold};
 use crate::step::Simulation;
 use crate::tools::BodyAtRest;
 
@@ -101,8 +101,16 @@ pub fn feel(
     options: &Options,
 ) -> Result<Skin, SimError> {
     check(scene, options)?;
-    let scene = &Scene { tools: Vec::new(), ..scene.clone() };
-    let start = Start::new(scene, volume.cloned())?;
+    let mut scene = Scene { tools: Vec::new(), ..scene.clone() };
+    // Nothing is refined, and a tool that a goal names is not there.
+    (scene.refinement.goal, scene.stages.indicator) = (None, "residual".into());
+    let start = Start::new(&scene, volume.cloned())?;
+    if scene.support.hold == SupportHold::Elastic {
+        // It goes with the softest material otherwise, with a nodule or without.
+        let usual = start.holding_stiffness(&scene);
+        scene.support.stiffness_n_m4.get_or_insert(usual);
+    }
+    let scene = &scene;
     let everywhere = Region::between([-1.0; 3], [2.0; 3]);
     let patches = BodyAtRest::new(scene, &start).surface_patch("the skin", &everywhere)?;
     let rest = patches.rest().to_vec();

@@ -33,6 +33,8 @@ pub(super) struct Model<'a> {
     steps: Vec<usize>,
     /// The entries of the scene's materials that the body is made of.
     pub entries: Vec<usize>,
+    /// Whether the mesh stays as it is at the start.
+    keeps_mesh: bool,
 }
 
 impl<'a> Model<'a> {
@@ -59,6 +61,7 @@ impl<'a> Model<'a> {
             measurements,
             steps: Vec::new(),
             entries: Vec::new(),
+            keeps_mesh: false,
         };
         for one in measurements {
             model.steps.push(model.step_of(one)?);
@@ -111,13 +114,15 @@ impl<'a> Model<'a> {
     /// The same scene on a mesh that stays as it is at the start.
     pub fn on_fixed_mesh(&self) -> Self {
         let mut scene = self.scene.clone();
-        scene.mesh.max_level = None;
-        scene.mesh.label_level =
-            scene.mesh.label_level.map(|level| level.max(scene.mesh.start_level));
         scene.refinement.near_probe = None;
-        scene.refinement.goal = None;
         scene.solver.residual = scene.solver.residual.min(RESIDUAL);
-        Self { scene, steps: self.steps.clone(), entries: self.entries.clone(), ..*self }
+        Self {
+            scene,
+            steps: self.steps.clone(),
+            entries: self.entries.clone(),
+            keeps_mesh: true,
+            ..*self
+        }
     }
 
     pub fn scene(&self) -> &Scene {
@@ -126,10 +131,14 @@ impl<'a> Model<'a> {
 
     fn build(&self, scene: &Scene) -> Result<Simulation, SimError> {
         let builder = Simulation::builder(scene);
-        match self.volume {
-            Some(volume) => builder.volume(volume.clone()).build(),
-            None => builder.build(),
+        let mut simulation = match self.volume {
+            Some(volume) => builder.volume(volume.clone()).build()?,
+            None => builder.build()?,
+        };
+        if self.keeps_mesh {
+            simulation.keep_mesh();
         }
+        Ok(simulation)
     }
 
     /// What the scene says with these moduli (Pa) of all its materials.

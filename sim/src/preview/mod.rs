@@ -17,7 +17,7 @@ use crate::scene::{Scene, ToolEntry};
 use crate::tools::{self, BodyAtRest, Holding, Tool};
 use canvas::{BLACK, GREY, width_of};
 use solid::Solid;
-use view::{LOOKS, View};
+use view::{MARGIN, SideBySide, View, WIDTH};
 
 pub use canvas::{Colour, Picture};
 pub(crate) use skin::{Shade, skin};
@@ -39,15 +39,7 @@ pub const TOOLS: [Colour; 8] = [
 
 const WHITE: Colour = [255; 3];
 
-/// Pixels across, and for the views between the margins.
-const WIDTH: i64 = 1280;
-const MARGIN: i64 = 44;
-/// The most pixels down for the views.
-const TALLEST: f64 = 620.0;
-/// The least room across for a view, whose name stands above it, pixels.
-const NAME: f64 = 290.0;
-/// Pixels above the views, and of a line of the legend.
-const TOP: i64 = 96;
+/// Pixels of a line of the legend.
 const LINE: i64 = 28;
 
 /// Times along a path at which it is drawn.
@@ -108,25 +100,11 @@ impl Preview {
     /// Three views of the body with what is held in colours, and a legend.
     pub fn picture(&self) -> Picture {
         let (low, high) = self.shown();
-        let size = high - low;
-        let free = (WIDTH - 6 * MARGIN) as f64;
-        let mut scale = TALLEST / size.y.max(size.z);
-        let wide = |scale: f64| 2.0 * (scale * size.x).max(NAME) + (scale * size.y).max(NAME);
-        while wide(scale) > free {
-            scale *= 0.99;
-        }
-        let tall = (size.y.max(size.z) * scale).ceil() as i64;
-        let below = TOP + tall + MARGIN;
+        let SideBySide { views, scale, below } = SideBySide::new(low, high);
         let height = below + 2 * LINE + LINE * (self.holdings.len() as i64 + 2);
         let mut picture = Picture::new(WIDTH as usize, height as usize);
         picture.text([MARGIN, 16], &shortened(&self.title), 2, BLACK);
-        let mut left = MARGIN;
-        for look in &LOOKS {
-            let mut view = View { look, low, high, corner: [left, TOP], scale };
-            view.corner[1] += (tall - view.size()[1]) / 2;
-            self.draw(&view, &mut picture);
-            left += view.size()[0].max(NAME as i64) + 2 * MARGIN;
-        }
+        views.iter().for_each(|view| self.draw(view, &mut picture));
         self.scale_bar([MARGIN, below + 4], scale, &mut picture);
         self.legend([MARGIN, below + 2 * LINE], &mut picture);
         picture
@@ -188,7 +166,7 @@ impl Preview {
             picture.disc(last, 5.5, WHITE);
             picture.disc(last, 4.0, colour);
         }
-        view.name(TOP - 44, picture);
+        view.name(picture);
     }
 
     fn colour(&self, holding: usize) -> Colour {

@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::canvas::{BLACK, Colour, GREY, Picture};
-use super::view::{LOOKS, View};
-use super::{LINE, MARGIN, NAME, TALLEST, TOP, WIDTH, shortened};
+use super::view::{MARGIN, SideBySide, WIDTH};
+use super::{LINE, shortened};
 
 /// A point of the skin, scanner axes, m.
 pub(crate) struct Shade {
@@ -52,14 +52,7 @@ pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture
         None => at(share(value.ln(), [least.ln(), most.ln()])),
     };
     let size = high - low;
-    let free = (WIDTH - 6 * MARGIN) as f64;
-    let mut scale = TALLEST / size.y.max(size.z);
-    let wide = |scale: f64| 2.0 * (scale * size.x).max(NAME) + (scale * size.y).max(NAME);
-    while wide(scale) > free {
-        scale *= 0.99;
-    }
-    let tall = (size.y.max(size.z) * scale).ceil() as i64;
-    let below = TOP + tall + MARGIN;
+    let SideBySide { views, scale, below } = SideBySide::new(low, high);
     let mut picture = Picture::new(WIDTH as usize, (below + 3 * LINE) as usize);
     picture.text([MARGIN, 16], &shortened(title), 2, BLACK);
     // So large that discs of points as far apart as these on the whole meet.
@@ -67,11 +60,8 @@ pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture
         / points.len().max(1) as f64)
         .sqrt();
     let radius = (0.8 * spacing * scale).max(1.5);
-    let mut left = MARGIN;
-    for look in &LOOKS {
-        let mut view = View { look, low, high, corner: [left, TOP], scale };
-        view.corner[1] += (tall - view.size()[1]) / 2;
-        let (axis, backwards) = look.axes[2];
+    for view in &views {
+        let (axis, backwards) = view.look.axes[2];
         let towards = |x: &Vector3<f64>| if backwards { x[axis] } else { -x[axis] };
         // Those behind are drawn over by those before them.
         let mut seen: Vec<&Shade> =
@@ -80,8 +70,7 @@ pub(crate) fn skin(title: &str, points: &[Shade], floor: Option<f64>) -> Picture
         for point in seen {
             picture.disc(view.pixel(&point.at), radius, colour(point.value));
         }
-        view.name(TOP - 44, &mut picture);
-        left += view.size()[0].max(NAME as i64) + 2 * MARGIN;
+        view.name(&mut picture);
     }
     let bar = 400;
     for step in 0..bar {

@@ -15,7 +15,7 @@ pub(super) struct Look {
 
 /// As radiologists hang them: the patient's right at the left, seen from the feet, from in front and
 /// from the patient's left.
-pub(super) const LOOKS: [Look; 3] = [
+const LOOKS: [Look; 3] = [
     Look {
         name: "axial, from below",
         axes: [(0, true), (1, true), (2, false)],
@@ -42,6 +42,48 @@ const TISSUE: [f64; 3] = [226.0, 205.0, 190.0];
 
 /// The least and the most light, and how fast it falls off with the slope.
 const SHADE: [f64; 2] = [0.45, 1.0];
+
+/// Pixels across, and for the views between the margins.
+pub(super) const WIDTH: i64 = 1280;
+pub(super) const MARGIN: i64 = 44;
+/// The most pixels down for the views.
+const TALLEST: f64 = 620.0;
+/// The least room across for a view, whose name stands above it, pixels.
+const NAME: f64 = 290.0;
+/// Pixels above the views.
+const TOP: i64 = 96;
+
+/// All looks at a part of space, one beside the other.
+pub(super) struct SideBySide {
+    pub views: Vec<View<'static>>,
+    /// Pixels per m.
+    pub scale: f64,
+    /// Where there is room below them, pixels.
+    pub below: i64,
+}
+
+impl SideBySide {
+    /// As large as there is room for.
+    pub fn new(low: Vector3<f64>, high: Vector3<f64>) -> Self {
+        let size = high - low;
+        let free = (WIDTH - 6 * MARGIN) as f64;
+        let mut scale = TALLEST / size.y.max(size.z);
+        let wide = |scale: f64| 2.0 * (scale * size.x).max(NAME) + (scale * size.y).max(NAME);
+        while wide(scale) > free {
+            scale *= 0.99;
+        }
+        let tall = (size.y.max(size.z) * scale).ceil() as i64;
+        let (mut views, mut left) = (Vec::new(), MARGIN);
+        for look in &LOOKS {
+            let mut view = View { look, low, high, corner: [left, TOP], scale };
+            let [width, height] = view.size();
+            view.corner[1] += (tall - height) / 2;
+            left += width.max(NAME as i64) + 2 * MARGIN;
+            views.push(view);
+        }
+        Self { views, scale, below: TOP + tall + MARGIN }
+    }
+}
 
 /// A look that fills a rectangle of a picture.
 pub(super) struct View<'a> {
@@ -70,10 +112,10 @@ impl View<'_> {
         })
     }
 
-    /// Writes its name at a height, and around it where the patient's sides are.
-    pub fn name(&self, above: i64, picture: &mut Picture) {
+    /// Writes its name above it, and around it where the patient's sides are.
+    pub fn name(&self, picture: &mut Picture) {
         let ([x, y], [width, height]) = (self.corner, self.size());
-        picture.text([x, above], self.look.name, 2, GREY);
+        picture.text([x, TOP - 44], self.look.name, 2, GREY);
         let [left, right, top, bottom] = self.look.letters;
         let (middle, centre) = (y + height / 2 - 10, x + width / 2 - 7);
         picture.text([x - 24, middle], left, 3, BLACK);

@@ -44,6 +44,11 @@ struct Stir {
 }
 
 impl Simulation {
+    /// Has steps leave the mesh as it is.
+    pub(crate) fn keep_mesh(&mut self) {
+        self.scene.mesh.max_level = Some(self.scene.mesh.start_level);
+    }
+
     /// Where points at rest (solver axes, m) lie in the mesh; none of those that lie farther than `reach` (m) outside.
     pub(crate) fn points(&self, rest: &[Vector3<f64>], reach: f64) -> Vec<Option<ElementPoint>> {
         let state = &self.body.state;
